@@ -1,0 +1,46 @@
+# The two that matter: make demo, make test. Both set up everything in .venv first.
+BIN := .venv/bin
+PYTEST := $(BIN)/python -m pytest
+LOCK := pyproject.toml uv.lock scripts/bootstrap.sh
+
+.PHONY: demo test test-long check lint types borders format benchmark clean
+
+demo: .venv/.installed
+	$(BIN)/posefuse demo --output demo
+
+test: .venv/.installed-dev
+	$(PYTEST) -n 2 -m "not long"
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m no_jit
+
+test-long: .venv/.installed-dev
+	$(PYTEST) -n 2 -m long
+
+check: lint types borders
+
+lint: .venv/.installed-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: .venv/.installed-dev
+	$(BIN)/pyright
+
+borders: .venv/.installed-dev
+	$(BIN)/lint-imports
+
+format: .venv/.installed-dev
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+benchmark: .venv/.installed-dev
+	$(BIN)/python benchmarks/run.py
+
+.venv/.installed: $(LOCK)
+	sh scripts/bootstrap.sh --no-dev
+	@touch $@
+
+.venv/.installed-dev: $(LOCK)
+	sh scripts/bootstrap.sh
+	@touch .venv/.installed $@
+
+clean:
+	rm -rf .venv demo .pytest_cache .ruff_cache .hypothesis

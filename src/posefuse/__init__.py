@@ -1,0 +1,78 @@
+"""posefuse: 3D people and animals from several calibrated cameras' 2D keypoints.
+
+>>> import posefuse
+>>> rig = posefuse.read_cameras("calibration.toml")                      # doctest: +SKIP
+>>> detections = posefuse.read_detections("keypoints", "body_25")        # doctest: +SKIP
+>>> result = posefuse.reconstruct(rig, detections.with_rate(60))         # doctest: +SKIP
+>>> posefuse.write(result, "person.trc")                                 # doctest: +SKIP
+
+Names are loaded when first used, so that importing the package starts no compiler.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from posefuse.errors import PosefuseError as PosefuseError
+    from posefuse.errors import PosefuseWarning as PosefuseWarning
+    from posefuse.evaluation.accuracy import evaluate as evaluate
+    from posefuse.io.calibration.read import read_cameras as read_cameras
+    from posefuse.io.keypoints.read import read_detections as read_detections
+    from posefuse.io.options import read_options as read_options
+    from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
+    from posefuse.io.results.write import write as write
+    from posefuse.model.cameras import Camera as Camera
+    from posefuse.model.cameras import CameraRig as CameraRig
+    from posefuse.model.cameras import LensModel as LensModel
+    from posefuse.model.detections import Detections as Detections
+    from posefuse.model.noise import NoiseModel as NoiseModel
+    from posefuse.model.options import Options as Options
+    from posefuse.model.options import TriangulationOptions as TriangulationOptions
+    from posefuse.model.reconstruction import Layer as Layer
+    from posefuse.model.reconstruction import Reconstruction as Reconstruction
+    from posefuse.model.skeletons import Skeleton as Skeleton
+    from posefuse.model.skeletons import find_skeleton as find_skeleton
+    from posefuse.model.status import PointStatus as PointStatus
+    from posefuse.model.status import Source as Source
+    from posefuse.model.status import ViewStatus as ViewStatus
+    from posefuse.model.tracks import Tracks as Tracks
+    from posefuse.pipeline import reconstruct as reconstruct
+    from posefuse.pipeline import triangulate as triangulate
+    from posefuse.synthetic.options import SceneOptions as SceneOptions
+    from posefuse.synthetic.scenes import simulate as simulate
+
+_PLACES = {
+    "errors": ("PosefuseError", "PosefuseWarning"),
+    "evaluation.accuracy": ("evaluate",),
+    "io.calibration.read": ("read_cameras",),
+    "io.keypoints.read": ("read_detections",),
+    "io.options": ("read_options",),
+    "io.results.netcdf": ("read_reconstruction",),
+    "io.results.write": ("write",),
+    "model.cameras": ("Camera", "CameraRig", "LensModel"),
+    "model.detections": ("Detections",),
+    "model.noise": ("NoiseModel",),
+    "model.options": ("Options", "TriangulationOptions"),
+    "model.reconstruction": ("Layer", "Reconstruction"),
+    "model.skeletons": ("Skeleton", "find_skeleton"),
+    "model.status": ("PointStatus", "Source", "ViewStatus"),
+    "model.tracks": ("Tracks",),
+    "pipeline": ("reconstruct", "triangulate"),
+    "synthetic.options": ("SceneOptions",),
+    "synthetic.scenes": ("simulate",),
+}
+_MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("posefuse")
+    if name in _MODULE_OF:
+        return getattr(import_module(f"posefuse.{_MODULE_OF[name]}"), name)
+    raise AttributeError(f"module 'posefuse' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*_MODULE_OF, "__version__"])

@@ -1,0 +1,5 @@
+"""``python -m posefuse``."""
+
+from posefuse.cli.main import main
+
+main()

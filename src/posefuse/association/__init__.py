@@ -1,0 +1,1 @@
+"""Who is whose, within a frame and across views."""

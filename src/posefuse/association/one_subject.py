@@ -1,0 +1,88 @@
+"""One subject per recording: at most one detection per view and frame is theirs."""
+
+import numpy as np
+
+from posefuse.errors import DetectionsError
+from posefuse.model.detections import Detections
+from posefuse.model.options import Pick
+from posefuse.model.tracks import Tracks, TrackState
+
+PERSON = "person_1"
+
+
+def longest_ids(detections: Detections) -> np.ndarray:
+    """Shape (view,), int64: in each view the 2D track id that is there in most frames; -1 where there are no ids.
+
+    Of ids equally long the smallest is taken.
+    """
+    ids = np.asarray(detections.track_ids[:])
+    views = np.repeat(np.tile(np.arange(detections.n_views), detections.n_frames), np.diff(detections.offsets))
+    longest = np.full(detections.n_views, -1)
+    for v in range(detections.n_views):
+        values, counts = np.unique(ids[(views == v) & (ids >= 0)], return_counts=True)
+        if len(values):
+            longest[v] = values[np.argmax(counts)]
+    return longest
+
+
+def follow(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -> Tracks:
+    """Which detection is the subject's, in each view and frame of a range.
+
+    Args:
+        detections: in memory.
+        pick: what to do where a view shows several people: take the ``largest``, by the area its keypoints span, or
+            the one with the view's ``track-id``; None makes that an error.
+        subject_ids: from :func:`longest_ids`, of the whole recording.
+
+    Raises:
+        DetectionsError: if a view shows several people and nobody said which to take, or track ids are asked for and
+            a view has none.
+    """
+    counts = detections.people_counts
+    chosen = np.where(counts == 1, 0, -1).astype(np.int32)
+    crowded = np.argwhere(counts > 1)
+    if pick == "track-id":
+        chosen = _by_track_id(detections, subject_ids)
+    elif len(crowded) and pick is None:
+        f, v = crowded[0]
+        raise DetectionsError(
+            f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]} "
+            f"(and {len(crowded)} view-frames of this range show several), but people = 'one'. Say which is the "
+            "subject with --pick largest or --pick track-id, or remove the others."
+        )
+    else:
+        areas = _areas(np.asarray(detections.keypoints_px))
+        for f, v in crowded:
+            start, stop = detections.offsets[f * detections.n_views + v :][:2]
+            chosen[f, v] = np.argmax(areas[start:stop])
+    state = np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8)
+    return Tracks((PERSON,), chosen[:, None, :], state)
+
+
+def _by_track_id(detections: Detections, subject_ids: np.ndarray) -> np.ndarray:
+    ids = np.asarray(detections.track_ids)
+    without = [name for name, subject in zip(detections.view_names, subject_ids, strict=True) if subject < 0]
+    busy = [
+        name for name in without if detections.people_counts[:, detections.view_names.index(name)].max(initial=0) > 1
+    ]
+    if busy:
+        raise DetectionsError(
+            f"pick = 'track-id', but the people of view {busy[0]!r} have no track ids. Use --pick largest."
+        )
+    chosen = np.full((detections.n_frames, detections.n_views), -1, dtype=np.int32)
+    for f in range(detections.n_frames):
+        for v in range(detections.n_views):
+            start, stop = detections.offsets[f * detections.n_views + v :][:2]
+            match = np.flatnonzero(ids[start:stop] == subject_ids[v])
+            if len(match):
+                chosen[f, v] = match[0]
+    return chosen
+
+
+def _areas(keypoints_px: np.ndarray) -> np.ndarray:
+    """Shape (row,): areas of the boxes around the detected keypoints, px^2; 0 for a person without any."""
+    seen = np.isfinite(keypoints_px)
+    high = np.where(seen, keypoints_px, -np.inf).max(axis=1)
+    low = np.where(seen, keypoints_px, np.inf).min(axis=1)
+    sides = np.maximum(high - low, 0.0)
+    return sides[:, 0] * sides[:, 1]

@@ -1,0 +1,98 @@
+"""What the command line prints: words on stdout, progress, warnings and errors on stderr."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from posefuse.errors import PosefuseWarning
+
+out = Console(highlight=False, soft_wrap=False)
+err = Console(stderr=True, highlight=False)
+
+
+class Bars:
+    """Progress as bars that show once a stage takes longer than a second; implements the progress protocol."""
+
+    _DELAY_S = 1.0
+
+    def __init__(self) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=err,
+            transient=True,
+        )
+        self._task: TaskID | None = None
+        self._since = 0.0
+
+    def start(self, what: str, total: int) -> None:
+        """A stage begins."""
+        self._task = self._progress.add_task(what, total=total)
+        self._since = self._progress.get_time()
+
+    def advance(self, done: int) -> None:
+        """Part of it is finished."""
+        if self._task is None:
+            return
+        self._progress.advance(self._task, done)
+        if (
+            not self._progress.live.is_started
+            and self._progress.get_time() - self._since > self._DELAY_S
+            and err.is_terminal
+        ):
+            self._progress.start()
+
+    def finish(self) -> None:
+        """The stage has ended."""
+        if self._task is not None:
+            self._progress.remove_task(self._task)
+        self._task = None
+        if self._progress.live.is_started:
+            self._progress.stop()
+
+
+@contextmanager
+def spoken_warnings() -> Iterator[None]:
+    """Show posefuse's warnings as sentences on stderr, each once."""
+    said: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PosefuseWarning)
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+            if not issubclass(category, PosefuseWarning):
+                usual(message, category, *rest, **named)
+            elif str(message) not in said:
+                said.add(str(message))
+                err.print(Text.assemble(("warning: ", "yellow"), str(message)))
+
+        warnings.showwarning = show
+        yield
+
+
+def table(title: str | None, columns: list[str], rows: list[list[str]]) -> None:
+    """Print a table that fits 80 columns; all but the first column are right-aligned."""
+    view = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    for i, column in enumerate(columns):
+        view.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+    for row in rows:
+        view.add_row(*(Text(cell) for cell in row))
+    out.print(view)
+
+
+def say(text: str) -> None:
+    """Print a line; it may be longer than the window, paths are not broken."""
+    out.print(Text(text), soft_wrap=True)
+
+
+def percent(share: float) -> str:
+    """A share as people read it."""
+    return f"{100 * share:.1f} %"

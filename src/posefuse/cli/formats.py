@@ -1,0 +1,15 @@
+"""``posefuse formats``."""
+
+from posefuse.cli.console import say
+
+
+def formats() -> None:
+    """List the file formats that are read and written, and their conventions."""
+    from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS
+
+    for title, forms in (("Calibrations", CALIBRATIONS), ("2D keypoints", KEYPOINTS), ("Results", RESULTS)):
+        say(title)
+        for form in forms:
+            does = " and ".join(verb for verb, can in (("read", form.reads), ("written", form.writes)) if can)
+            say(f"  {form.name} ({does}): {form.files}")
+            say(f"    {form.conventions}")

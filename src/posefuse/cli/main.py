@@ -1,0 +1,69 @@
+"""The command ``posefuse``. Commands are loaded when called: ``--help`` starts no compiler."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from cyclopts.config import Dict as DictConfig
+from rich.text import Text
+
+from posefuse.cli.console import err, spoken_warnings
+from posefuse.errors import OptionsError, PosefuseError
+
+app = App(
+    name="posefuse",
+    help="3D people and animals from several calibrated cameras' 2D keypoints.",
+    version_flags=["--version"],
+    version=lambda: __import__("posefuse").__version__,
+    help_format="plaintext",
+    default_parameter=Parameter(negative_iterable=(), consume_multiple=True),
+)
+
+COMMANDS = {
+    "reconstruct": "Reconstruct people in 3D from a recording's calibration and 2D keypoints.",
+    "inspect": "Say what is in a recording's folder.",
+    "simulate": "Simulate a recording with known truth.",
+    "evaluate": "Compare a result with the truth.",
+    "report": "Write a result's report, one HTML page.",
+    "demo": "Simulate, reconstruct, evaluate and report.",
+    "init": "Write a commented file of every option.",
+    "methods": "List the triangulation methods.",
+    "formats": "List the file formats.",
+}
+for name, help_text in COMMANDS.items():
+    app.command(f"posefuse.cli.{name}:{name}", name=name, help=help_text)
+
+
+@app.meta.default
+def launch(
+    *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+    options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags beat it.")] = None,
+) -> object:
+    """Run a command, with options from a file if one is given."""
+    app.config = ()
+    if options is not None:
+        from posefuse.cli.options_file import command_values
+
+        values = command_values(options)
+        app.config = (DictConfig(values, source=str(options), use_commands_as_keys=False, allow_unknown=True),)
+    return app(tokens, exit_on_error=True, print_error=True, result_action="return_value")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; exit code 0 only if the job was done, 1 for a reason it gives, 2 for a wrong call."""
+    with spoken_warnings():
+        try:
+            app.meta(arguments, exit_on_error=True, result_action="return_value")
+        except OptionsError as error:
+            _fail(error, 2)
+        except PosefuseError as error:
+            _fail(error, 1)
+        except KeyboardInterrupt:
+            err.print(Text("interrupted; nothing half-written was left behind", "red"))
+            sys.exit(130)
+
+
+def _fail(error: Exception, code: int) -> None:
+    err.print(Text.assemble(("error: ", "bold red"), str(error)), soft_wrap=True)
+    sys.exit(code)

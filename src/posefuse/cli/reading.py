@@ -1,0 +1,76 @@
+"""Reading a recording as every command does."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from posefuse.errors import DetectionsError
+from posefuse.io.calibration.read import read_cameras
+from posefuse.io.keypoints.read import read_keypoints
+from posefuse.io.keypoints.request import Request
+from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options import Options
+from posefuse.progress import Progress
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was read.
+
+    Attributes:
+        rig: the cameras.
+        detections: the 2D keypoints.
+        digests: file name to the SHA-256 of its content; of a folder, of its files' names and contents.
+    """
+
+    rig: CameraRig
+    detections: Detections
+    digests: dict[str, str]
+
+
+def read_inputs(
+    folder: Path, calibration: Path | None, keypoints: Path | None, options: Options, progress: Progress
+) -> Inputs:
+    """Read a recording's calibration and keypoints, found in its folder unless given.
+
+    Raises:
+        PosefuseError: with what is missing, ambiguous or broken.
+    """
+    recording = find_recording(folder) if calibration is None or keypoints is None else None
+    if recording is not None:
+        calibration = calibration or choose_calibration(recording)
+        keypoints = keypoints or choose_keypoints(recording)
+    assert calibration is not None
+    assert keypoints is not None
+    rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
+    detections = read_keypoints(keypoints, Request.of(options, progress))
+    digests = {calibration.name: digest(calibration), keypoints.name: digest(keypoints)}
+    return Inputs(rig, detections, digests)
+
+
+def must_have_rate(detections: Detections) -> None:
+    """Refuse keypoints without times, before any work is done.
+
+    Raises:
+        DetectionsError: if the frame rate is unknown.
+    """
+    if detections.rate_hz is None and not (detections.time_s == detections.time_s).any():
+        raise DetectionsError(
+            "The keypoint files do not say how many frames a second they have, and the results need it. "
+            "Add --rate-hz 60 (or whatever the videos have)."
+        )
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, or of the names and contents of a folder's files."""
+    total = hashlib.sha256()
+    files = [path] if path.is_file() else sorted(entry for entry in path.rglob("*") if entry.is_file())
+    for file in files:
+        if path.is_dir():
+            total.update(file.relative_to(path).as_posix().encode())
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                total.update(block)
+    return total.hexdigest()

@@ -1,0 +1,87 @@
+"""``posefuse reconstruct``."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.cli.console import Bars, percent, say, table
+from posefuse.cli.reading import must_have_rate, read_inputs
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.model.options import Options
+from posefuse.model.reconstruction import Reconstruction
+
+
+def reconstruct(
+    recording: Recording,
+    *,
+    output: Output,
+    calibration: CalibrationPath = None,
+    keypoints: KeypointsPath = None,
+    options: OptionFlags = Options(),  # noqa: B008
+) -> None:
+    """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
+
+    Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html.
+    """
+    from posefuse.io.files import replacing_folder
+
+    with replacing_folder(output) as staging:
+        result, files, layer = reconstruct_into(staging, recording, calibration, keypoints, options)
+    describe(result)
+    say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
+
+
+def reconstruct_into(
+    folder: Path, recording: Path, calibration: Path | None, keypoints: Path | None, options: Options
+) -> tuple[Reconstruction, list[str], str]:
+    """Read, reconstruct and write into an existing folder.
+
+    Returns:
+        The result, the names of what was written, and the layer that TRC and C3D hold.
+    """
+    progress = Bars()
+    inputs = read_inputs(recording, calibration, keypoints, options, progress)
+    must_have_rate(inputs.detections)
+
+    from posefuse.io.results import netcdf
+    from posefuse.io.results.write import write_folder
+    from posefuse.pipeline import prepare, reconstruct_chunks
+    from posefuse.report.html import render_report
+
+    plan = prepare(inputs.rig, inputs.detections, options, progress)
+    plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+    path = folder / "reconstruction.nc"
+    netcdf.write(reconstruct_chunks(plan, progress), path)
+    result = netcdf.read_reconstruction(path)
+    files, layer = write_folder(result, folder)
+    (folder / "report.html").write_text(render_report(result), "utf-8")
+    # Loaded before the folder takes its final name; only small arrays stay in memory.
+    return result.frames(0, result.n_frames), ["reconstruction.nc", *files, "report.html"], layer
+
+
+def describe(result: Reconstruction) -> None:
+    """Say what came out, in a few lines."""
+    from posefuse.model.status import PointStatus
+    from posefuse.report.summary import summarise
+
+    name, _ = result.best_layer(result.options.layer)
+    summary = summarise([result], name)
+    there = sum(n for code, n in summary.status_counts.items() if code.has_point)
+    rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
+    say(f"{result.n_frames} frames{rate}, {len(result.rig)} cameras, {len(result.skeleton)} keypoints")
+    for note in result.provenance.notes:
+        say(f"note: {note}")
+    say(f"{percent(there / max(summary.n_points, 1))} of the points have coordinates (layer {name})")
+    if summary.error_px.count:
+        say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
+    missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
+    for code, n in missing:
+        say(f"missing: {n} points, {PointStatus(code).sentence}")
+    rows = []
+    for v, camera in enumerate(result.rig.names):
+        counts = summary.view_status_counts[v]
+        error = summary.error_px_by_view[v]
+        numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
+        rows.append([camera, percent(counts[0] / max(int(counts.sum()), 1)), *numbers])
+    table(None, ["camera", "used", "median px", "90 % px"], rows)

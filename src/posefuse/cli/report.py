@@ -1,0 +1,35 @@
+"""``posefuse report``."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from posefuse.cli.console import say
+
+
+def report(
+    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    *,
+    truth: Annotated[Path | None, Parameter(help="Known positions to show beside it: a truth.nc.")] = None,
+    output: Annotated[
+        Path | None, Parameter(name=["--output", "-o"], help="The HTML file; by default report.html beside the result.")
+    ] = None,
+) -> None:
+    """Write a result's report: one HTML page that needs no network."""
+    from posefuse.cli.results import open_result
+    from posefuse.io.files import replacing
+    from posefuse.io.results import netcdf
+    from posefuse.report.html import render_report
+
+    path, reconstruction = open_result(result)
+    target = output or path.parent / "report.html"
+    known = accuracy = None
+    if truth is not None:
+        from posefuse.evaluation.accuracy import evaluate, truth_from_result
+
+        known = netcdf.read_reconstruction(truth)
+        accuracy = evaluate(reconstruction, truth_from_result(reconstruction, known))
+    with replacing(target) as temporary:
+        temporary.write_text(render_report(reconstruction, known, accuracy), "utf-8")
+    say(f"Wrote {target}")

@@ -1,0 +1,16 @@
+"""Parameters that commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from posefuse.model.options import Options
+
+OptionFlags = Annotated[Options, Parameter(name="*", group="Options")]
+Recording = Annotated[Path, Parameter(help="The recording's folder.")]
+Output = Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the results; made if absent.")]
+CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by default the one in the recording.")]
+KeypointsPath = Annotated[
+    Path | None, Parameter(help="File or folder of 2D keypoints; by default those in the recording.")
+]

@@ -1,0 +1,1 @@
+"""How good is a result: against truth, and against itself."""

@@ -1,0 +1,214 @@
+"""Errors of 3D points against known positions, and what a result says of itself.
+
+MPJPE is the mean distance over all points that are both in the result and in the truth (no alignment of any kind).
+Missing points do not improve it: their share stands beside it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.errors import ResultError, choices
+from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
+from posefuse.model.status import ViewStatus
+
+FAR_M = 0.05
+_REGION_68, _REGION_95 = 3.5059, 7.8147
+"""Squared radii of the 68 % and 95 % regions of a 3D Gaussian in units of its covariance."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Known positions of one person, frame by frame with a result.
+
+    Attributes:
+        keypoints: names, of the result's skeleton.
+        points_m: shape (frame, keypoint, 3), in the result's world, NaN where unknown.
+        matched_by: how the frames were put together.
+    """
+
+    keypoints: tuple[str, ...]
+    points_m: np.ndarray
+    matched_by: str
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Distances to the truth, in mm, over all points in both.
+
+    Attributes:
+        layer: what was compared.
+        matched_by: how frames were put together.
+        n_points: how many points were compared.
+        mpjpe_mm: mean distance.
+        median_mm: and its percentiles.
+        p90_mm: 90 %.
+        p95_mm: 95 %.
+        p99_mm: 99 %.
+        share_beyond_50_mm: of the compared points.
+        missing_share: of the points the truth has, those the result lacks.
+        reprojection_median_px: over all used observations.
+        bone_variation: median over bones of the robust relative spread of their length over time.
+        covered_68: share of compared points inside the 68 % region of their covariance; None without covariances.
+        covered_95: likewise of the 95 % region.
+        median_mm_of: keypoint to its median distance.
+        missing_share_of: keypoint to its share missing.
+    """
+
+    layer: str
+    matched_by: str
+    n_points: int
+    mpjpe_mm: float
+    median_mm: float
+    p90_mm: float
+    p95_mm: float
+    p99_mm: float
+    share_beyond_50_mm: float
+    missing_share: float
+    reprojection_median_px: float | None
+    bone_variation: float | None
+    covered_68: float | None
+    covered_95: float | None
+    median_mm_of: Mapping[str, float]
+    missing_share_of: Mapping[str, float]
+
+
+def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
+    """Compare one person of a result with known positions.
+
+    Args:
+        result: of one person; ``options.layer`` or the best layer is compared.
+        truth: of the same frames.
+
+    Raises:
+        ResultError: if the result has several people, frames do not fit, or no point is in both.
+    """
+    if len(result.person_ids) != 1:
+        raise ResultError(f"The result has {len(result.person_ids)} people; evaluation compares one.")
+    name, layer = result.best_layer(result.options.layer)
+    if truth.points_m.shape[0] != result.n_frames:
+        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames for {result.n_frames} of the result.")
+    columns = [result.skeleton.index(keypoint) for keypoint in truth.keypoints]
+    points = np.asarray(layer.points_m[:])[:, 0, columns]
+    offsets = points - truth.points_m
+    known = np.asarray(np.isfinite(truth.points_m).all(axis=-1))
+    distance_mm = 1000.0 * np.linalg.norm(offsets, axis=-1)
+    both = known & np.isfinite(distance_mm)
+    if not both.any():
+        raise ResultError("No point is both in the result and in the truth; are they of the same recording?")
+    flat = distance_mm[both]
+    covered = _coverage(offsets[both], np.asarray(layer.covariance_m2[:])[:, 0, columns][both])
+    missing = known & ~both
+    return Accuracy(
+        layer=name,
+        matched_by=truth.matched_by,
+        n_points=int(both.sum()),
+        mpjpe_mm=float(flat.mean()),
+        median_mm=float(np.median(flat)),
+        p90_mm=float(np.percentile(flat, 90)),
+        p95_mm=float(np.percentile(flat, 95)),
+        p99_mm=float(np.percentile(flat, 99)),
+        share_beyond_50_mm=float((flat > 1000.0 * FAR_M).mean()),
+        missing_share=float(missing.sum() / known.sum()),
+        reprojection_median_px=median_reprojection_px(layer),
+        bone_variation=bone_variation(np.asarray(layer.points_m[:])[:, 0], result.skeleton.edge_indices),
+        covered_68=covered[0],
+        covered_95=covered[1],
+        median_mm_of={
+            keypoint: float(np.median(distance_mm[both[:, k], k]))
+            for k, keypoint in enumerate(truth.keypoints)
+            if both[:, k].any()
+        },
+        missing_share_of={
+            keypoint: float(missing[:, k].sum() / max(known[:, k].sum(), 1))
+            for k, keypoint in enumerate(truth.keypoints)
+        },
+    )
+
+
+def median_reprojection_px(layer: Layer) -> float | None:
+    """Median distance between observed and projected pixels over all used observations; None where there are none."""
+    used = np.asarray(layer.view_error_px[:])[np.asarray(layer.view_status[:]) == ViewStatus.USED]
+    used = used[np.isfinite(used)]
+    return float(np.median(used)) if used.size else None
+
+
+def bone_variation(points_m: np.ndarray, edges: np.ndarray) -> float | None:
+    """How much bones change length: median over bones of 1.48 times the median deviation over the median length.
+
+    Args:
+        points_m: shape (frame, keypoint, 3).
+        edges: shape (edge, 2).
+
+    Returns:
+        A share, or None without a bone that is seen twice.
+    """
+    shares = []
+    for a, b in edges:
+        lengths = np.linalg.norm(points_m[:, a] - points_m[:, b], axis=-1)
+        lengths = lengths[np.isfinite(lengths)]
+        if len(lengths) > 1 and np.median(lengths) > 0:
+            middle = np.median(lengths)
+            shares.append(1.4826 * np.median(np.abs(lengths - middle)) / middle)
+    return float(np.median(shares)) if shares else None
+
+
+def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
+    """Known positions from another reconstruction, such as the truth of a simulation; frames by their numbers.
+
+    Raises:
+        ResultError: if they share no frame or no keypoint.
+    """
+    shared = tuple(name for name in truth.skeleton.keypoints if name in result.skeleton.keypoints)
+    if not shared:
+        raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
+    _, layer = truth.best_layer()
+    places = {int(number): i for i, number in enumerate(truth.frame_numbers)}
+    rows = np.array([places.get(int(number), -1) for number in result.frame_numbers])
+    if not (rows >= 0).any():
+        raise ResultError("Result and truth share no frame number; are they of the same recording?")
+    columns = [truth.skeleton.index(name) for name in shared]
+    points = np.asarray(layer.points_m[:])[:, 0][:, columns][np.maximum(rows, 0)].copy()
+    points[rows < 0] = np.nan
+    return Truth(shared, points, "frame number")
+
+
+def truth_from_trajectories(
+    result: Reconstruction, names: tuple[str, ...], time_s: np.ndarray, points_m: np.ndarray
+) -> Truth:
+    """Known positions from named trajectories, in the result's world.
+
+    Names may be canonical or another program's. Frames are put together by order where there are equally many, else
+    by time, to within half a frame.
+
+    Raises:
+        ResultError: if no name is known, or no time fits.
+    """
+    known = [(i, result.skeleton.canonical(name)) for i, name in enumerate(names)]
+    found = [(i, name) for i, name in known if name is not None]
+    if not found:
+        raise ResultError(f"The truth's points ({choices(names)}) are none of skeleton {result.skeleton.name}'s.")
+    points = np.asarray(points_m)[:, [i for i, _ in found]]
+    keypoints = tuple(name for _, name in found)
+    if len(points) == result.n_frames:
+        return Truth(keypoints, points, "order")
+    steps = np.abs(time_s[:, None] - result.time_s[None])
+    nearest = steps.argmin(axis=0)
+    half = 0.5 * float(np.median(np.diff(time_s)))
+    off = steps[nearest, np.arange(result.n_frames)] > half
+    if off.all():
+        raise ResultError("No frame of the result lies at a time of the truth; are they of the same recording?")
+    matched = points[nearest].copy()
+    matched[off] = np.nan
+    return Truth(keypoints, matched, "time")
+
+
+def _coverage(offsets_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[float | None, float | None]:
+    matrices = unpack_covariance(covariance_m2)
+    usable = np.isfinite(matrices).all(axis=(-1, -2)) & (np.linalg.det(np.nan_to_num(matrices)) > 0)
+    if not usable.any():
+        return None, None
+    solved = np.linalg.solve(matrices[usable], offsets_m[usable][..., None])[..., 0]
+    squared = (offsets_m[usable] * solved).sum(axis=-1)
+    return float((squared <= _REGION_68).mean()), float((squared <= _REGION_95).mean())

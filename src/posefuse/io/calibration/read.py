@@ -1,0 +1,50 @@
+"""Read any calibration."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from posefuse.errors import FileError, choices
+from posefuse.io.files import must_exist
+from posefuse.io.registry import CALIBRATIONS, Format
+from posefuse.model.cameras import CameraRig, UpAxis
+from posefuse.model.options import LengthUnit
+
+
+def find_format(path: Path) -> Format | None:
+    """The format a calibration file is in, or None where it is none."""
+    for form in CALIBRATIONS:
+        try:
+            if form.load().matches(path):
+                return form
+        except FileError:
+            continue
+    return None
+
+
+def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up: UpAxis | None = None) -> CameraRig:
+    """Read a calibration file, whatever its format.
+
+    Args:
+        path: the file.
+        length_unit: the unit of its lengths, for formats that do not say.
+        up: the world's up axis, for formats that do not say; it overrules those that do.
+
+    Returns:
+        The rig, in metres.
+
+    Raises:
+        FileError: if there is no such file, or no reader knows it.
+        CameraError: if a camera's numbers cannot be.
+    """
+    path = must_exist(Path(path), "calibration file")
+    if path.is_dir():
+        raise FileError(f"{path} is a folder; give the calibration file itself.")
+    form = find_format(path)
+    if form is None:
+        # A file that claims to be TOML or XML but is not deserves that message, not "unknown format".
+        for candidate in CALIBRATIONS:
+            candidate.load().matches(path)
+        known = choices(f"{form.name} ({form.files})" for form in CALIBRATIONS)
+        raise FileError(f"{path} is no calibration in a known format. Known: {known}.")
+    rig = form.load().read(path, length_unit)
+    return rig if up is None else replace(rig, up_axis=up)

@@ -1,0 +1,77 @@
+"""What the TOML calibrations share: a table a camera, in OpenCV's numbers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import CameraError, FileError, choices
+from posefuse.io.files import natural_key
+from posefuse.model.cameras import Camera
+from posefuse.model.options import LengthUnit
+
+METRES: dict[LengthUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+_NO_CAMERAS = ("metadata", "capture_volume", "charuco", "checkerboard")
+_NEEDED = ("matrix", "rotation", "translation", "size", "distortions")
+
+
+def camera_tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The tables that describe cameras, in the order that counts (``cam_2`` before ``cam_10``)."""
+    tables = {
+        key: table
+        for key, table in data.items()
+        if isinstance(table, dict) and key not in _NO_CAMERAS and ("matrix" in table or "rotation" in table)
+    }
+    return {key: tables[key] for key in sorted(tables, key=natural_key)}
+
+
+def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per_unit: float) -> Camera:
+    """A camera from its table.
+
+    Raises:
+        FileError: if a key is missing or holds something else than numbers of the right shape.
+        CameraError: if the numbers cannot be a camera's.
+    """
+    missing = [name for name in _NEEDED if name not in table]
+    if missing:
+        raise FileError(f"{path}, table [{key}]: no {choices(missing)}; it has {choices(table)}.")
+    name = str(table.get("name", key))
+    try:
+        numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
+    except (TypeError, ValueError):
+        raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.") from None
+    for field, sizes in {"matrix": (9,), "rotation": (3, 9), "translation": (3,), "size": (2,)}.items():
+        got = numbers[field].size
+        if got not in sizes:
+            wanted = " or ".join(map(str, sizes))
+            raise FileError(f"{path}, table [{key}]: {field} should hold {wanted} numbers, got {got}.")
+    try:
+        return Camera.from_opencv(
+            name,
+            tuple(numbers["size"].ravel()),
+            numbers["matrix"].reshape(3, 3),
+            numbers["distortions"].ravel(),
+            numbers["rotation"],
+            numbers["translation"].ravel() * metres_per_unit,
+            fisheye=bool(table.get("fisheye", False)),
+        )
+    except CameraError as error:
+        raise CameraError(f"{path}: {error}") from None
+
+
+def largest_distance(tables: Mapping[str, Mapping[str, Any]]) -> float:
+    """How far the two cameras furthest apart stand, in the file's own unit; 0 where it cannot be told."""
+    from posefuse.model.cameras import rotation_from_vector
+
+    centres = []
+    for table in tables.values():
+        try:
+            rotation = np.asarray(table["rotation"], dtype=np.float64)
+            matrix = rotation_from_vector(rotation.ravel()) if rotation.size == 3 else rotation.reshape(3, 3)
+            centres.append(-matrix.T @ np.asarray(table["translation"], dtype=np.float64).reshape(3))
+        except (KeyError, TypeError, ValueError):
+            return 0.0
+    points = np.array(centres).reshape(-1, 3)
+    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0))

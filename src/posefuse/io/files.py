@@ -1,0 +1,104 @@
+"""What every reader and writer needs of the file system."""
+
+import contextlib
+import os
+import re
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from posefuse.errors import FileError, choices
+
+
+def must_exist(path: Path, what: str) -> Path:
+    """The path, if it exists.
+
+    Raises:
+        FileError: if not, naming what is in the nearest folder that does exist.
+    """
+    if path.exists():
+        return path
+    parent = next((folder for folder in path.parents if folder.is_dir()), Path())
+    there = choices(sorted(entry.name for entry in parent.iterdir())) if parent.is_dir() else "nothing"
+    raise FileError(f"No {what} at {path}. In {parent} there is: {there}.")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        FileError: if it cannot be read as UTF-8.
+    """
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path} is not a text file in UTF-8 (byte {error.start}).") from None
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}.") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        FileError: if it is not TOML.
+    """
+    try:
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"{path} is not TOML: {error}. Was it cut short?") from None
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sort key that counts: ``cam_2`` before ``cam_10``."""
+    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside ``path`` that takes its place when all went well, and goes when not."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+RESULT_FILES = ("reconstruction.nc", "*.csv", "*.trc", "*.c3d", "report.html", "evaluation.json")
+
+
+@contextlib.contextmanager
+def replacing_folder(
+    folder: Path, marker: str = "reconstruction.nc", owned: tuple[str, ...] = RESULT_FILES
+) -> Iterator[Path]:
+    """A temporary folder whose files move into ``folder`` when all went well, and go when not.
+
+    Files that an earlier run left in ``folder`` (``owned``) are removed then; other people's files stay.
+
+    Raises:
+        FileError: if the folder holds files but is not such a result (it lacks ``marker``), or is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"--output {folder} is a file; give a folder.")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists():
+        raise FileError(
+            f"--output {folder} already holds other files ({choices(sorted(e.name for e in folder.iterdir()), 5)}) "
+            "and is no result of this command. Choose a new or an empty folder."
+        )
+    staging = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(staging, ignore_errors=True)
+    staging.mkdir(parents=True)
+    try:
+        yield staging
+        folder.mkdir(exist_ok=True)
+        for pattern in owned:
+            for stale in folder.glob(pattern):
+                stale.unlink()
+        for entry in sorted(staging.iterdir()):
+            os.replace(entry, folder / entry.name)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)

@@ -1,0 +1,103 @@
+"""NumPy arrays of one subject: [camera, frame, keypoint, 2 or 3], in ``.npy`` or ``.npz``.
+
+What the third channel is, the file does not say: ``third_channel`` must. An ``.npz`` holds the array as
+``keypoints`` (or alone), and may hold ``confidence`` [camera, frame, keypoint], ``names`` (of the cameras) and
+``rate_hz``. NaN is missing.
+"""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import DetectionsError, FileError, choices
+from posefuse.io.keypoints.guess import guess_skeleton
+from posefuse.io.keypoints.request import Request
+from posefuse.model.detections import Detections
+from posefuse.model.options import ThirdChannel
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    return path.suffix in (".npy", ".npz")
+
+
+def read(path: Path, request: Request) -> Detections:
+    """Read the array.
+
+    Raises:
+        FileError: if the file is cut short, holds objects, or an array of another shape.
+        DetectionsError: if there is a third channel and nobody said what it is.
+        SkeletonError: if the number of keypoints does not tell the skeleton.
+    """
+    content = _load(path)
+    keypoints = content.pop("keypoints", None)
+    if keypoints is None and len(content) == 1:
+        keypoints = content.popitem()[1]
+    if keypoints is None:
+        raise FileError(f"{path} holds {choices(content)}; the keypoint array must be called 'keypoints' or be alone.")
+    n_cameras = keypoints.shape[0] if keypoints.ndim else 0
+    names = [str(name) for name in content.get("names", range(n_cameras))]
+    rate = request.rate_hz or (float(content["rate_hz"]) if "rate_hz" in content else None)
+    return from_array(path, keypoints, names, rate, request, content.get("confidence"))
+
+
+def from_array(
+    path: Path,
+    keypoints: np.ndarray,
+    view_names: list[str],
+    rate_hz: float | None,
+    request: Request,
+    confidence: np.ndarray | None = None,
+) -> Detections:
+    """Detections of a [camera, frame, keypoint, 2 or 3] array.
+
+    Raises:
+        FileError: if the shape is another.
+        DetectionsError: if there is a third channel and nobody said what it is.
+    """
+    if keypoints.ndim != 4 or keypoints.shape[-1] not in (2, 3) or keypoints.dtype.kind not in "fiu":
+        raise FileError(
+            f"{path}: expected numbers [camera, frame, keypoint, 2 or 3], got {keypoints.dtype} of shape "
+            f"{keypoints.shape}."
+        )
+    if keypoints.shape[0] != len(view_names):
+        raise FileError(f"{path}: {keypoints.shape[0]} cameras in the array, {len(view_names)} names.")
+    frame_first = np.moveaxis(keypoints, 0, 1).astype(np.float64)
+    third = _third_channel(path, frame_first, request.third_channel)
+    if confidence is not None:
+        third["confidence"] = np.moveaxis(np.asarray(confidence, dtype=np.float64), 0, 1)
+    pixels = frame_first[..., :2]
+    # A keypoint without both numbers is not one.
+    pixels = np.where(np.isnan(pixels).any(axis=-1, keepdims=True), np.nan, pixels)
+    skeleton, notes = request.skeleton, ()
+    if skeleton is None:
+        rows = pixels.reshape(-1, *pixels.shape[2:])
+        skeleton, notes = guess_skeleton(pixels.shape[2], rows, str(path))
+    try:
+        return Detections.from_dense(skeleton, view_names, pixels, rate_hz=rate_hz, notes=notes, **third)
+    except DetectionsError as error:
+        raise DetectionsError(f"{path}: {error}") from None
+
+
+def _third_channel(path: Path, keypoints: np.ndarray, meaning: ThirdChannel | None) -> dict[str, np.ndarray]:
+    if keypoints.shape[-1] == 2:
+        return {}
+    if meaning is None:
+        raise DetectionsError(
+            f"{path} has three numbers a keypoint, and nothing says what the third is. Add --third-channel confidence "
+            "or --third-channel depth (MediaPipe's and FreeMoCap's is depth)."
+        )
+    return {meaning: keypoints[..., 2]}
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        loaded = np.load(path, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return {"keypoints": loaded}
+        with loaded:
+            return {name: loaded[name] for name in loaded.files}
+    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path} is not a NumPy array file that can be read: {error}. Was it cut short?") from None

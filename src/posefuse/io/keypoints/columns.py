@@ -1,0 +1,75 @@
+"""From what each view's files hold to one :class:`Detections`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import DetectionsError, FileError
+from posefuse.model.detections import Detections, frame_times
+from posefuse.model.skeletons import Skeleton
+
+
+@dataclass(frozen=True)
+class ViewColumns:
+    """The people of one view.
+
+    Attributes:
+        name: of the view.
+        recorded: shape (n,), int64: numbers of the frames it has, with people or without.
+        frame_of_row: shape (row,), int64: the frame number of each person, in order.
+        keypoints: shape (row, keypoint, 3): x, y, confidence; NaN where missing.
+        track_ids: shape (row,), int64, -1 where there is none.
+    """
+
+    name: str
+    recorded: np.ndarray
+    frame_of_row: np.ndarray
+    keypoints: np.ndarray
+    track_ids: np.ndarray
+
+
+def assemble(
+    path: Path, views: Sequence[ViewColumns], skeleton: Skeleton, rate_hz: float | None, notes: tuple[str, ...] = ()
+) -> Detections:
+    """Put views together, frame by frame, over every frame number from the first to the last.
+
+    Raises:
+        FileError: if there is no frame, or the numbers make no recording.
+        DetectionsError: if the keypoints cannot be.
+    """
+    numbers = np.unique(np.concatenate([view.recorded for view in views]))
+    if not len(numbers):
+        raise FileError(f"{path} is an empty recording: its views have no frames.")
+    span = int(numbers[-1] - numbers[0]) + 1
+    if span > 4 * len(numbers) + 1000:
+        raise FileError(
+            f"{path}: frame numbers run from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. "
+            "Are files of another recording among them?"
+        )
+    frame_numbers = np.arange(numbers[0], numbers[-1] + 1)
+    recorded = np.stack([np.isin(frame_numbers, view.recorded) for view in views], axis=1)
+    frame = np.concatenate([view.frame_of_row for view in views]) - frame_numbers[0]
+    view_of_row = np.repeat(np.arange(len(views)), [len(view.frame_of_row) for view in views])
+    order = np.lexsort((view_of_row, frame))
+    cells = frame * len(views) + view_of_row
+    counts = np.bincount(cells, minlength=span * len(views))
+    keypoints = np.concatenate([view.keypoints for view in views])[order]
+    times = frame_times(frame_numbers, len(views), rate_hz)
+    try:
+        return Detections(
+            skeleton=skeleton,
+            view_names=tuple(view.name for view in views),
+            frame_numbers=frame_numbers,
+            time_s=np.where(recorded, times, np.nan),
+            offsets=np.concatenate([[0], np.cumsum(counts)]),
+            keypoints_px=np.ascontiguousarray(keypoints[..., :2]),
+            confidence=np.ascontiguousarray(keypoints[..., 2]),
+            recorded=recorded,
+            track_ids=np.concatenate([view.track_ids for view in views])[order],
+            rate_hz=rate_hz,
+            notes=notes,
+        )
+    except DetectionsError as error:
+        raise DetectionsError(f"{path}: {error}") from None

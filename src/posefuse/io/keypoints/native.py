@@ -1,0 +1,102 @@
+"""posefuse's own keypoint file, netCDF-4: everything :class:`Detections` holds, read by ranges."""
+
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import replacing
+from posefuse.io.keypoints.request import Request
+from posefuse.io.netcdf import (
+    StoredArray,
+    add_variable,
+    number_of,
+    open_file,
+    skeleton_from_text,
+    skeleton_text,
+    strings,
+    text_of,
+)
+from posefuse.model.detections import Detections
+
+KIND = "keypoints"
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    if path.suffix != ".nc" or not path.is_file():
+        return False
+    try:
+        open_file(path, KIND).close()
+    except FileError:
+        return path.name == "keypoints.nc"
+    return True
+
+
+def read(path: Path, request: Request) -> Detections:
+    """Open the file; its long arrays stay in it.
+
+    Raises:
+        FileError: if the file is cut short or another.
+        SkeletonError: if the request names another skeleton and the file's cannot be mapped to it.
+    """
+    with open_file(path, KIND) as file:
+        rate = number_of(file, "rate_hz") if "rate_hz" in file.attrs else None
+        detections = Detections(
+            skeleton=skeleton_from_text(text_of(file, "skeleton")),
+            view_names=strings(file.variables["view"]),
+            frame_numbers=np.asarray(file.variables["frame_number"][...]),
+            time_s=np.asarray(file.variables["time_s"][...]),
+            offsets=np.asarray(file.variables["offsets"][...]),
+            keypoints_px=StoredArray(path, "keypoints_px"),
+            confidence=StoredArray(path, "confidence"),
+            recorded=np.asarray(file.variables["recorded"][...]).astype(bool),
+            track_ids=StoredArray(path, "track_id"),
+            depth=StoredArray(path, "depth") if "depth" in file.variables else None,
+            rate_hz=rate,
+            notes=strings(file.variables["note"]) if "note" in file.variables else (),
+        )
+    if request.skeleton is not None and request.skeleton.keypoints != detections.skeleton.keypoints:
+        detections = detections.to_skeleton(request.skeleton)
+    return detections if request.rate_hz is None else detections.with_rate(request.rate_hz)
+
+
+def write(detections: Detections, path: Path) -> None:
+    """Write detections, range by range."""
+    rows = int(detections.offsets[-1])
+    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+        file.attrs["posefuse_kind"] = KIND
+        file.attrs["skeleton"] = skeleton_text(detections.skeleton)
+        if detections.rate_hz is not None:
+            file.attrs["rate_hz"] = float(detections.rate_hz)
+        file.dimensions = {
+            "frame": detections.n_frames,
+            "view": detections.n_views,
+            "cell": len(detections.offsets),
+            "row": rows,
+            "keypoint": len(detections.skeleton),
+            "pixel": 2,
+            "note": len(detections.notes),
+        }
+        add_variable(file, "view", ("view",), np.array(detections.view_names))
+        add_variable(file, "keypoint", ("keypoint",), np.array(detections.skeleton.keypoints))
+        add_variable(file, "frame_number", ("frame",), detections.frame_numbers)
+        add_variable(file, "time_s", ("frame", "view"), detections.time_s, units="s")
+        add_variable(file, "recorded", ("frame", "view"), detections.recorded.astype(np.int8))
+        add_variable(file, "offsets", ("cell",), detections.offsets)
+        if detections.notes:
+            add_variable(file, "note", ("note",), np.array(detections.notes))
+        long = {
+            "keypoints_px": add_variable(file, "keypoints_px", ("row", "keypoint", "pixel"), dtype="f8", units="px"),
+            "confidence": add_variable(file, "confidence", ("row", "keypoint"), dtype="f8"),
+            "track_ids": add_variable(file, "track_id", ("row",), dtype="i8"),
+        }
+        if detections.depth is not None:
+            long["depth"] = add_variable(file, "depth", ("row", "keypoint"), dtype="f8")
+        start = 0
+        for chunk in detections.chunks():
+            stop = start + int(chunk.offsets[-1])
+            for name, variable in long.items():
+                variable[start:stop] = getattr(chunk, name)
+            start = stop

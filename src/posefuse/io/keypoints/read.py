@@ -1,0 +1,48 @@
+"""Read any 2D keypoints."""
+
+from pathlib import Path
+
+from posefuse.errors import FileError, choices
+from posefuse.io.files import must_exist
+from posefuse.io.keypoints.request import Request
+from posefuse.io.registry import KEYPOINTS, Format
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton, find_skeleton
+
+
+def find_format(path: Path) -> Format | None:
+    """The format that a file or folder of keypoints is in, or None where it is none."""
+    return next((form for form in KEYPOINTS if form.load().matches(path)), None)
+
+
+def read_keypoints(path: Path, request: Request) -> Detections:
+    """Read keypoints, whatever their format.
+
+    Raises:
+        FileError: if there is nothing there, or no reader knows it.
+    """
+    must_exist(path, "keypoints")
+    form = find_format(path)
+    if form is None:
+        known = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
+        raise FileError(f"{path} holds no keypoints in a known format. Known: {known}.")
+    return form.load().read(path, request)
+
+
+def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:
+    """Read 2D keypoints, whatever their format.
+
+    Args:
+        path: a file or folder.
+        skeleton: what the keypoints are: a shipped name, the path of a skeleton's TOML file, or a skeleton. By default
+            what the files say, or their number allows.
+
+    Returns:
+        The detections. Where the files give no frame rate, times are NaN: see ``Detections.with_rate``.
+
+    Raises:
+        FileError: if there is nothing there, no reader knows it, or a file is broken.
+        SkeletonError: if the keypoints do not fit the skeleton, or do not tell which it is.
+        DetectionsError: if the keypoints cannot be.
+    """
+    return read_keypoints(Path(path), Request(None if skeleton is None else find_skeleton(skeleton)))

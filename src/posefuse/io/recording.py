@@ -1,0 +1,165 @@
+"""What is in this folder? Calibrations and keypoints, found by looking, never guessed between."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError, PosefuseError, RecordingError
+from posefuse.io.calibration.read import find_format as calibration_format
+from posefuse.io.files import must_exist, natural_key
+from posefuse.io.keypoints.openpose import camera_folders
+from posefuse.io.keypoints.read import find_format as keypoint_format
+
+_DEPTH = 3
+_CALIBRATION_SUFFIXES = (".toml", ".txt", ".xml")
+_SETTINGS = ("Config.toml", "pyproject.toml")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A file or folder in a known format."""
+
+    path: Path
+    format: str
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a folder holds.
+
+    Attributes:
+        folder: that was searched.
+        calibrations: in it, or, where it has none, in the folders above it that are named after a calibration.
+        keypoints: in it.
+    """
+
+    folder: Path
+    calibrations: tuple[Found, ...]
+    keypoints: tuple[Found, ...]
+
+
+def find_recording(folder: Path) -> Recording:
+    """Look for calibrations and keypoints in a folder, three levels deep.
+
+    Raises:
+        FileError: if there is no such folder.
+    """
+    must_exist(folder, "recording")
+    if folder.is_file():
+        form = keypoint_format(folder)
+        if form is None:
+            raise FileError(f"{folder} is a file, but no keypoints in a known format. Give the recording's folder.")
+        return Recording(folder, _calibrations_above(folder), (Found(folder, form.name),))
+    keypoints = tuple(_find_keypoints(folder, _DEPTH))
+    calibrations = tuple(_find_calibrations(folder, _DEPTH)) or _calibrations_above(folder)
+    return Recording(folder, calibrations, keypoints)
+
+
+def choose_calibration(recording: Recording) -> Path:
+    """The recording's calibration.
+
+    Raises:
+        RecordingError: if there is none, or more than one.
+    """
+    return _choose(recording.calibrations, recording, "calibrations", "--calibration")
+
+
+def choose_keypoints(recording: Recording) -> Path:
+    """The recording's keypoints.
+
+    Raises:
+        RecordingError: if there are none, or more than one.
+    """
+    return _choose(recording.keypoints, recording, "sets of 2D keypoints", "--keypoints")
+
+
+def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str) -> Path:
+    if not found:
+        raise RecordingError(
+            f"No {what} in {recording.folder} (searched {_DEPTH} levels deep). Give one: {flag} PATH. "
+            "posefuse formats lists what can be read."
+        )
+    first, *others = found
+    if others:
+        listed = "".join(f"\n  {flag} {item.path}  ({item.format})" for item in found)
+        raise RecordingError(
+            f"{recording.folder} has {len(found)} {what}, and posefuse does not guess. Choose one:{listed}"
+        )
+    return first.path
+
+
+def _entries(folder: Path) -> list[Path]:
+    try:
+        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    except OSError:
+        return []
+    return sorted(entries, key=lambda entry: natural_key(entry.name))
+
+
+def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
+    form = _try_format(folder)
+    if form is not None:
+        yield Found(folder, form)
+        return
+    for entry in _entries(folder):
+        if entry.is_dir():
+            if depth > 0 and not camera_like(entry):
+                yield from _find_keypoints(entry, depth - 1)
+            continue
+        if entry.suffix in (".npy", ".npz") and not _is_keypoint_array(entry):
+            continue
+        form = _try_format(entry)
+        if form is not None:
+            yield Found(entry, form)
+
+
+def camera_like(folder: Path) -> bool:
+    """Whether a folder holds images or videos only, which need no search."""
+    media = (".jpg", ".jpeg", ".png", ".mp4", ".avi")
+    first = next((entry for entry in folder.iterdir() if entry.is_file()), None)
+    return first is not None and first.suffix.lower() in media and not camera_folders(folder)
+
+
+def _find_calibrations(folder: Path, depth: int) -> Iterator[Found]:
+    for entry in _entries(folder):
+        if entry.is_dir():
+            if depth > 0 and not camera_folders(entry) and not camera_like(entry):
+                yield from _find_calibrations(entry, depth - 1)
+        elif entry.suffix in _CALIBRATION_SUFFIXES and entry.name not in _SETTINGS:
+            form = calibration_format(entry)
+            if form is not None:
+                yield Found(entry, form.name)
+
+
+def _calibrations_above(folder: Path) -> tuple[Found, ...]:
+    """Pose2Sim keeps one calibration for all trials: beside them, or beside the participants."""
+    for level in list(folder.resolve().parents)[:2]:
+        found = [
+            item
+            for entry in _entries(level)
+            if entry.is_dir() and entry.name.lower().startswith("calib")
+            for item in _find_calibrations(entry, 0)
+        ]
+        if found:
+            return tuple(found)
+    return ()
+
+
+def _try_format(path: Path) -> str | None:
+    try:
+        form = keypoint_format(path)
+    except (PosefuseError, OSError):
+        return None
+    return None if form is None else form.name
+
+
+def _is_keypoint_array(path: Path) -> bool:
+    if path.suffix == ".npz":
+        return True
+    try:
+        shape = np.load(path, mmap_mode="r", allow_pickle=False).shape
+    except (ValueError, EOFError, OSError):
+        return False
+    return len(shape) == 4 and shape[-1] in (2, 3)

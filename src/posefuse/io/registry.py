@@ -1,0 +1,133 @@
+"""The formats there are: adding one is a file and a line here."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes:
+        name: what ``--format`` and messages call it.
+        module: where it is read or written.
+        reads: whether there is a reader.
+        writes: whether there is a writer.
+        files: what the files are called.
+        conventions: units and axes in a line.
+    """
+
+    name: str
+    module: str
+    reads: bool
+    writes: bool
+    files: str
+    conventions: str
+
+    def load(self) -> ModuleType:
+        """The format's module."""
+        return import_module(self.module)
+
+
+CALIBRATIONS = (
+    Format(
+        "pose2sim",
+        "posefuse.io.calibration.pose2sim",
+        reads=True,
+        writes=False,
+        files="*.toml, a table a camera",
+        conventions="metres, z up, world to camera, Rodrigues vector; distortion as written",
+    ),
+    Format(
+        "anipose",
+        "posefuse.io.calibration.anipose",
+        reads=True,
+        writes=True,
+        files="*.toml, tables cam_0, cam_1, ... (also FreeMoCap)",
+        conventions="the board's unit, often mm: --length-unit; up unknown: --up; world to camera, Rodrigues vector",
+    ),
+    Format(
+        "qualisys",
+        "posefuse.io.calibration.qualisys",
+        reads=True,
+        writes=False,
+        files="*.qca.txt",
+        conventions="mm, z up; intrinsics in 1/64 px; camera to world",
+    ),
+)
+
+KEYPOINTS = (
+    Format(
+        "posefuse",
+        "posefuse.io.keypoints.native",
+        reads=True,
+        writes=True,
+        files="keypoints.nc",
+        conventions="px, netCDF-4, any number of people, times, confidence, skeleton; lossless",
+    ),
+    Format(
+        "freemocap",
+        "posefuse.io.keypoints.freemocap",
+        reads=True,
+        writes=False,
+        files="a recording folder with output_data/raw_data/*2dData*.npy",
+        conventions="px, [camera, frame, keypoint, 3], third channel depth, cameras in the order of the videos' names",
+    ),
+    Format(
+        "openpose",
+        "posefuse.io.keypoints.openpose",
+        reads=True,
+        writes=False,
+        files="a folder a camera, a *.json a frame (also Pose2Sim, AlphaPose in OpenPose's layout)",
+        conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
+    ),
+    Format(
+        "arrays",
+        "posefuse.io.keypoints.arrays",
+        reads=True,
+        writes=False,
+        files="*.npy, *.npz",
+        conventions="px, [camera, frame, keypoint, 2 or 3]; --third-channel; no names: --camera-order; --rate-hz",
+    ),
+)
+
+RESULTS = (
+    Format(
+        "netcdf",
+        "posefuse.io.results.netcdf",
+        reads=True,
+        writes=True,
+        files="reconstruction.nc",
+        conventions="netCDF-4, metres, world axes, every layer and field; lossless",
+    ),
+    Format(
+        "csv",
+        "posefuse.io.results.csv",
+        reads=False,
+        writes=True,
+        files="keypoints.csv (measured), solved.csv, model.csv",
+        conventions="tidy, a row a frame, person and keypoint; metres, world axes; missing is empty",
+    ),
+    Format(
+        "trc",
+        "posefuse.io.results.trc",
+        reads=True,
+        writes=True,
+        files="<person>.trc",
+        conventions="metres, y up where up is known; missing is an empty cell",
+    ),
+    Format(
+        "c3d",
+        "posefuse.io.results.c3d",
+        reads=False,
+        writes=True,
+        files="<person>.c3d",
+        conventions="mm, world axes (X_SCREEN, Y_SCREEN say up); missing is residual -1; camera bits up to 7 views",
+    ),
+)
+
+
+def by_name(formats: tuple[Format, ...], name: str) -> Format | None:
+    """The format of that name, or None."""
+    return next((form for form in formats if form.name == name), None)

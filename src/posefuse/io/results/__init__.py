@@ -1,0 +1,1 @@
+"""Results: a module a format, each with ``write(result, folder, layer)`` or the like."""

@@ -1,0 +1,233 @@
+"""``reconstruction.nc``: everything a :class:`Reconstruction` holds, as netCDF-4 that xarray opens.
+
+Dimensions: time, individual, keypoint, space, view. Each layer's variables carry its name: ``measured_position``
+(time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
+themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance and skeleton (JSON) are attributes.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist, replacing
+from posefuse.io.netcdf import (
+    StoredArray,
+    add_variable,
+    number_of,
+    open_file,
+    skeleton_from_text,
+    skeleton_text,
+    strings,
+    text_of,
+)
+from posefuse.io.options import options_from_dict, options_to_toml
+from posefuse.model.cameras import Camera, CameraRig, LensModel
+from posefuse.model.noise import NoiseModel
+from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracks import Tracks, TrackState
+
+KIND = "reconstruction"
+FORMAT_VERSION = 1
+
+_POINT_AXES = ("time", "individual", "keypoint")
+_LAYER_VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = {
+    "points_m": ("position", (*_POINT_AXES, "space"), "f8", None),
+    "covariance_m2": ("covariance", (*_POINT_AXES, "covariance_entry"), "f8", None),
+    "status": ("status", _POINT_AXES, "i1", PointStatus),
+    "source": ("source", _POINT_AXES, "i1", Source),
+    "reprojection_error_px": ("reprojection_error", _POINT_AXES, "f8", None),
+    "view_status": ("view_status", (*_POINT_AXES, "view"), "i1", ViewStatus),
+    "view_error_px": ("view_error", (*_POINT_AXES, "view"), "f4", None),
+}
+
+
+def write(parts: Iterable[Reconstruction], path: Path) -> None:
+    """Write consecutive ranges of frames of one reconstruction, each as it comes.
+
+    Args:
+        parts: at least one; what does not depend on the frame is taken from the first.
+        path: the file; it appears when all parts are in it.
+    """
+    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+        start = 0
+        for part in parts:
+            if start == 0:
+                _write_head(file, part)
+            _append(file, part, start)
+            start += part.n_frames
+
+
+def read_reconstruction(path: str | Path) -> Reconstruction:
+    """Open a reconstruction; its layers stay in the file and are read by ranges.
+
+    Args:
+        path: a ``reconstruction.nc``.
+
+    Raises:
+        FileError: if there is no such file, or it is cut short or another.
+    """
+    path = must_exist(Path(path), "reconstruction")
+    with open_file(path, KIND) as file:
+        found = int(number_of(file, "format_version"))
+        if found > FORMAT_VERSION:
+            raise FileError(
+                f"{path} is of format version {found}, this posefuse reads up to {FORMAT_VERSION}. Update posefuse."
+            )
+        stored = set(file.variables)
+        person_ids = strings(file.variables["individual"])
+        head: dict[str, Any] = {
+            "rig": _read_rig(file),
+            "skeleton": skeleton_from_text(text_of(file, "skeleton")),
+            "person_ids": person_ids,
+            "frame_numbers": np.asarray(file.variables["frame_number"][...]),
+            "time_s": np.asarray(file.variables["time"][...]),
+            "rate_hz": number_of(file, "rate_hz") if "rate_hz" in file.attrs else None,
+            "unit": text_of(file, "unit"),
+            "options": options_from_dict(json.loads(text_of(file, "options")), path.name),
+            "provenance": _read_provenance(text_of(file, "provenance")),
+        }
+        if "noise_scale" in stored:
+            head["noise"] = NoiseModel(
+                np.asarray(file.variables["noise_scale"][...]),
+                number_of(file, "noise_exponent"),
+                text_of(file, "noise_origin"),
+            )
+    layers = {
+        layer: Layer(**{f.name: StoredArray(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
+        for layer in LAYERS
+        if f"{layer}_position" in stored
+    }
+    tracks = None
+    if "track_state" in stored:
+        tracks = Tracks(person_ids, StoredArray(path, "track_detection"), StoredArray(path, "track_state"))
+    return Reconstruction(layers=layers, tracks=tracks, **head)
+
+
+def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
+    file.attrs["posefuse_kind"] = KIND
+    file.attrs["format_version"] = FORMAT_VERSION
+    file.attrs["unit"] = first.unit
+    file.attrs["skeleton"] = skeleton_text(first.skeleton)
+    file.attrs["options"] = json.dumps(asdict(first.options))
+    file.attrs["options_toml"] = options_to_toml(first.options)
+    file.attrs["provenance"] = json.dumps(asdict(first.provenance))
+    if first.rate_hz is not None:
+        file.attrs["rate_hz"] = float(first.rate_hz)
+    file.dimensions = {
+        "time": None,
+        "individual": len(first.person_ids),
+        "keypoint": len(first.skeleton),
+        "space": 3,
+        "view": len(first.rig),
+        "covariance_entry": 6,
+        "row": 3,
+        "column": 3,
+        "pose_row": 4,
+        "pose_column": 4,
+        "coefficient": 8,
+        "image_axis": 2,
+    }
+    add_variable(file, "time", ("time",), dtype="f8", units="s")
+    add_variable(file, "frame_number", ("time",), dtype="i8")
+    add_variable(file, "individual", ("individual",), np.array(first.person_ids))
+    add_variable(file, "keypoint", ("keypoint",), np.array(first.skeleton.keypoints))
+    add_variable(file, "space", ("space",), np.array(["x", "y", "z"]))
+    add_variable(file, "covariance_entry", ("covariance_entry",), np.array(COVARIANCE_ENTRIES))
+    for layer in first.layers:
+        for name, axes, kind, codes in _LAYER_VARIABLES.values():
+            add_variable(file, f"{layer}_{name}", axes, dtype=kind, **_attributes(name, first.unit, codes))
+    if first.tracks is not None:
+        add_variable(file, "track_detection", ("time", "individual", "view"), dtype="i4")
+        add_variable(file, "track_state", ("time", "individual"), dtype="i1", **_attributes("", "", TrackState))
+    if first.noise is not None:
+        file.attrs["noise_exponent"] = float(first.noise.exponent)
+        file.attrs["noise_origin"] = first.noise.origin
+        add_variable(file, "noise_scale", ("view",), first.noise.scale_px, units="px")
+    _write_rig(file, first.rig)
+
+
+def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, Any]:
+    if codes is not None:
+        return {
+            "flag_values": np.array([code.value for code in codes], dtype=np.int8),
+            "flag_meanings": " ".join(code.name.lower() for code in codes),
+        }
+    return {"units": {"position": unit, "covariance": f"{unit}2"}.get(name, "px")}
+
+
+def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
+    stop = start + part.n_frames
+    file.resize_dimension("time", stop)
+    file.variables["time"][start:stop] = part.time_s
+    file.variables["frame_number"][start:stop] = part.frame_numbers
+    for layer_name, layer in part.layers.items():
+        for attribute, (name, *_) in _LAYER_VARIABLES.items():
+            file.variables[f"{layer_name}_{name}"][start:stop] = getattr(layer, attribute)[:]
+    if part.tracks is not None:
+        file.variables["track_detection"][start:stop] = part.tracks.detection[:]
+        file.variables["track_state"][start:stop] = part.tracks.state[:]
+
+
+def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
+    if rig.up_axis is not None:
+        file.attrs["up_axis"] = rig.up_axis
+    file.attrs["rig_source"] = rig.source
+    file.attrs["rig_metres_per_unit"] = float(rig.metres_per_unit)
+    file.attrs["rig_notes"] = json.dumps(rig.notes)
+    coefficients = np.full((len(rig), 8), np.nan)
+    for i, camera in enumerate(rig.cameras):
+        coefficients[i, : len(camera.distortion)] = camera.distortion
+    add_variable(file, "view", ("view",), np.array(rig.names))
+    add_variable(file, "camera_size", ("view", "image_axis"), np.array([c.size_px for c in rig.cameras]), units="px")
+    add_variable(
+        file, "camera_matrix", ("view", "row", "column"), np.stack([c.matrix for c in rig.cameras]), units="px"
+    )
+    add_variable(
+        file,
+        "camera_from_world",
+        ("view", "pose_row", "pose_column"),
+        np.stack([c.camera_from_world for c in rig.cameras]),
+        units="m",
+    )
+    add_variable(file, "camera_lens", ("view",), np.array([str(c.lens) for c in rig.cameras]))
+    add_variable(file, "camera_distortion", ("view", "coefficient"), coefficients)
+
+
+def _read_rig(file: h5netcdf.File) -> CameraRig:
+    def values(name: str) -> np.ndarray:
+        return np.asarray(file.variables[name][...])
+
+    lenses = [LensModel(lens) for lens in strings(file.variables["camera_lens"])]
+    cameras = tuple(
+        Camera(name, (int(size[0]), int(size[1])), matrix, pose, lens, tuple(k[np.isfinite(k)]))
+        for name, size, matrix, pose, lens, k in zip(
+            strings(file.variables["view"]),
+            values("camera_size"),
+            values("camera_matrix"),
+            values("camera_from_world"),
+            lenses,
+            values("camera_distortion"),
+            strict=True,
+        )
+    )
+    up = file.attrs.get("up_axis")
+    return CameraRig(
+        cameras,
+        None if up is None else str(up),  # type: ignore[arg-type]
+        text_of(file, "rig_source"),
+        number_of(file, "rig_metres_per_unit"),
+        tuple(json.loads(text_of(file, "rig_notes"))),
+    )
+
+
+def _read_provenance(text: str) -> Provenance:
+    data = json.loads(text)
+    return Provenance(data["versions"], data["inputs"], tuple(data["notes"]))

@@ -1,0 +1,37 @@
+"""The regular clock that motion-capture files need."""
+
+import numpy as np
+
+from posefuse.errors import ResultError
+from posefuse.model.reconstruction import Reconstruction
+
+_UNEVEN = 0.02
+
+
+def export_rate(result: Reconstruction, form: str) -> float:
+    """Frames per second of a result, for formats that have one clock.
+
+    Raises:
+        ResultError: if the rate is unknown, or frames are not evenly spaced.
+    """
+    if result.rate_hz is not None:
+        return result.rate_hz
+    times = result.time_s[np.isfinite(result.time_s)]
+    if len(times) < 2:
+        raise ResultError(
+            f"A {form} file needs a frame rate, and this recording has none. Read the keypoints with --rate-hz, or in "
+            "Python: detections.with_rate(60)."
+        )
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if np.any(np.abs(steps - step) > _UNEVEN * step):
+        raise ResultError(
+            f"A {form} file needs evenly spaced frames; these are {steps.min():.4f} to {steps.max():.4f} s apart."
+        )
+    return 1.0 / step
+
+
+def regular_rows(result: Reconstruction) -> tuple[np.ndarray, int]:
+    """The place of each frame in a file without gaps, and how many rows that file has."""
+    places = result.frame_numbers - result.frame_numbers[0]
+    return places, int(places[-1]) + 1

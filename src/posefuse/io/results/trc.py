@@ -1,0 +1,101 @@
+"""TRC, the text format of OpenSim: a file a person, y up where up is known, missing points as empty cells.
+
+Layout after OpenSim's documentation, "Marker (.trc) Files". The layer is named after the file name in the first line.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import read_text, replacing
+from posefuse.io.results.axes import y_up_from_world
+from posefuse.io.results.timing import export_rate, regular_rows
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """What a TRC file holds.
+
+    Attributes:
+        names: of the points, as written.
+        time_s: shape (frame,).
+        points_m: shape (frame, point, 3), in the file's axes, NaN where missing.
+        rate_hz: frames per second.
+    """
+
+    names: tuple[str, ...]
+    time_s: np.ndarray
+    points_m: np.ndarray
+    rate_hz: float
+
+
+def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
+    """Write one person.
+
+    Raises:
+        ResultError: if the frame rate is unknown or uneven.
+    """
+    rate = export_rate(result, "TRC")
+    places, n_rows = regular_rows(result)
+    start = float(result.frame_numbers[0]) / rate
+    if np.isfinite(result.time_s[0]):
+        start = float(result.time_s[0])
+    names = result.skeleton.keypoints
+    header = [
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate:.10g}\t{rate:.10g}\t{n_rows}\t{len(names)}\t{result.unit}\t{rate:.10g}\t1\t{n_rows}",
+        "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
+        "\t\t" + "\t".join(f"{axis}{i}" for i in range(1, len(names) + 1) for axis in "XYZ"),
+        "",
+    ]
+    turn = y_up_from_world(result.rig.up_axis)
+    index = result.person_ids.index(person)
+    empty = "\t" * (3 * len(names) - 1)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join(header) + "\n")
+        row = 0
+        done = 0
+        for part in result.chunks():
+            points = np.asarray(part.layers[layer].points_m[:])[:, index] @ turn.T
+            for place, values in zip(places[done : done + len(points)], points.reshape(len(points), -1), strict=True):
+                while row < place:
+                    file.write(f"{row + 1}\t{start + row / rate:.6f}\t{empty}\n")
+                    row += 1
+                cells = "\t".join("" if value != value else f"{value:.6f}" for value in values)
+                file.write(f"{row + 1}\t{start + row / rate:.6f}\t{cells}\n")
+                row += 1
+            done += len(points)
+
+
+def read(path: Path) -> Trajectories:
+    """Read a TRC file of any program.
+
+    Raises:
+        FileError: if a line is not what the format says.
+    """
+    lines = read_text(path).splitlines()
+    if len(lines) < 5 or not lines[0].startswith("PathFileType"):
+        raise FileError(f"{path} is not a TRC file: it should begin with PathFileType and have five header lines.")
+    keys, values = lines[1].split("\t"), lines[2].split("\t")
+    header = dict(zip(keys, values, strict=False))
+    try:
+        rate = float(header["DataRate"])
+        scale = {"m": 1.0, "cm": 0.01, "mm": 0.001, "px": 1.0}[header["Units"].strip()]
+    except (KeyError, ValueError):
+        raise FileError(f"{path}, lines 2 and 3: expected DataRate and Units (m, cm or mm), got {header}.") from None
+    names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
+    width = 2 + 3 * len(names)
+    rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    table = np.full((len(rows), width), np.nan)
+    for i, (number, line) in enumerate(rows):
+        cells = line.split("\t")[:width]
+        try:
+            table[i, : len(cells)] = [float(cell) if cell.strip() else np.nan for cell in cells]
+        except ValueError:
+            raise FileError(f"{path}, line {number}: a cell is neither a number nor empty.") from None
+    return Trajectories(names, table[:, 1], table[:, 2:].reshape(len(rows), len(names), 3) * scale, rate)

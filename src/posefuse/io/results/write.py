@@ -1,0 +1,63 @@
+"""Write results in any format."""
+
+from pathlib import Path
+
+from posefuse.errors import ResultError, choices, suggestion
+from posefuse.io.registry import RESULTS
+from posefuse.io.results import c3d, csv, netcdf, trc
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+
+_BY_SUFFIX = {".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d"}
+_FORMATS = tuple(form.name for form in RESULTS if form.writes)
+
+
+def write(result: Reconstruction, path: str | Path, format: str | None = None) -> None:  # noqa: A002
+    """Write a result to a file.
+
+    netcdf holds everything. csv, trc and c3d hold one layer: the one ``result.options.layer`` names, or the best
+    present. trc and c3d hold one person; a result of several is written to ``<stem>_<person><suffix>`` each.
+
+    Args:
+        result: what to write.
+        path: the file; it appears when it is whole.
+        format: netcdf, csv, trc or c3d; by default what the path's ending says.
+
+    Raises:
+        ResultError: if there is no such format, or it cannot hold the result.
+    """
+    path = Path(path)
+    name = format or _BY_SUFFIX.get(path.suffix.lower())
+    if name not in _FORMATS:
+        wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
+        raise ResultError(wrong + (suggestion(name, _FORMATS) if name else f"Formats: {choices(_FORMATS)}."))
+    layer, _ = result.best_layer(result.options.layer)
+    if name == "netcdf":
+        netcdf.write(result.chunks(), path)
+    elif name == "csv":
+        csv.write(result.chunks(), path, layer)
+    else:
+        for person in result.person_ids:
+            target = path if len(result.person_ids) == 1 else path.with_stem(f"{path.stem}_{person}")
+            (trc if name == "trc" else c3d).write(result, person, target, layer)
+
+
+def write_folder(result: Reconstruction, folder: Path) -> tuple[list[str], LayerName]:
+    """Write every output of a reconstruction but ``reconstruction.nc``: a CSV a layer, a TRC and a C3D a person.
+
+    Returns:
+        The file names, in order, and the layer that TRC and C3D hold.
+    """
+    files = []
+    for name in result.layers:
+        file_name = csv.FILE_NAMES[name]  # type: ignore[index]
+        csv.write(result.chunks(), folder / file_name, name)  # type: ignore[arg-type]
+        files.append(file_name)
+    layer, _ = result.best_layer(result.options.layer)
+    for person in result.person_ids:
+        trc.write(result, person, folder / f"{person}.trc", layer)
+        files.append(f"{person}.trc")
+        if result.unit == "m":
+            c3d.write(result, person, folder / f"{person}.c3d", layer)
+            files.append(f"{person}.c3d")
+    return files, layer

@@ -1,0 +1,33 @@
+"""What became of a point, and of each view's part in it: the numbers kernels write.
+
+:mod:`posefuse.model.status` gives them names and sentences. Points below ``POINT_MISSING`` have coordinates; from it
+on the coordinates are NaN and the code says why.
+"""
+
+POINT_OK = 0
+POINT_TWO_VIEWS = 1
+POINT_WEAK_GEOMETRY = 2
+POINT_AMBIGUOUS = 3
+POINT_SINGLE_VIEW = 4
+POINT_MISSING = 16
+POINT_NOT_SEEN = 16
+POINT_TOO_FEW_VIEWS = 17
+POINT_DEGENERATE = 18
+POINT_BEHIND_CAMERA = 19
+POINT_NO_CONVERGENCE = 20
+POINT_OUTLIER = 21
+POINT_ABSENT = 22
+
+VIEW_USED = 0
+VIEW_UNSEEN = 1
+VIEW_LOW_CONFIDENCE = 2
+VIEW_BEYOND_LENS = 3
+VIEW_OUTLIER = 4
+VIEW_BEHIND_CAMERA = 5
+VIEW_NOT_RECORDED = 6
+VIEW_NOT_USED = 7
+
+NO_DETECTION = -1
+"""In the table of rows: the view has no detection of this person in this frame."""
+NOT_RECORDED = -2
+"""In the table of rows: the view has no such frame."""

@@ -1,0 +1,392 @@
+"""Points from observation rows: linear start, maximum-likelihood refinement, covariance.
+
+All of it works on the rows of :func:`posefuse.kernels.lens.rows_block`: per view ``g0, g1, c`` with residual
+``(g0.X, g1.X) / c.X`` in true pixels and depth ``c.X``. A view's weight is ``1 / sigma^2`` in 1/px^2; weight 0 leaves
+it out. Symmetric 3x3 matrices travel as six numbers: xx, xy, xz, yy, yz, zz.
+
+Points are worked through in blocks of ``BLOCK`` lanes, the lane as the last axis of every array, so that the loops
+over lanes become vector instructions.
+"""
+
+import math
+
+import numpy as np
+
+from posefuse.kernels import codes
+from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.lens import BLOCK, rows_block
+from posefuse.kernels.views import load_block, locate_lanes, reproject_block, store_view_results, weigh_block
+
+OK = 0
+SINGULAR = 1
+"""The rays do not fix a point: fewer than two, parallel, or from one centre."""
+BEHIND = 2
+"""The point lies behind a camera that is said to see it."""
+NO_CONVERGENCE = 3
+ACTIVE = 4
+"""Not finished: another step is needed."""
+
+# Rows of the state array, a column a lane.
+X = 0
+COST = 3
+"""Sum of squared residuals in sigma units."""
+SCALE = 4
+"""How much of the last step was taken; halved where the step failed."""
+STEP = 5
+INFORMATION = 8
+"""Six numbers: the inverse of the covariance."""
+STATE_ROWS = 14
+
+# Rows of the array of sums over views.
+_GRADIENT = 6
+_COST = 9
+_DEPTH = 10
+"""The smallest depth over the used views."""
+SUM_ROWS = 11
+
+MAX_ITERATIONS = 30
+# Stop after a step of a thousandth of the point's own standard error: convergence is better than tenfold a step, so
+# what remains is far below it.
+_SMALL_STEP = 1e-6
+# Smallest admissible pivot relative to the diagonal before elimination: rays within some 1e-7 rad are parallel.
+_SINGULAR_PIVOT = 1e-14
+
+
+@inline
+def solve_symmetric(xx, xy, xz, yy, yz, zz, bx, by, bz):
+    """Solve a symmetric positive definite 3x3 system.
+
+    Returns:
+        ``(ok, x, y, z)``; not ok where a pivot vanishes against its diagonal, the numbers are then meaningless.
+    """
+    w0 = 1.0 / xx
+    l1 = xy * w0
+    l2 = xz * w0
+    d1 = yy - l1 * xy
+    w1 = 1.0 / d1
+    e = yz - l1 * xz
+    l3 = e * w1
+    d2 = zz - l2 * xz - l3 * e
+    y1 = by - l1 * bx
+    z = (bz - l2 * bx - l3 * y1) / d2
+    y = y1 * w1 - l3 * z
+    x = bx * w0 - l1 * y - l2 * z
+    return (xx > 0.0) & (d1 > _SINGULAR_PIVOT * yy) & (d2 > _SINGULAR_PIVOT * zz), x, y, z
+
+
+@inline
+def invert_symmetric(xx, xy, xz, yy, yz, zz):
+    """The inverse of a symmetric positive definite 3x3 matrix, ``(ok, xx, xy, xz, yy, yz, zz)``."""
+    w0 = 1.0 / xx
+    l1 = xy * w0
+    l2 = xz * w0
+    d1 = yy - l1 * xy
+    w1 = 1.0 / d1
+    e = yz - l1 * xz
+    l3 = e * w1
+    d2 = zz - l2 * xz - l3 * e
+    w2 = 1.0 / d2
+    # With A = L D L^T the inverse is M^T D^-1 M, M = L^-1 = [[1, 0, 0], [-l1, 1, 0], [m, -l3, 1]].
+    m = l1 * l3 - l2
+    return (
+        (xx > 0.0) & (d1 > _SINGULAR_PIVOT * yy) & (d2 > _SINGULAR_PIVOT * zz),
+        w0 + l1 * l1 * w1 + m * m * w2,
+        -l1 * w1 - m * l3 * w2,
+        m * w2,
+        w1 + l3 * l3 * w2,
+        -l3 * w2,
+        w2,
+    )
+
+
+@inline
+def linear_start(rows, weights, sums, state, lanes):
+    """Start active lanes where the depth-weighted (algebraic) residuals are least."""
+    for k in range(SUM_ROWS):
+        for j in range(BLOCK):
+            sums[k, j] = 0.0
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            w = weights[v, j]
+            g0 = rows[v, 0, j]
+            g1 = rows[v, 1, j]
+            g2 = rows[v, 2, j]
+            h0 = rows[v, 4, j]
+            h1 = rows[v, 5, j]
+            h2 = rows[v, 6, j]
+            wg0 = w * g0
+            wg1 = w * g1
+            wg2 = w * g2
+            wh0 = w * h0
+            wh1 = w * h1
+            wh2 = w * h2
+            sums[0, j] += wg0 * g0 + wh0 * h0
+            sums[1, j] += wg0 * g1 + wh0 * h1
+            sums[2, j] += wg0 * g2 + wh0 * h2
+            sums[3, j] += wg1 * g1 + wh1 * h1
+            sums[4, j] += wg1 * g2 + wh1 * h2
+            sums[5, j] += wg2 * g2 + wh2 * h2
+            sums[6, j] -= wg0 * rows[v, 3, j] + wh0 * rows[v, 7, j]
+            sums[7, j] -= wg1 * rows[v, 3, j] + wh1 * rows[v, 7, j]
+            sums[8, j] -= wg2 * rows[v, 3, j] + wh2 * rows[v, 7, j]
+    for j in range(BLOCK):
+        solved, x, y, z = solve_symmetric(
+            sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], sums[6, j], sums[7, j], sums[8, j]
+        )
+        state[X, j] = x
+        state[X + 1, j] = y
+        state[X + 2, j] = z
+        state[COST, j] = math.inf
+        state[SCALE, j] = 1.0
+        lanes[j] = SINGULAR if (lanes[j] == ACTIVE) & (not solved) else lanes[j]
+
+
+@inline
+def normal_equations(rows, weights, state, sums):
+    """Gauss-Newton normal equations of the weighted reprojection error at each lane's point.
+
+    ``sums`` receives the information matrix, the gradient, the cost, and the smallest depth over used views.
+    """
+    for k in range(SUM_ROWS):
+        for j in range(BLOCK):
+            sums[k, j] = 0.0
+    for j in range(BLOCK):
+        sums[_DEPTH, j] = math.inf
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            x = state[X, j]
+            y = state[X + 1, j]
+            z = state[X + 2, j]
+            w = weights[v, j]
+            c0 = rows[v, 8, j]
+            c1 = rows[v, 9, j]
+            c2 = rows[v, 10, j]
+            depth = c0 * x + c1 * y + c2 * z + rows[v, 11, j]
+            inverse = 1.0 / depth
+            g0 = rows[v, 0, j]
+            g1 = rows[v, 1, j]
+            g2 = rows[v, 2, j]
+            h0 = rows[v, 4, j]
+            h1 = rows[v, 5, j]
+            h2 = rows[v, 6, j]
+            r = (g0 * x + g1 * y + g2 * z + rows[v, 3, j]) * inverse
+            s = (h0 * x + h1 * y + h2 * z + rows[v, 7, j]) * inverse
+            # The Jacobians of r and s are a / depth and b / depth.
+            a0 = g0 - r * c0
+            a1 = g1 - r * c1
+            a2 = g2 - r * c2
+            b0 = h0 - s * c0
+            b1 = h1 - s * c1
+            b2 = h2 - s * c2
+            w1 = w * inverse
+            w2 = w1 * inverse
+            wa0 = w2 * a0
+            wa1 = w2 * a1
+            wa2 = w2 * a2
+            wb0 = w2 * b0
+            wb1 = w2 * b1
+            wb2 = w2 * b2
+            sums[0, j] += wa0 * a0 + wb0 * b0
+            sums[1, j] += wa0 * a1 + wb0 * b1
+            sums[2, j] += wa0 * a2 + wb0 * b2
+            sums[3, j] += wa1 * a1 + wb1 * b1
+            sums[4, j] += wa1 * a2 + wb1 * b2
+            sums[5, j] += wa2 * a2 + wb2 * b2
+            sums[6, j] += w1 * (r * a0 + s * b0)
+            sums[7, j] += w1 * (r * a1 + s * b1)
+            sums[8, j] += w1 * (r * a2 + s * b2)
+            sums[9, j] += w * (r * r + s * s)
+            sums[10, j] = min(sums[10, j], depth if w > 0.0 else math.inf)
+
+
+@inline
+def take_step(sums, state, lanes):
+    """One damped Gauss-Newton step of every active lane, from the sums at its point.
+
+    A step that put the point behind a used view, or raised the cost, is halved instead. No branches: they would keep
+    the compiler from using vector instructions.
+
+    Returns:
+        How many lanes are still active.
+    """
+    for j in range(BLOCK):
+        gx = sums[_GRADIENT, j]
+        gy = sums[_GRADIENT + 1, j]
+        gz = sums[_GRADIENT + 2, j]
+        solved, sx, sy, sz = solve_symmetric(
+            sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], gx, gy, gz
+        )
+        # The product of step and gradient is the squared step in units of the point's standard error.
+        small = gx * sx + gy * sy + gz * sz < _SMALL_STEP
+        cost = sums[_COST, j]
+        best = state[COST, j]
+        better = (sums[_DEPTH, j] > 0.0) & (cost <= best * (1.0 + 1e-12))
+        scale = 1.0 if better else 0.5 * state[SCALE, j]
+        hopeless = (best == math.inf) | (scale < 1e-9)
+        failed = hopeless if not better else not solved
+        active = lanes[j] == ACTIVE
+        go = active & (not failed)
+        advance = go & better
+        state[X, j] -= (sx if better else -scale * state[STEP, j]) if go else 0.0
+        state[X + 1, j] -= (sy if better else -scale * state[STEP + 1, j]) if go else 0.0
+        state[X + 2, j] -= (sz if better else -scale * state[STEP + 2, j]) if go else 0.0
+        state[SCALE, j] = scale if go else state[SCALE, j]
+        state[COST, j] = cost if advance else best
+        state[STEP, j] = sx if advance else state[STEP, j]
+        state[STEP + 1, j] = sy if advance else state[STEP + 1, j]
+        state[STEP + 2, j] = sz if advance else state[STEP + 2, j]
+        for k in range(6):
+            state[INFORMATION + k, j] = sums[k, j] if advance else state[INFORMATION + k, j]
+        code = BEHIND if not better else SINGULAR
+        code = code if failed else (OK if better & small else ACTIVE)
+        lanes[j] = code if active else lanes[j]
+    active_lanes = 0
+    for j in range(BLOCK):
+        active_lanes += 1 if lanes[j] == ACTIVE else 0
+    return active_lanes
+
+
+@inline
+def solve_block(rows, weights, sums, state, lanes):
+    """Maximum-likelihood points of a block.
+
+    Args:
+        rows: shape (view, 12, BLOCK).
+        weights: shape (view, BLOCK).
+        sums: shape (SUM_ROWS, BLOCK), scratch.
+        state: shape (STATE_ROWS, BLOCK), written: position, cost, information matrix.
+        lanes: shape (BLOCK,), in and out: lanes that come in ACTIVE are solved, the others left alone.
+    """
+    linear_start(rows, weights, sums, state, lanes)
+    for _ in range(MAX_ITERATIONS):
+        normal_equations(rows, weights, state, sums)
+        if take_step(sums, state, lanes) == 0:
+            return
+    for j in range(BLOCK):
+        lanes[j] = NO_CONVERGENCE if lanes[j] == ACTIVE else lanes[j]
+
+
+@inline
+def _open_lanes(weights, min_views, lanes, used):
+    """Count each lane's views; lanes with enough become ACTIVE, the others get their point code at once."""
+    for j in range(BLOCK):
+        used[j] = 0
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            used[j] += 1 if weights[v, j] > 0.0 else 0
+    for j in range(BLOCK):
+        lanes[j] = ACTIVE if used[j] >= min_views else OK
+
+
+@inline
+def _point_codes(lanes, used, min_views, status):
+    """From solver status and number of views to the point code."""
+    for j in range(BLOCK):
+        code = codes.POINT_OK if used[j] > 2 else codes.POINT_TWO_VIEWS
+        if used[j] < min_views:
+            code = codes.POINT_NOT_SEEN if used[j] == 0 else codes.POINT_TOO_FEW_VIEWS
+        elif lanes[j] == SINGULAR:
+            code = codes.POINT_DEGENERATE
+        elif lanes[j] == BEHIND:
+            code = codes.POINT_BEHIND_CAMERA
+        elif lanes[j] == NO_CONVERGENCE:
+            code = codes.POINT_NO_CONVERGENCE
+        status[j] = code
+
+
+@inline
+def _store_points(state, status, places, points, covariance, out_status):
+    """Write positions and covariances of a block; NaN where the status says missing."""
+    for j in range(BLOCK):
+        n = places[0, j]
+        k = places[1, j]
+        if n < 0:
+            return
+        out_status[n, k] = status[j]
+        if status[j] >= codes.POINT_MISSING:
+            for i in range(3):
+                points[n, k, i] = math.nan
+            for i in range(6):
+                covariance[n, k, i] = math.nan
+            continue
+        for i in range(3):
+            points[n, k, i] = state[X + i, j]
+        _, xx, xy, xz, yy, yz, zz = invert_symmetric(
+            state[INFORMATION, j],
+            state[INFORMATION + 1, j],
+            state[INFORMATION + 2, j],
+            state[INFORMATION + 3, j],
+            state[INFORMATION + 4, j],
+            state[INFORMATION + 5, j],
+        )
+        covariance[n, k, 0] = xx
+        covariance[n, k, 1] = xy
+        covariance[n, k, 2] = xz
+        covariance[n, k, 3] = yy
+        covariance[n, k, 4] = yz
+        covariance[n, k, 5] = zz
+
+
+@kernel
+def triangulate_views(
+    cameras,
+    keypoints_px,
+    confidence,
+    rows_of,
+    scale_px,
+    exponent,
+    min_confidence,
+    min_views,
+    points,
+    covariance,
+    status,
+    view_codes,
+    view_errors_px,
+):
+    """Maximum-likelihood points from every valid view, nothing rejected.
+
+    Args:
+        cameras: the camera array, shape (view, COLUMNS).
+        keypoints_px: shape (detection, keypoint, 2), NaN where missing.
+        confidence: shape (detection, keypoint), NaN where the detector gives none.
+        rows_of: shape (person_frame, view), int64: rows of the two above, or NO_DETECTION or NOT_RECORDED.
+        scale_px: shape (view,): the noise of a detection of confidence 1, in px per axis.
+        exponent: the noise is ``scale_px / confidence^exponent``.
+        min_confidence: detections below are not used.
+        min_views: points with fewer valid views are not solved (at least 2).
+        points: shape (person_frame, keypoint, 3), written.
+        covariance: shape (person_frame, keypoint, 6), written: xx xy xz yy yz zz.
+        status: shape (person_frame, keypoint), int8, written: point codes.
+        view_codes: shape (person_frame, keypoint, view), int8, written.
+        view_errors_px: shape (person_frame, keypoint, view), float32, written: reprojection errors of every view that
+            has a detection, used or not.
+    """
+    n_views = cameras.shape[0]
+    n_keypoints = keypoints_px.shape[1]
+    total = rows_of.shape[0] * n_keypoints
+    pixels = np.empty((n_views, 2, BLOCK))
+    trust = np.empty((n_views, BLOCK))
+    rows = np.empty((n_views, 12, BLOCK))
+    weights = np.empty((n_views, BLOCK))
+    errors = np.empty((n_views, BLOCK))
+    lens_codes = np.empty((n_views, BLOCK), np.int64)
+    block_codes = np.empty((n_views, BLOCK), np.int64)
+    scratch = np.empty((6, BLOCK))
+    sums = np.empty((SUM_ROWS, BLOCK))
+    state = np.empty((STATE_ROWS, BLOCK))
+    places = np.empty((2, BLOCK), np.int64)
+    used = np.empty(BLOCK, np.int64)
+    lanes = np.empty(BLOCK, np.int64)
+    point_codes = np.empty(BLOCK, np.int64)
+    for first in range(0, total, BLOCK):
+        locate_lanes(first, total, n_keypoints, places)
+        load_block(keypoints_px, confidence, rows_of, places, min_confidence, pixels, trust, block_codes)
+        for v in range(n_views):
+            rows_block(cameras, v, pixels, lens_codes, rows, scratch)
+        weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
+        _open_lanes(weights, min_views, lanes, used)
+        solve_block(rows, weights, sums, state, lanes)
+        _point_codes(lanes, used, min_views, point_codes)
+        reproject_block(cameras, pixels, state, errors)
+        _store_points(state, point_codes, places, points, covariance, status)
+        store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px)

@@ -1,0 +1,349 @@
+"""Cameras and rigs.
+
+A camera is OpenCV's: x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel;
+``x_camera = R x_world + t``. The world is in metres, right-handed.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, Literal, Self, get_args
+
+import numpy as np
+
+from posefuse.arrays import frozen, same
+from posefuse.errors import CameraError, MatchError, choices, suggestion
+
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
+UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
+
+_ROTATION_TOLERANCE = 1e-5
+
+
+class LensModel(StrEnum):
+    """How a lens bends rays; see :mod:`posefuse.kernels.lens` for the formulas."""
+
+    PINHOLE = "pinhole"
+    BROWN = "brown"
+    """OpenCV's k1 k2 p1 p2 k3."""
+    RATIONAL = "rational"
+    """OpenCV's k1 k2 p1 p2 k3 k4 k5 k6."""
+    FISHEYE = "fisheye"
+    """OpenCV's fisheye (Kannala-Brandt) k1 k2 k3 k4."""
+
+
+_COEFFICIENTS = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
+_LENS_CODES = {LensModel.PINHOLE: 0, LensModel.BROWN: 1, LensModel.RATIONAL: 2, LensModel.FISHEYE: 3}
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One calibrated camera.
+
+    Attributes:
+        name: unique in its rig.
+        size_px: width and height of the image.
+        matrix: shape (3, 3), the intrinsic matrix K in px.
+        camera_from_world: shape (4, 4), rigid, in metres.
+        lens: the lens model.
+        distortion: its coefficients, in OpenCV's order (4 for a fisheye, 5 Brown, 8 rational).
+
+    Raises:
+        CameraError: where a number cannot belong to a camera.
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    matrix: np.ndarray
+    camera_from_world: np.ndarray
+    lens: LensModel = LensModel.PINHOLE
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "matrix", frozen(self.matrix))
+        object.__setattr__(self, "camera_from_world", frozen(self.camera_from_world))
+        object.__setattr__(self, "lens", LensModel(self.lens))
+        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
+        object.__setattr__(self, "size_px", _whole_size(self.name, self.size_px))
+        _check_matrix(self.name, self.matrix)
+        _check_pose(self.name, self.camera_from_world)
+        wanted = _COEFFICIENTS[self.lens]
+        if len(self.distortion) != wanted:
+            raise CameraError(
+                f"Camera {self.name!r}: a {self.lens} lens has {wanted} distortion coefficients, "
+                f"got {len(self.distortion)}: {list(self.distortion)}."
+            )
+        if not np.all(np.isfinite(self.distortion)):
+            raise CameraError(f"Camera {self.name!r}: distortion coefficients must be finite, got {self.distortion}.")
+
+    @classmethod
+    def from_opencv(
+        cls,
+        name: str,
+        size_px: Sequence[float],
+        matrix: Any,
+        distortion: Iterable[float],
+        rotation: Any,
+        translation: Any,
+        *,
+        fisheye: bool = False,
+    ) -> Self:
+        """A camera from OpenCV's numbers, world to camera.
+
+        Args:
+            name: its name.
+            size_px: width and height.
+            matrix: K, shape (3, 3).
+            distortion: 0, 4, 5 or 8 coefficients; 4 when ``fisheye``.
+            rotation: a Rodrigues vector, shape (3,), in radians, or a matrix, shape (3, 3).
+            translation: shape (3,), in metres.
+            fisheye: the coefficients are those of OpenCV's fisheye model.
+
+        Raises:
+            CameraError: where a number cannot belong to a camera.
+        """
+        lens, coefficients = lens_from_opencv(name, distortion, fisheye=fisheye)
+        pose = np.eye(4)
+        turn = np.asarray(rotation, dtype=np.float64)
+        pose[:3, :3] = rotation_from_vector(turn.reshape(3)) if turn.size == 3 else turn.reshape(3, 3)
+        pose[:3, 3] = np.asarray(translation, dtype=np.float64).reshape(3)
+        return cls(name, (size_px[0], size_px[1]), np.asarray(matrix), pose, lens, coefficients)  # type: ignore[arg-type]
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Shape (3, 3): R of ``x_camera = R x_world + t``."""
+        return self.camera_from_world[:3, :3]
+
+    @property
+    def translation_m(self) -> np.ndarray:
+        """Shape (3,): t of ``x_camera = R x_world + t``, in metres."""
+        return self.camera_from_world[:3, 3]
+
+    @property
+    def centre_m(self) -> np.ndarray:
+        """Shape (3,): where the camera stands in the world, in metres."""
+        return -self.rotation.T @ self.translation_m
+
+    def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Project world points.
+
+        Args:
+            points_m: shape (..., 3).
+
+        Returns:
+            Pixels, shape (..., 2), NaN where there is none, and lens codes, shape (...): 0 where there is one, else
+            MISSING, BEHIND or BEYOND of :mod:`posefuse.kernels.lens`.
+        """
+        from posefuse.kernels.lens import project_batch  # kernels start the compiler: only when called
+
+        points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
+        pixels = np.empty((len(points), 2))
+        codes = np.empty(len(points), dtype=np.int64)
+        project_batch(self.packed[None], 0, points, pixels, codes)
+        shape = np.shape(points_m)[:-1]
+        return pixels.reshape(*shape, 2), codes.reshape(shape)
+
+    def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Viewing directions of pixels, unit length, in camera coordinates.
+
+        Args:
+            pixels: shape (..., 2).
+
+        Returns:
+            Directions, shape (..., 3), NaN where there is none, and lens codes as in :meth:`project`.
+        """
+        from posefuse.kernels.lens import rays_batch
+
+        flat = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 2)
+        directions = np.empty((len(flat), 3))
+        codes = np.empty(len(flat), dtype=np.int64)
+        rays_batch(self.packed[None], 0, flat, directions, codes)
+        shape = np.shape(pixels)[:-1]
+        return directions.reshape(*shape, 3), codes.reshape(shape)
+
+    @cached_property
+    def packed(self) -> np.ndarray:
+        """The camera as kernels see it, shape (COLUMNS,)."""
+        from posefuse.kernels import lens as columns
+
+        row = np.zeros(columns.COLUMNS)
+        row[columns.LENS] = _LENS_CODES[self.lens]
+        k = self.matrix
+        row[columns.FX : columns.SKEW + 1] = k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]
+        row[columns.K1 : columns.K1 + len(self.distortion)] = self.distortion
+        row[columns.MAX_RADIUS] = columns.fold_radius(int(row[columns.LENS]), row[columns.K1 : columns.MAX_RADIUS])
+        row[columns.ROTATION : columns.TRANSLATION] = self.rotation.ravel()
+        row[columns.TRANSLATION : columns.PROJECTION] = self.translation_m
+        row[columns.PROJECTION :] = (k @ self.camera_from_world[:3])[:2].ravel()
+        return frozen(row)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Camera) and all(
+            same(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """The cameras of a recording and the world they share.
+
+    Attributes:
+        cameras: in a fixed order, with unique names.
+        up_axis: which way is up in the world, or None where nobody knows (an Anipose world is a camera or a board).
+        source: the file it was read from, by name only.
+        metres_per_unit: what the file's lengths were multiplied by.
+        notes: what a reader found worth saying.
+
+    Raises:
+        CameraError: on an empty rig, a repeated name or an unknown axis.
+    """
+
+    cameras: tuple[Camera, ...]
+    up_axis: UpAxis | None = None
+    source: str = ""
+    metres_per_unit: float = 1.0
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        if not self.cameras:
+            raise CameraError(f"A rig needs at least one camera; {self.source or 'this one'} has none.")
+        repeated = sorted({name for name in self.names if self.names.count(name) > 1})
+        if repeated:
+            raise CameraError(
+                f"Camera names must be unique; {self.source or 'this rig'} repeats {choices(repeated)}. "
+                "Rename the cameras in the calibration."
+            )
+        if self.up_axis is not None and self.up_axis not in UP_AXES:
+            raise CameraError(f"up_axis {self.up_axis!r} is not an axis. Choose one of: {choices(UP_AXES)}.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Camera names in order."""
+        return tuple(camera.name for camera in self.cameras)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __getitem__(self, name: str) -> Camera:
+        return self.cameras[self.index(name)]
+
+    def index(self, name: str) -> int:
+        """The place of a camera by name.
+
+        Raises:
+            MatchError: if there is no such camera.
+        """
+        if name not in self.names:
+            raise MatchError(f"No camera {name!r} in the calibration. {suggestion(name, self.names)}")
+        return self.names.index(name)
+
+    def select(self, names: Iterable[str]) -> "CameraRig":
+        """The rig of the named cameras, in the given order."""
+        return replace(self, cameras=tuple(self[name] for name in names))
+
+    @cached_property
+    def packed(self) -> np.ndarray:
+        """The cameras as kernels see them, shape (view, COLUMNS)."""
+        return frozen(np.stack([camera.packed for camera in self.cameras]))
+
+    def project(self, points_m: np.ndarray) -> np.ndarray:
+        """Pixels of world points in every view: (..., 3) to (view, ..., 2), NaN where there is none."""
+        return np.stack([camera.project(points_m)[0] for camera in self.cameras])
+
+
+def lens_from_opencv(
+    name: str, distortion: Iterable[float], *, fisheye: bool = False
+) -> tuple[LensModel, tuple[float, ...]]:
+    """The lens model that OpenCV means by so many coefficients.
+
+    Trailing zeros are dropped down to the next model, so that five zeros are a pinhole; this changes no pixel.
+
+    Raises:
+        CameraError: on a number of coefficients no supported model has.
+    """
+    given = tuple(float(k) for k in distortion)
+    if fisheye:
+        if len(given) not in (0, 4) and any(given[4:]):
+            raise CameraError(f"Camera {name!r}: a fisheye lens has 4 coefficients, got {len(given)}: {list(given)}.")
+        return LensModel.FISHEYE, (given + (0.0,) * 4)[:4]
+    if len(given) > 8 and any(given[8:]):
+        raise CameraError(
+            f"Camera {name!r}: {len(given)} distortion coefficients; 0, 4, 5 and 8 are supported. "
+            "Thin-prism and tilt terms are not: calibrate without them."
+        )
+    if len(given) not in (0, 1, 2, 4, 5, 8, 12, 14):
+        raise CameraError(
+            f"Camera {name!r}: OpenCV has 0, 4, 5 or 8 distortion coefficients, got {len(given)}: {list(given)}."
+        )
+    padded = (given + (0.0,) * 8)[:8]
+    if any(padded[5:]):
+        return LensModel.RATIONAL, padded
+    if any(padded):
+        return LensModel.BROWN, padded[:5]
+    return LensModel.PINHOLE, ()
+
+
+def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
+    """The rotation matrix of a Rodrigues vector (axis times angle in radians)."""
+    x, y, z = (float(value) for value in vector)
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # sin(a)/a and (1 - cos(a))/a^2, by the half angle so that neither loses digits near zero.
+    half = np.sinc(angle / (2.0 * np.pi))
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half * half * (cross @ cross)
+
+
+def vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
+    """The Rodrigues vector of a rotation matrix, angle at most pi."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_rotvec()
+
+
+def _whole_size(name: str, size: Sequence[float]) -> tuple[int, int]:
+    try:
+        width, height = (float(value) for value in size)
+    except (TypeError, ValueError):
+        raise CameraError(f"Camera {name!r}: size_px must be width and height, got {size!r}.") from None
+    if not (width >= 1 and height >= 1 and width == round(width) and height == round(height)):
+        raise CameraError(f"Camera {name!r}: size_px must be two positive whole numbers, got {width:g} x {height:g}.")
+    return round(width), round(height)
+
+
+def _check_matrix(name: str, matrix: np.ndarray) -> None:
+    if matrix.shape != (3, 3):
+        raise CameraError(f"Camera {name!r}: the matrix K must be 3 x 3, got shape {matrix.shape}.")
+    if not np.all(np.isfinite(matrix)):
+        raise CameraError(f"Camera {name!r}: the matrix K holds numbers that are not finite: {matrix.tolist()}.")
+    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        raise CameraError(
+            f"Camera {name!r}: focal lengths must be positive px, got {matrix[0, 0]:g} and {matrix[1, 1]:g}. "
+            "Was the camera calibrated?"
+        )
+    if np.any(np.abs(matrix[[1, 2, 2], [0, 0, 1]]) > 1e-9) or abs(matrix[2, 2] - 1.0) > 1e-9:
+        raise CameraError(
+            f"Camera {name!r}: K must be upper triangular with a last row 0 0 1, got {matrix.tolist()}. "
+            "A transposed matrix (MATLAB's order) is the usual cause."
+        )
+
+
+def _check_pose(name: str, pose: np.ndarray) -> None:
+    if pose.shape != (4, 4):
+        raise CameraError(f"Camera {name!r}: camera_from_world must be 4 x 4, got shape {pose.shape}.")
+    if not np.all(np.isfinite(pose)) or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
+        raise CameraError(
+            f"Camera {name!r}: camera_from_world must be finite with a last row 0 0 0 1, got {pose.tolist()}."
+        )
+    rotation = pose[:3, :3]
+    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    determinant = float(np.linalg.det(rotation))
+    if off > _ROTATION_TOLERANCE or determinant < 0:
+        raise CameraError(
+            f"Camera {name!r}: the rotation is not one: R R^T differs from the identity by {off:.2g} (at most "
+            f"{_ROTATION_TOLERANCE:g}) and its determinant is {determinant:.4f} (expected 1). A matrix that was "
+            "scaled, mirrored or typed with few digits is the usual cause."
+        )

@@ -1,0 +1,312 @@
+"""2D keypoints as detectors give them: any number of people per view and frame."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+
+from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
+from posefuse.errors import DetectionsError, MatchError, choices, suggestion
+from posefuse.model.skeletons import Skeleton
+
+CHUNK_FRAMES = 2048
+"""How many frames a stage works on at once when nobody says otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """People seen in the views of a recording, in columns: a row a person in one view and frame.
+
+    Rows are ordered by frame, then view: those of frame number f (counted from 0) and view v are
+    ``offsets[f * views + v]`` to ``offsets[f * views + v + 1]``. The long arrays may be files; then
+    :meth:`frames` brings a range into memory.
+
+    Attributes:
+        skeleton: what the keypoint axis means.
+        view_names: of the views, in order.
+        frame_numbers: shape (frame,), int64, increasing: numbers of the frames in the recording.
+        time_s: shape (frame, view): when each view took the frame; NaN where it took none, and everywhere where the
+            files say neither times nor a rate.
+        offsets: shape (frame * view + 1,), int64.
+        keypoints_px: shape (row, keypoint, 2), NaN where not detected.
+        confidence: shape (row, keypoint), the detector's number as read; NaN where it gives none.
+        recorded: shape (frame, view), bool: whether the view has the frame at all.
+        track_ids: shape (row,), int64: the detector's own identity of the person in this view, -1 where it has none.
+        depth: shape (row, keypoint), the detector's own guess of depth in its own unit, or None.
+        rate_hz: nominal frame rate, or None where the files do not say.
+        notes: what a reader found worth saying.
+
+    Raises:
+        DetectionsError: where arrays do not fit each other, or hold infinities.
+    """
+
+    skeleton: Skeleton
+    view_names: tuple[str, ...]
+    frame_numbers: np.ndarray
+    time_s: np.ndarray
+    offsets: np.ndarray
+    keypoints_px: ArraySource
+    confidence: ArraySource
+    recorded: np.ndarray
+    track_ids: ArraySource
+    depth: ArraySource | None = None
+    rate_hz: float | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "view_names", tuple(self.view_names))
+        object.__setattr__(self, "frame_numbers", frozen(self.frame_numbers, np.int64))
+        object.__setattr__(self, "time_s", frozen(self.time_s))
+        object.__setattr__(self, "offsets", frozen(self.offsets, np.int64))
+        object.__setattr__(self, "recorded", frozen(self.recorded, np.bool_))
+        self._check_axes()
+        self._check_index()
+        if in_memory(self.keypoints_px):
+            self._check_numbers()
+
+    def _check_axes(self) -> None:
+        n_frames, n_views, n_keypoints = len(self.frame_numbers), len(self.view_names), len(self.skeleton)
+        repeated = sorted({name for name in self.view_names if self.view_names.count(name) > 1})
+        if repeated or not self.view_names:
+            raise DetectionsError(f"View names must be unique and at least one, got {choices(self.view_names)}.")
+
+        def check(name: str, source: ArraySource, **axes: int) -> None:
+            check_shape(DetectionsError, "Detections", name, source, **axes)
+
+        check("time_s", self.time_s, frame=n_frames, view=n_views)
+        check("recorded", self.recorded, frame=n_frames, view=n_views)
+        check("offsets", self.offsets, frame_view_plus_1=n_frames * n_views + 1)
+        rows = int(self.offsets[-1])
+        check("keypoints_px", self.keypoints_px, row=rows, keypoint=n_keypoints, pixel=2)
+        check("confidence", self.confidence, row=rows, keypoint=n_keypoints)
+        check("track_ids", self.track_ids, row=rows)
+        if self.depth is not None:
+            check("depth", self.depth, row=rows, keypoint=n_keypoints)
+
+    def _check_index(self) -> None:
+        if np.any(np.diff(self.frame_numbers) <= 0):
+            at = int(np.argmax(np.diff(self.frame_numbers) <= 0))
+            raise DetectionsError(
+                f"Frame numbers must increase; {self.frame_numbers[at]} is followed by {self.frame_numbers[at + 1]}."
+            )
+        if self.offsets[0] != 0 or np.any(np.diff(self.offsets) < 0):
+            raise DetectionsError("Offsets must start at 0 and never decrease: they count the people before each view.")
+        if self.rate_hz is not None and not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
+            raise DetectionsError(f"rate_hz must be positive, got {self.rate_hz}.")
+        people = self.people_counts
+        ghosts = np.argwhere((people > 0) & ~self.recorded)
+        if len(ghosts):
+            f, v = ghosts[0]
+            raise DetectionsError(
+                f"View {self.view_names[v]!r} has people in frame {self.frame_numbers[f]}, which it did not record."
+            )
+
+    def _check_numbers(self) -> None:
+        for name in ("keypoints_px", "confidence", "depth"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            numbers = frozen(values)
+            object.__setattr__(self, name, numbers)
+            infinite = np.isinf(numbers)
+            if infinite.any():
+                row = int(np.argwhere(infinite)[0, 0])
+                frame, view = self.place_of_row(row)
+                raise DetectionsError(
+                    f"{name} of view {view!r}, frame {frame}, holds an infinite number. Missing is NaN: mend the file."
+                )
+        object.__setattr__(self, "track_ids", frozen(self.track_ids, np.int64))
+
+    @classmethod
+    def from_dense(
+        cls,
+        skeleton: Skeleton,
+        view_names: Sequence[str],
+        keypoints_px: np.ndarray,
+        confidence: np.ndarray | None = None,
+        *,
+        rate_hz: float | None = None,
+        time_s: np.ndarray | None = None,
+        depth: np.ndarray | None = None,
+        frame_numbers: np.ndarray | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> "Detections":
+        """One person per view and frame.
+
+        Args:
+            skeleton: what the keypoint axis means.
+            view_names: of the views.
+            keypoints_px: shape (frame, view, keypoint, 2).
+            confidence: shape (frame, view, keypoint), or None where the detector gives none.
+            rate_hz: nominal frame rate.
+            time_s: shape (frame, view); by default frame / rate_hz, or NaN without a rate.
+            depth: shape (frame, view, keypoint), or None.
+            frame_numbers: shape (frame,); by default from 0.
+            notes: what is worth saying.
+
+        Raises:
+            DetectionsError: where the arrays do not fit.
+        """
+        pixels = np.ascontiguousarray(keypoints_px, dtype=np.float64)
+        if pixels.ndim != 4:
+            raise DetectionsError(f"keypoints_px: expected (frame, view, keypoint, 2), got shape {pixels.shape}.")
+        n_frames, n_views, n_keypoints, _ = pixels.shape
+        numbers = np.arange(n_frames) if frame_numbers is None else np.asarray(frame_numbers)
+        if time_s is None:
+            time_s = frame_times(numbers, n_views, rate_hz)
+        rows = n_frames * n_views
+
+        def flat(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else np.asarray(values, dtype=np.float64).reshape(rows, n_keypoints)
+
+        flat_confidence = flat(confidence)
+        return cls(
+            skeleton=skeleton,
+            view_names=tuple(view_names),
+            frame_numbers=numbers,
+            time_s=time_s,
+            offsets=np.arange(rows + 1),
+            keypoints_px=pixels.reshape(rows, n_keypoints, pixels.shape[-1]),
+            confidence=np.full((rows, n_keypoints), np.nan) if flat_confidence is None else flat_confidence,
+            recorded=np.ones((n_frames, n_views), dtype=bool),
+            track_ids=np.full(rows, -1),
+            depth=flat(depth),
+            rate_hz=rate_hz,
+            notes=notes,
+        )
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.frame_numbers)
+
+    @property
+    def n_views(self) -> int:
+        """Number of views."""
+        return len(self.view_names)
+
+    @cached_property
+    def people_counts(self) -> np.ndarray:
+        """Shape (frame, view), int64: people in each."""
+        return np.diff(self.offsets).reshape(self.n_frames, self.n_views)
+
+    def place_of_row(self, row: int) -> tuple[int, str]:
+        """The frame number and view name of a row."""
+        cell = int(np.searchsorted(self.offsets, row, side="right")) - 1
+        return int(self.frame_numbers[cell // self.n_views]), self.view_names[cell % self.n_views]
+
+    def frames(self, start: int, stop: int) -> "Detections":
+        """The frames ``start`` to ``stop`` (counted from 0), in memory."""
+        start, stop, _ = slice(start, stop).indices(self.n_frames)
+        cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
+        rows = slice(int(cells[0]), int(cells[-1]))
+        return replace(
+            self,
+            frame_numbers=self.frame_numbers[start:stop],
+            time_s=self.time_s[start:stop],
+            offsets=cells - cells[0],
+            keypoints_px=np.asarray(self.keypoints_px[rows]),
+            confidence=np.asarray(self.confidence[rows]),
+            recorded=self.recorded[start:stop],
+            track_ids=np.asarray(self.track_ids[rows]),
+            depth=None if self.depth is None else np.asarray(self.depth[rows]),
+        )
+
+    def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Detections"]:
+        """The recording in consecutive ranges of frames, each in memory."""
+        for start, stop in ranges(self.n_frames, size):
+            yield self.frames(start, stop)
+
+    def views(self, names: Sequence[str]) -> "Detections":
+        """The named views, in the given order, in memory.
+
+        Raises:
+            MatchError: if there is no such view.
+        """
+        for name in names:
+            if name not in self.view_names:
+                raise MatchError(f"No view {name!r} in the keypoints. {suggestion(name, self.view_names)}")
+        columns = [self.view_names.index(name) for name in names]
+        counts = self.people_counts[:, columns]
+        starts = self.offsets[:-1].reshape(self.n_frames, self.n_views)[:, columns]
+        rows = np.repeat(starts.ravel() - _starts(counts)[:-1], counts.ravel()) + np.arange(int(counts.sum()))
+        everything = self.frames(0, self.n_frames)
+        return replace(
+            everything,
+            view_names=tuple(names),
+            time_s=self.time_s[:, columns],
+            offsets=_starts(counts),
+            keypoints_px=np.asarray(everything.keypoints_px)[rows],
+            confidence=np.asarray(everything.confidence)[rows],
+            recorded=self.recorded[:, columns],
+            track_ids=np.asarray(everything.track_ids)[rows],
+            depth=None if everything.depth is None else np.asarray(everything.depth)[rows],
+        )
+
+    def with_rate(self, rate_hz: float) -> "Detections":
+        """The same frames, ``rate_hz`` apart: for files that do not say when they were taken."""
+        times = frame_times(self.frame_numbers, self.n_views, rate_hz)
+        return replace(self, rate_hz=rate_hz, time_s=np.where(self.recorded, times, np.nan))
+
+    def to_skeleton(self, skeleton: Skeleton) -> "Detections":
+        """The same people with another skeleton's keypoints, in memory.
+
+        Keypoints both have are kept; derived ones are the mean of their parts where all parts were seen, with the
+        lowest of their confidences. What cannot be had is missing.
+        """
+        sources = self.skeleton.sources_of(skeleton)
+        everything = self.frames(0, self.n_frames)
+        pixels = np.asarray(everything.keypoints_px)
+        trust = np.asarray(everything.confidence)
+        rows = len(pixels)
+        new_pixels = np.full((rows, len(skeleton), 2), np.nan)
+        new_trust = np.full((rows, len(skeleton)), np.nan)
+        new_depth = None if everything.depth is None else np.full((rows, len(skeleton)), np.nan)
+        for name, parts in sources.items():
+            columns = [self.skeleton.index(part) for part in parts]
+            k = skeleton.index(name)
+            new_pixels[:, k] = pixels[:, columns].mean(axis=1)
+            new_trust[:, k] = trust[:, columns].min(axis=1)
+            if new_depth is not None:
+                new_depth[:, k] = np.asarray(everything.depth)[:, columns].mean(axis=1)
+        return replace(everything, skeleton=skeleton, keypoints_px=new_pixels, confidence=new_trust, depth=new_depth)
+
+    def dense(self) -> tuple[np.ndarray, np.ndarray]:
+        """The view of one subject: pixels (frame, view, keypoint, 2) and confidence (frame, view, keypoint).
+
+        Raises:
+            DetectionsError: if a view has more than one person in a frame.
+        """
+        crowded = np.argwhere(self.people_counts > 1)
+        if len(crowded):
+            f, v = crowded[0]
+            raise DetectionsError(
+                f"View {self.view_names[v]!r} has {self.people_counts[f, v]} people in frame {self.frame_numbers[f]}: "
+                "a dense array holds one."
+            )
+        shape = (self.n_frames, self.n_views, len(self.skeleton))
+        pixels = np.full((*shape, 2), np.nan)
+        trust = np.full(shape, np.nan)
+        seen = self.people_counts == 1
+        pixels[seen] = self.keypoints_px[:]
+        trust[seen] = self.confidence[:]
+        return pixels, trust
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Detections):
+            return False
+        mine, theirs = self.frames(0, self.n_frames), other.frames(0, other.n_frames)
+        return all(same(getattr(mine, field.name), getattr(theirs, field.name)) for field in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def frame_times(frame_numbers: np.ndarray, n_views: int, rate_hz: float | None) -> np.ndarray:
+    """Shape (frame, view): frame / rate in every view, NaN where no rate is known."""
+    times = np.full(len(frame_numbers), np.nan) if rate_hz is None else np.asarray(frame_numbers) / rate_hz
+    return np.repeat(times[:, None], n_views, axis=1)
+
+
+def _starts(counts: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(counts.ravel())]).astype(np.int64)

@@ -1,0 +1,243 @@
+"""Skeletons: which keypoints there are, and how they belong together.
+
+A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` beside this module. Its tables:
+
+* ``name``, ``description``;
+* ``keypoints``: canonical names, snake_case with ``left_`` / ``right_`` as in COCO; ``"face_{00..67}"`` stands for 68;
+* ``edges``: pairs of names to draw, and whose lengths are bones;
+* ``pairs``: (left, right) names; where absent, every ``left_x`` that has a ``right_x``;
+* ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
+* ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
+* ``plausible_m``: rows of two names and the shortest and longest distance a body has between them, in metres;
+* ``[names]``: other programs' names for the keypoints, in the same order.
+"""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.arrays import frozen
+from posefuse.errors import SkeletonError, choices, suggestion
+
+_KEYS = ("name", "description", "keypoints", "edges", "pairs", "chains", "derived", "plausible_m", "names")
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Keypoint names and their relations.
+
+    Attributes:
+        name: of the skeleton.
+        keypoints: names, in the order of every keypoint axis.
+        edges: pairs of names that a bone or a drawn line joins.
+        pairs: (left, right) names.
+        chains: limb name to (left, right) pairs from the trunk outwards.
+        derived: name to the names it is the mean of.
+        plausible_m: two names, and the shortest and longest distance a body has between them, in metres.
+        names: another program to its names of the keypoints, in order.
+        description: a sentence.
+
+    Raises:
+        SkeletonError: where a table names a keypoint that is not there, or one twice.
+    """
+
+    name: str
+    keypoints: tuple[str, ...]
+    edges: tuple[tuple[str, str], ...] = ()
+    pairs: tuple[tuple[str, str], ...] = ()
+    chains: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    plausible_m: tuple[tuple[str, str, float, float], ...] = ()
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
+        if repeated:
+            raise SkeletonError(f"Skeleton {self.name!r} names keypoints twice: {choices(repeated)}.")
+        if not self.keypoints:
+            raise SkeletonError(f"Skeleton {self.name!r} has no keypoints.")
+        chained = [pair for chain in self.chains.values() for pair in chain]
+        bones = [(a, b) for a, b, _, _ in self.plausible_m]
+        tables = (("edges", self.edges), ("pairs", self.pairs), ("chains", chained), ("plausible_m", bones))
+        for table, pairs in tables:
+            for pair in pairs:
+                self._check_names(table, pair)
+        for program, names in self.names.items():
+            if len(names) != len(self.keypoints):
+                raise SkeletonError(
+                    f"Skeleton {self.name!r}: names.{program} has {len(names)} names for {len(self)} keypoints."
+                )
+
+    def _check_names(self, table: str, names: tuple[str, ...]) -> None:
+        for name in names:
+            if name not in self.keypoints:
+                raise SkeletonError(
+                    f"Skeleton {self.name!r}: {table} names {name!r}, which is not a keypoint. "
+                    f"{suggestion(name, self.keypoints)}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+    def index(self, keypoint: str) -> int:
+        """The place of a keypoint.
+
+        Raises:
+            SkeletonError: if there is no such keypoint.
+        """
+        if keypoint not in self.keypoints:
+            raise SkeletonError(
+                f"Skeleton {self.name!r} has no keypoint {keypoint!r}. {suggestion(keypoint, self.keypoints)}"
+            )
+        return self.keypoints.index(keypoint)
+
+    @cached_property
+    def edge_indices(self) -> np.ndarray:
+        """Shape (edge, 2), int64."""
+        return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.edges]).reshape(-1, 2), np.int64)
+
+    @cached_property
+    def mirror(self) -> np.ndarray:
+        """Shape (keypoint,), int64: each keypoint's partner on the other side, itself where it has none."""
+        partner = np.arange(len(self))
+        for left, right in self.pairs:
+            a, b = self.index(left), self.index(right)
+            partner[a], partner[b] = b, a
+        return frozen(partner, np.int64)
+
+    def canonical(self, name: str) -> str | None:
+        """The keypoint that some program calls ``name``, or None."""
+        if name in self.keypoints:
+            return name
+        for names in self.names.values():
+            if name in names:
+                return self.keypoints[names.index(name)]
+        return None
+
+    def sources_of(self, other: "Skeleton") -> dict[str, tuple[str, ...]]:
+        """How keypoints of ``other`` follow from this skeleton's: each name to the names whose mean it is.
+
+        Keypoints that both have map to themselves; derived ones of ``other`` to their parts where all of them are
+        here. Keypoints that cannot be had are left out.
+        """
+        found: dict[str, tuple[str, ...]] = {}
+        for name in other.keypoints:
+            parts = other.derived.get(name, ())
+            if name in self.keypoints:
+                found[name] = (name,)
+            elif parts and all(part in self.keypoints for part in parts):
+                found[name] = tuple(parts)
+        return found
+
+
+@cache
+def shipped_skeletons() -> tuple[str, ...]:
+    """The names of the skeletons that come with posefuse."""
+    folder = files("posefuse.model").joinpath("skeletons")
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+@cache
+def shipped_skeleton(name: str) -> Skeleton:
+    """A skeleton that comes with posefuse, by name (``coco_17`` and ``COCO-17`` alike).
+
+    Raises:
+        SkeletonError: if there is none of that name.
+    """
+    plain = re.sub(r"[^a-z0-9]", "", name.lower())
+    for candidate in shipped_skeletons():
+        if candidate.replace("_", "") == plain:
+            text = files("posefuse.model").joinpath("skeletons", f"{candidate}.toml").read_text("utf-8")
+            return parse_skeleton(text, f"{candidate}.toml")
+    raise SkeletonError(
+        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} A path to a skeleton's TOML file works too."
+    )
+
+
+def find_skeleton(name: str | Path | Skeleton) -> Skeleton:
+    """A skeleton by name, by the path of its TOML file, or itself.
+
+    Raises:
+        SkeletonError: if there is none, or the file does not describe one.
+    """
+    if isinstance(name, Skeleton):
+        return name
+    path = Path(name)
+    if path.suffix != ".toml":
+        return shipped_skeleton(str(name))
+    if not path.is_file():
+        raise SkeletonError(f"No skeleton file {path}. The shipped ones: {choices(shipped_skeletons(), 20)}.")
+    return parse_skeleton(path.read_text("utf-8"), path.name)
+
+
+def parse_skeleton(text: str, source: str) -> Skeleton:
+    """A skeleton from the text of its TOML file.
+
+    Raises:
+        SkeletonError: where the text does not describe one.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SkeletonError(f"{source} is not TOML: {error}.") from None
+    for key in data:
+        if key not in _KEYS:
+            raise SkeletonError(f"{source}: unknown table {key!r}. {suggestion(key, _KEYS)}")
+    for key in ("name", "keypoints"):
+        if key not in data:
+            raise SkeletonError(f"{source}: a skeleton needs {key!r}; it has {choices(data)}.")
+    keypoints = _expand(data["keypoints"])
+    pairs = _pairs(data["pairs"]) if "pairs" in data else _pairs_by_name(keypoints)
+    partner = dict(pairs)
+    chains: dict[str, tuple[tuple[str, str], ...]] = {}
+    for limb, left_names in data.get("chains", {}).items():
+        for left in left_names:
+            if left not in partner:
+                raise SkeletonError(f"{source}: chain {limb!r} names {left!r}, which is the left of no pair.")
+        chains[limb] = tuple((left, partner[left]) for left in left_names)
+    return Skeleton(
+        name=data["name"],
+        keypoints=keypoints,
+        edges=_pairs(data.get("edges", [])),
+        pairs=pairs,
+        chains=chains,
+        derived={name: tuple(parts) for name, parts in data.get("derived", {}).items()},
+        plausible_m=tuple((a, b, float(low), float(high)) for a, b, low, high in data.get("plausible_m", [])),
+        names={program: _expand(names) for program, names in data.get("names", {}).items()},
+        description=data.get("description", ""),
+    )
+
+
+def _expand(names: list[str]) -> tuple[str, ...]:
+    """Names with ranges written out: ``"face_{00..67}"`` is 68 names, padded with zeros as the first number is."""
+    out: list[str] = []
+    for name in names:
+        match = re.fullmatch(r"(.*)\{(\d+)\.\.(\d+)\}(.*)", name)
+        if match is None:
+            out.append(name)
+            continue
+        head, first, last, tail = match.groups()
+        out.extend(f"{head}{i:0{len(first)}d}{tail}" for i in range(int(first), int(last) + 1))
+    return tuple(out)
+
+
+def _pairs(rows: list[list[str]]) -> tuple[tuple[str, str], ...]:
+    """Rows of two names; a row ``["face_{00..02}", "face_{01..03}"]`` stands for three."""
+    out: list[tuple[str, str]] = []
+    for row in rows:
+        if len(row) != 2:
+            raise SkeletonError(f"A pair needs two names, got {row}.")
+        out.extend(zip(_expand([row[0]]), _expand([row[1]]), strict=True))
+    return tuple(out)
+
+
+def _pairs_by_name(keypoints: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    lefts = [name for name in keypoints if name.startswith("left_")]
+    return tuple((left, f"right_{left[5:]}") for left in lefts if f"right_{left[5:]}" in keypoints)

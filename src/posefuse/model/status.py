@@ -1,0 +1,104 @@
+"""What became of a point, and of each view's part in it, in names and sentences."""
+
+from enum import IntEnum
+
+from posefuse.kernels import codes
+
+
+class PointStatus(IntEnum):
+    """Why a point has coordinates, or why it has none."""
+
+    OK = codes.POINT_OK
+    TWO_VIEWS = codes.POINT_TWO_VIEWS
+    WEAK_GEOMETRY = codes.POINT_WEAK_GEOMETRY
+    AMBIGUOUS = codes.POINT_AMBIGUOUS
+    SINGLE_VIEW = codes.POINT_SINGLE_VIEW
+    NOT_SEEN = codes.POINT_NOT_SEEN
+    TOO_FEW_VIEWS = codes.POINT_TOO_FEW_VIEWS
+    DEGENERATE = codes.POINT_DEGENERATE
+    BEHIND_CAMERA = codes.POINT_BEHIND_CAMERA
+    NO_CONVERGENCE = codes.POINT_NO_CONVERGENCE
+    OUTLIER = codes.POINT_OUTLIER
+    ABSENT = codes.POINT_ABSENT
+
+    @property
+    def label(self) -> str:
+        """The word that files carry."""
+        return self.name.lower()
+
+    @property
+    def has_point(self) -> bool:
+        """Whether the point has coordinates."""
+        return self < codes.POINT_MISSING
+
+    @property
+    def sentence(self) -> str:
+        """What it means."""
+        return _POINT_SENTENCES[self]
+
+
+class ViewStatus(IntEnum):
+    """What a view contributed to a point, or why nothing."""
+
+    USED = codes.VIEW_USED
+    UNSEEN = codes.VIEW_UNSEEN
+    LOW_CONFIDENCE = codes.VIEW_LOW_CONFIDENCE
+    BEYOND_LENS = codes.VIEW_BEYOND_LENS
+    OUTLIER = codes.VIEW_OUTLIER
+    BEHIND_CAMERA = codes.VIEW_BEHIND_CAMERA
+    NOT_RECORDED = codes.VIEW_NOT_RECORDED
+    NOT_USED = codes.VIEW_NOT_USED
+
+    @property
+    def label(self) -> str:
+        """The word that files carry."""
+        return self.name.lower()
+
+    @property
+    def sentence(self) -> str:
+        """What it means."""
+        return _VIEW_SENTENCES[self]
+
+
+class Source(IntEnum):
+    """How the coordinates of a point came about."""
+
+    NONE = 0
+    MEASURED = 1
+    FILLED = 2
+    SMOOTHED = 3
+    TRAJECTORY = 4
+    MODELLED = 5
+    TRUTH = 6
+
+    @property
+    def label(self) -> str:
+        """The word that files carry; empty for a missing point."""
+        return "" if self is Source.NONE else self.name.lower()
+
+
+_POINT_SENTENCES = {
+    PointStatus.OK: "measured from at least three views",
+    PointStatus.TWO_VIEWS: "measured from two views: nothing to check them against",
+    PointStatus.WEAK_GEOMETRY: "measured, but the rays are so nearly parallel that the depth is poorly known",
+    PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
+    PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
+    PointStatus.NOT_SEEN: "no view detected it",
+    PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
+    PointStatus.DEGENERATE: "the rays do not fix a point",
+    PointStatus.BEHIND_CAMERA: "the rays meet behind a camera",
+    PointStatus.NO_CONVERGENCE: "the refinement did not settle",
+    PointStatus.OUTLIER: "the views contradict each other",
+    PointStatus.ABSENT: "the person is not there",
+}
+
+_VIEW_SENTENCES = {
+    ViewStatus.USED: "used",
+    ViewStatus.UNSEEN: "not detected in this view",
+    ViewStatus.LOW_CONFIDENCE: "detected, but below min_confidence",
+    ViewStatus.BEYOND_LENS: "outside the part of the image the lens model describes",
+    ViewStatus.OUTLIER: "contradicts the other views",
+    ViewStatus.BEHIND_CAMERA: "the point would lie behind this camera",
+    ViewStatus.NOT_RECORDED: "the view has no such frame",
+    ViewStatus.NOT_USED: "valid, but the point was not solved",
+}

@@ -1,0 +1,77 @@
+"""Who is whose: which detection in which view belongs to which person."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import IntEnum
+
+import numpy as np
+
+from posefuse.arrays import ArraySource, check_shape, same
+from posefuse.errors import ResultError
+from posefuse.kernels import codes
+from posefuse.model.detections import Detections
+
+
+class TrackState(IntEnum):
+    """The life of a person in the recording."""
+
+    ABSENT = 0
+    TENTATIVE = 1
+    ACTIVE = 2
+    LOST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """People over time, as the detections that belong to them.
+
+    Attributes:
+        person_ids: names, in order; also the stems of per-person files.
+        detection: shape (frame, person, view), int32: which of the people detected in that view and frame, counted
+            from 0; -1 where none.
+        state: shape (frame, person), int8, :class:`TrackState`.
+
+    Raises:
+        ResultError: where the arrays do not fit each other.
+    """
+
+    person_ids: tuple[str, ...]
+    detection: ArraySource
+    state: ArraySource
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "person_ids", tuple(self.person_ids))
+        n = len(self.person_ids)
+        if len(set(self.person_ids)) != n:
+            raise ResultError(f"Person ids must be unique, got {list(self.person_ids)}.")
+        check_shape(ResultError, "Tracks", "detection", self.detection, frame=None, person=n, view=None)
+        check_shape(ResultError, "Tracks", "state", self.state, frame=self.detection.shape[0], person=n)
+
+    def frames(self, start: int, stop: int) -> "Tracks":
+        """The frames ``start`` to ``stop``, in memory."""
+        return Tracks(self.person_ids, np.asarray(self.detection[start:stop]), np.asarray(self.state[start:stop]))
+
+    def rows(self, detections: Detections) -> np.ndarray:
+        """Shape (frame, person, view), int64: rows of the detections' arrays, NO_DETECTION or NOT_RECORDED."""
+        starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
+        index = np.asarray(self.detection[:]).astype(np.int64)
+        missing = np.where(detections.recorded, codes.NO_DETECTION, codes.NOT_RECORDED)[:, None, :]
+        return np.where(index >= 0, starts + index, missing)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Tracks"]) -> "Tracks":
+        """Consecutive ranges of frames as one."""
+        return cls(
+            parts[0].person_ids,
+            np.concatenate([part.detection[:] for part in parts]),
+            np.concatenate([part.state[:] for part in parts]),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Tracks):
+            return False
+        return self.person_ids == other.person_ids and all(
+            same(np.asarray(getattr(self, f.name)[:]), np.asarray(getattr(other, f.name)[:])) for f in fields(self)[1:]
+        )
+
+    __hash__ = None  # type: ignore[assignment]

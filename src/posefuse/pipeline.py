@@ -1,0 +1,271 @@
+"""The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from platform import python_version
+
+import numpy as np
+
+from posefuse.association import one_subject
+from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
+from posefuse.health.scale import scale_finding
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import CHUNK_FRAMES, Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
+from posefuse.model.tracks import Tracks
+from posefuse.progress import Progress, Silent
+from posefuse.triangulation import noise as noise_scale
+from posefuse.triangulation import simple, single_view
+from posefuse.triangulation.registry import load_method
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is settled before the first frame: matched views, options with nothing left open, noise.
+
+    Attributes:
+        rig: one camera per view, in the views' order.
+        detections: the frames and views to reconstruct.
+        options: as given, with ``min_views`` settled.
+        subject_ids: the subject's 2D track id in each view.
+        noise: of the detections.
+        provenance: how the result is made.
+    """
+
+    rig: CameraRig
+    detections: Detections
+    options: Options
+    subject_ids: np.ndarray
+    noise: NoiseModel
+    provenance: Provenance
+
+
+def reconstruct(
+    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
+) -> Reconstruction:
+    """Reconstruct people in 3D from calibrated views.
+
+    Args:
+        rig: calibrated cameras. Views find their cameras by name; see :func:`match_views`.
+        detections: 2D keypoints.
+        options: what to do; the defaults suit one person.
+        progress: told how far the work is.
+
+    Returns:
+        The reconstruction, in memory.
+
+    Raises:
+        MatchError: if views and cameras do not belong together.
+        DetectionsError: if the detections do not allow what the options ask for.
+    """
+    plan = prepare(rig, detections, options or Options(), progress or Silent())
+    return Reconstruction.concatenate(list(reconstruct_chunks(plan, progress or Silent())))
+
+
+def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:
+    """Only measure: the ``measured`` layer of :func:`reconstruct`, nothing filled, smoothed or modelled.
+
+    Arguments, result and errors are those of :func:`reconstruct`.
+    """
+    plan = prepare(rig, detections, options or Options(), Silent())
+    return Reconstruction.concatenate([measure(plan, chunk) for chunk in plan.detections.chunks()])
+
+
+def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
+    """Settle everything that needs the whole recording: views, frames, who the subject is, and the noise."""
+    if detections.n_frames == 0:
+        raise DetectionsError("The recording is empty: it has no frames.")
+    rig, detections, notes = match_views(rig, detections, options)
+    detections = cut_time(detections, options)
+    options, warning = settle_min_views(options, len(rig))
+    subject_ids = one_subject.longest_ids(detections)
+    noise, findings = survey(rig, detections, options, subject_ids, progress)
+    provenance = Provenance(
+        versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
+        notes=(*rig.notes, *detections.notes, *notes, *warning, *findings),
+    )
+    return Plan(rig, detections, options, subject_ids, noise, provenance)
+
+
+def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
+    """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
+    progress.start("triangulating", plan.detections.n_frames)
+    for chunk in plan.detections.chunks(size):
+        yield measure(plan, chunk)
+        progress.advance(chunk.n_frames)
+    progress.finish()
+
+
+def measure(plan: Plan, detections: Detections) -> Reconstruction:
+    """The measured layer of a range of frames."""
+    tracks = one_subject.follow(detections, plan.options.pick, plan.subject_ids)
+    layer = triangulate_layer(plan.rig, detections, tracks, plan.noise, plan.options.triangulation)
+    recorded = detections.recorded & np.isfinite(detections.time_s)
+    times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
+    count = recorded.sum(axis=1)
+    return Reconstruction(
+        rig=plan.rig,
+        skeleton=detections.skeleton,
+        person_ids=tracks.person_ids,
+        frame_numbers=detections.frame_numbers,
+        time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),
+        layers={"measured": layer},
+        tracks=tracks,
+        noise=plan.noise,
+        rate_hz=detections.rate_hz,
+        unit="px" if len(plan.rig) == 1 else "m",
+        options=plan.options,
+        provenance=plan.provenance,
+    )
+
+
+def triangulate_layer(
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
+) -> Layer:
+    """Triangulate the people of the tracks by the chosen method; one camera is only flattened."""
+    if len(rig) == 1:
+        return single_view.solve(detections, tracks, noise, options)
+    return load_method(options.method).solve(rig, detections, tracks, noise, options)
+
+
+def match_views(
+    rig: CameraRig, detections: Detections, options: Options
+) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+    """Give every view its camera: by name, or by ``options.camera_order``; never silently by position.
+
+    Names match when they are equal, or equal once case, punctuation and the endings that keypoint folders add
+    (``_json``, ``_keypoints``) are left out, and no other name is.
+
+    Returns:
+        The cameras in the views' order, the chosen views, and what is worth saying.
+
+    Raises:
+        MatchError: if a view has no camera, or two might be its.
+    """
+    order = options.camera_order
+    names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
+    wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
+    for name in (*options.cameras, *options.exclude_camera):
+        rig.index(name)
+        if name not in names:
+            raise MatchError(f"Camera {name!r} is calibrated but has no view; the views are of {choices(names)}.")
+    if not wanted:
+        raise MatchError(f"No camera is left: exclude_camera names all of {choices(names)}.")
+    notes = []
+    idle = [name for name in rig.names if name not in names]
+    if idle:
+        notes.append(f"{len(idle)} calibrated cameras have no view and are left out: {choices(idle)}.")
+    renamed = [(view, name) for view, name in zip(detections.view_names, names, strict=True) if view != name]
+    if renamed:
+        notes.append("Views matched to cameras: " + ", ".join(f"{view} = {name}" for view, name in renamed) + ".")
+    if wanted != names:
+        views = [detections.view_names[names.index(name)] for name in wanted]
+        detections = detections.views(views)
+    return rig.select(wanted), detections, tuple(notes)
+
+
+def _by_order(rig: CameraRig, detections: Detections, order: tuple[str, ...]) -> tuple[str, ...]:
+    if len(order) != detections.n_views or len(set(order)) != len(order):
+        raise MatchError(
+            f"camera_order must name one camera for each of the {detections.n_views} views "
+            f"({choices(detections.view_names)}), each once; got {len(order)}: {choices(order)}."
+        )
+    return tuple(rig.cameras[rig.index(name)].name for name in order)
+
+
+def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
+    names = []
+    for view in detections.view_names:
+        exact = [name for name in rig.names if name == view]
+        near = [name for name in rig.names if plain_name(name) == plain_name(view)]
+        found = exact or near
+        if len(found) != 1:
+            problem = "has no camera of its name" if not found else f"could be any of {choices(found)}"
+            raise MatchError(
+                f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
+                "If they belong together in another way, say so: --camera-order takes one camera name for each view, "
+                "in the views' order above."
+            )
+        names.append(found[0])
+    if len(set(names)) != len(names):
+        repeated = next(name for name in names if names.count(name) > 1)
+        views = [view for view, name in zip(detections.view_names, names, strict=True) if name == repeated]
+        raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use --camera-order.")
+    return tuple(names)
+
+
+def plain_name(name: str) -> str:
+    """A camera or view name without case, punctuation and the endings that keypoint folders add."""
+    plain = "".join(character for character in name.lower() if character.isalnum())
+    for ending in ("keypoints", "json", "keypoints"):
+        plain = plain.removesuffix(ending)
+    return plain
+
+
+def cut_time(detections: Detections, options: Options) -> Detections:
+    """The frames between ``start_s`` and ``end_s`` (exclusive), in memory only if something is cut.
+
+    Raises:
+        DetectionsError: if the times are unknown or nothing is left.
+    """
+    if options.start_s is None and options.end_s is None:
+        return detections
+    known = detections.recorded & np.isfinite(detections.time_s)
+    times = np.where(known, detections.time_s, np.inf).min(axis=1)
+    if not np.isfinite(times).all():
+        raise DetectionsError("start_s and end_s need times, and the files give no frame rate. Add --rate-hz.")
+    start = 0 if options.start_s is None else int(np.searchsorted(times, options.start_s - 1e-9))
+    stop = len(times) if options.end_s is None else int(np.searchsorted(times, options.end_s - 1e-9))
+    if start >= stop:
+        raise DetectionsError(
+            f"No frame lies between start_s = {options.start_s} and end_s = {options.end_s}; the recording runs from "
+            f"{times[0]:.3f} s to {times[-1]:.3f} s."
+        )
+    return detections.frames(start, stop)
+
+
+def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
+    """Fill in the method's own ``min_views``, and lower it to the cameras there are, saying so once."""
+    triangulation = options.triangulation
+    method = load_method(triangulation.method)
+    wanted = triangulation.min_views or method.DEFAULT_MIN_VIEWS
+    settled = max(2, min(wanted, n_cameras))
+    notes: tuple[str, ...] = ()
+    if settled < wanted and n_cameras > 1:
+        notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
+        warnings.warn(notes[0], PosefuseWarning, stacklevel=4)
+    return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
+
+
+def survey(
+    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
+) -> tuple[NoiseModel, tuple[str, ...]]:
+    """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
+    chosen = options.triangulation
+    exponent = chosen.confidence_exponent
+    fixed = None
+    if options.noise_scale_px is not None:
+        fixed = NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
+    if len(rig) == 1:
+        return fixed or noise_scale.scale_from(np.empty(0), rig, exponent), ()
+    relative = noise_scale.relative_noise(rig, chosen)
+    pieces = noise_scale.sample(detections.n_frames)
+    estimates, points = [], []
+    progress.start("surveying", sum(stop - start for start, stop in pieces))
+    for start, stop in pieces:
+        piece = detections.frames(start, stop)
+        tracks = one_subject.follow(piece, options.pick, subject_ids)
+        layer = simple.solve(rig, piece, tracks, relative, replace(chosen, min_views=2))
+        estimates.append(noise_scale.squared_scales(layer, piece, tracks.rows(piece), exponent))
+        points.append(np.asarray(layer.points_m))
+        progress.advance(stop - start)
+    progress.finish()
+    finding = scale_finding(points, detections.skeleton, rig.metres_per_unit)
+    if finding is not None:
+        warnings.warn(finding, PosefuseWarning, stacklevel=4)
+    notes = () if finding is None else (finding,)
+    return fixed or noise_scale.scale_from(np.concatenate(estimates), rig, exponent), notes

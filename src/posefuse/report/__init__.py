@@ -1,0 +1,1 @@
+"""A reconstruction as one self-contained page."""

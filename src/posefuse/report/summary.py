@@ -1,0 +1,84 @@
+"""The numbers a report shows, gathered range by range."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus, ViewStatus
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A distribution in three numbers; NaN where it is empty."""
+
+    median: float
+    p90: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a layer is like.
+
+    Attributes:
+        layer: which.
+        n_points: keypoints of all people and frames.
+        status_counts: how many points have each status.
+        view_status_counts: shape (view, ViewStatus): how many observations of each view.
+        error_px: of all used observations.
+        error_px_by_view: per view.
+        error_px_by_keypoint: per keypoint.
+        missing_by_keypoint: share of points without coordinates, per keypoint.
+        sd_mm: standard deviation, root mean square over the axes, of the points there are.
+    """
+
+    layer: LayerName
+    n_points: int
+    status_counts: dict[PointStatus, int]
+    view_status_counts: np.ndarray
+    error_px: Spread
+    error_px_by_view: tuple[Spread, ...]
+    error_px_by_keypoint: tuple[Spread, ...]
+    missing_by_keypoint: np.ndarray
+    sd_mm: Spread
+
+
+def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary:
+    """Gather a layer's numbers from consecutive ranges of frames."""
+    errors, statuses, view_statuses, deviations = [], [], [], []
+    for part in parts:
+        layer = part.layers[layer_name]
+        status = np.asarray(layer.status[:])
+        view_status = np.asarray(layer.view_status[:])
+        used = view_status == ViewStatus.USED
+        errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan).reshape(-1, *used.shape[2:]))
+        statuses.append(status.reshape(-1, status.shape[-1]))
+        view_statuses.append(view_status.reshape(-1, *view_status.shape[2:]))
+        deviations.append(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)).ravel())
+    error = np.concatenate(errors)
+    status = np.concatenate(statuses)
+    view_status = np.concatenate(view_statuses)
+    counts = [[int((view_status[..., v] == code).sum()) for code in ViewStatus] for v in range(view_status.shape[-1])]
+    return Summary(
+        layer=layer_name,
+        n_points=int(status.size),
+        status_counts={code: int((status == code).sum()) for code in PointStatus if (status == code).any()},
+        view_status_counts=np.array(counts),
+        error_px=spread(error),
+        error_px_by_view=tuple(spread(error[..., v]) for v in range(error.shape[-1])),
+        error_px_by_keypoint=tuple(spread(error[:, k]) for k in range(error.shape[1])),
+        missing_by_keypoint=(status >= PointStatus.NOT_SEEN).mean(axis=0),
+        sd_mm=spread(np.concatenate(deviations)),
+    )
+
+
+def spread(values: np.ndarray) -> Spread:
+    """Median, 90 % percentile and number of the values that are not NaN."""
+    flat = np.asarray(values).ravel()
+    flat = flat[np.isfinite(flat)]
+    if not flat.size:
+        return Spread(float("nan"), float("nan"), 0)
+    return Spread(float(np.median(flat)), float(np.percentile(flat, 90)), int(flat.size))

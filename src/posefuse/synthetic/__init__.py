@@ -1,0 +1,1 @@
+"""Scenes with known truth: cameras, moving people, detectors with faults."""

@@ -1,0 +1,99 @@
+"""Whole scenes: a rig, the truth, and what a detector made of it."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
+from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.synthetic.detector import clock_offsets, detect
+from posefuse.synthetic.figures import creature, human
+from posefuse.synthetic.motions import CreatureMotion, HumanMotion
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.rigs import build_rig
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What was simulated.
+
+    Attributes:
+        rig: The cameras.
+        detections: What the detector made of it.
+        truth: Where the keypoints really were.
+        offsets_s: Shape (view,): how much later than it says each view took its frames.
+    """
+
+    rig: CameraRig
+    detections: Detections
+    truth: Reconstruction
+    offsets_s: np.ndarray
+
+
+def simulate(options: SceneOptions | None = None) -> Scene:
+    """Simulate a recording of one subject.
+
+    Raises:
+        OptionsError: on options that make no scene.
+        SkeletonError: if there is no such skeleton.
+    """
+    options = options or SceneOptions()
+    rng = np.random.default_rng(options.seed)
+    skeleton = find_skeleton(options.skeleton)
+    figure = human(float(rng.uniform(1.6, 1.85)))
+    target, radius = (0.0, 0.0, 0.9), 5.0
+    motion: HumanMotion | CreatureMotion
+    if figure.has(skeleton):
+        motion = HumanMotion.random(options.activities, rng)
+    else:
+        figure = creature(skeleton, options.size_m, rng)
+        motion = CreatureMotion(int(rng.integers(2**31)), options.size_m, height_m=options.size_m)
+        target, radius = (0.0, 0.0, options.size_m), 6.0 * options.size_m
+    rig = build_rig(options.layout, options.cameras, options.lens, radius_m=radius, target_m=target)
+    n_frames = max(1, round(options.duration_s * options.rate_hz))
+    time_s = np.arange(n_frames) / options.rate_hz
+    offsets = clock_offsets(rig, options.detector, rng)
+    columns = figure.columns(skeleton)
+    # A clock may run ahead of the recording's start: motions begin a little later than time 0.
+    taken = time_s[:, None] + offsets[None, :] + options.detector.max_offset_s
+    seen = motion.positions(figure, taken.ravel())[:, columns].reshape(n_frames, len(rig), len(skeleton), 3)
+    points = motion.positions(figure, time_s + options.detector.max_offset_s)[:, columns]
+    detections = detect(rig, seen, skeleton, options.rate_hz, options.detector, rng)
+    return Scene(rig, detections, truth_of(rig, skeleton, points, options.rate_hz), offsets)
+
+
+def truth_of(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray, rate_hz: float) -> Reconstruction:
+    """Known positions of one person as a reconstruction.
+
+    Args:
+        rig: the cameras of the scene.
+        skeleton: of the keypoints.
+        points_m: shape (frame, keypoint, 3).
+        rate_hz: frames per second.
+    """
+    points = np.asarray(points_m, dtype=np.float64)[:, None]
+    shape, views = points.shape[:3], len(rig)
+    known = np.asarray(np.isfinite(points).all(axis=-1))
+    layer = Layer(
+        points_m=points,
+        covariance_m2=np.where(known[..., None], np.zeros(6), np.nan),
+        status=np.where(known, PointStatus.OK, PointStatus.NOT_SEEN).astype(np.int8),
+        source=np.where(known, Source.TRUTH, Source.NONE).astype(np.int8),
+        reprojection_error_px=np.full(shape, np.nan),
+        view_status=np.full((*shape, views), ViewStatus.UNSEEN, dtype=np.int8),
+        view_error_px=np.full((*shape, views), np.nan, dtype=np.float32),
+    )
+    return Reconstruction(
+        rig=rig,
+        skeleton=skeleton,
+        person_ids=("person_1",),
+        frame_numbers=np.arange(len(points)),
+        time_s=np.arange(len(points)) / rate_hz,
+        layers={"measured": layer},
+        rate_hz=rate_hz,
+        provenance=Provenance(versions={"posefuse": version("posefuse")}, notes=("Simulated truth.",)),
+    )

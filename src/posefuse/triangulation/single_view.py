@@ -1,0 +1,66 @@
+"""One camera: no triangulation, only its image plane (FreeMoCap's "Flatten Single Camera Data").
+
+The result is in pixels and no place in the world: x to the right, y downwards, as the detector gave them. With
+``flatten_single_view`` z is 0; without, z is the detector's own depth.
+"""
+
+import numpy as np
+
+from posefuse.errors import DetectionsError
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import TriangulationOptions
+from posefuse.model.reconstruction import Layer
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracks import Tracks
+from posefuse.triangulation.results import rows_by_person_frame
+
+
+def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions) -> Layer:
+    """The keypoints of one view as points in its image plane, in pixels.
+
+    Raises:
+        DetectionsError: if depth is asked for and the detector gave none.
+    """
+    depth = detections.depth
+    if not options.flatten_single_view and depth is None:
+        raise DetectionsError(
+            "With one camera and flatten_single_view = false, z is the detector's depth, and these keypoints have "
+            "none. Set flatten_single_view = true, or read a third channel as depth."
+        )
+    frames, people, _ = tracks.detection.shape
+    rows = rows_by_person_frame(tracks, detections)[:, 0]
+    there = rows >= 0
+    shape = (len(rows), len(detections.skeleton))
+    pixels = np.full((*shape, 2), np.nan)
+    trust = np.full(shape, np.nan)
+    z = np.where(there[:, None], 0.0, np.full(shape, np.nan))
+    pixels[there] = np.asarray(detections.keypoints_px)[rows[there]]
+    trust[there] = np.asarray(detections.confidence)[rows[there]]
+    if not options.flatten_single_view:
+        z[there] = np.asarray(depth)[rows[there]]
+    seen = np.isfinite(pixels).all(axis=-1) & np.isfinite(z)
+    low = seen & (trust < options.min_confidence)
+    solved = seen & ~low
+    points = np.where(solved[..., None], np.concatenate([pixels, z[..., None]], axis=-1), np.nan)
+    sigma = noise.scale_px[0] / np.where(np.isfinite(trust), trust, 1.0) ** noise.exponent
+    covariance = np.zeros((*shape, 6))
+    covariance[..., 0] = covariance[..., 3] = sigma**2
+    # How wrong the depth is, nobody says.
+    covariance[..., 5] = 0.0 if options.flatten_single_view else np.nan
+    covariance[~solved] = np.nan
+    status = np.where(solved, PointStatus.SINGLE_VIEW, np.where(low, PointStatus.TOO_FEW_VIEWS, PointStatus.NOT_SEEN))
+    view_status = np.where(low, ViewStatus.LOW_CONFIDENCE, np.where(solved, ViewStatus.USED, ViewStatus.UNSEEN))
+
+    def by_frame(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:
+        return array.astype(dtype).reshape(frames, people, *array.shape[1:])
+
+    return Layer(
+        points_m=by_frame(points),
+        covariance_m2=by_frame(covariance),
+        status=by_frame(status, np.int8),
+        source=by_frame(np.where(solved, Source.MEASURED, Source.NONE), np.int8),
+        reprojection_error_px=by_frame(np.full(shape, np.nan)),
+        view_status=by_frame(view_status[..., None], np.int8),
+        view_error_px=by_frame(np.full((*shape, 1), np.nan), np.float32),
+    )

@@ -1,0 +1,46 @@
+"""What all tests share."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SHARED_DATA = ROOT.parent / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give all kernels one time stamp: Numba's cache looks at a kernel's own file, not at those it calls."""
+    if hasattr(config, "workerinput"):
+        return
+    kernels = list((ROOT / "src" / "posefuse" / "kernels").glob("*.py"))
+    newest = max(kernel.stat().st_mtime_ns for kernel in kernels)
+    for kernel in kernels:
+        if kernel.stat().st_mtime_ns != newest:
+            os.utime(kernel, ns=(newest, newest))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+@pytest.fixture
+def shared_data():
+    """A folder of real recordings by name, or a skip that says why."""
+
+    def folder(name: str) -> Path:
+        path = SHARED_DATA / name
+        if not path.is_dir():
+            pytest.skip(f"real recordings are not here: no {path.relative_to(ROOT.parent)} beside the repository")
+        return path
+
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _quiet_without_the_compiler():
+    """Idle lanes divide by zero; compiled code does so silently, NumPy's scalars would warn."""
+    with np.errstate(all="ignore" if os.environ.get("NUMBA_DISABLE_JIT") == "1" else "warn"):
+        yield

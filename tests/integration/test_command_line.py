@@ -1,0 +1,339 @@
+"""The command line from files to files, and a sentence for every bad input."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.cli.main import main
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.io.results import trc
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.files import anipose_toml, write_openpose
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command; returns exit code, stdout and stderr."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = 0
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            code = stop.code if isinstance(stop.code, int) else 1
+        captured = capsys.readouterr()
+        return code, captured.out, re.sub(r"\s+", " ", captured.err)
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def clean_scene():
+    return simulate(SceneOptions(duration_s=1, cameras=4, detector=CLEAN))
+
+
+@pytest.fixture
+def recording(tmp_path, clean_scene) -> Path:
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    anipose.write(clean_scene.rig, folder / "calibration.toml")
+    native.write(clean_scene.detections, folder / "keypoints.nc")
+    posefuse.write(clean_scene.truth, tmp_path / "truth.nc")
+    return folder
+
+
+OUTPUTS = ["keypoints.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html"]
+
+
+def test_from_files_to_people(run, recording, tmp_path):
+    out = tmp_path / "out"
+    code, said, _ = run("reconstruct", recording, "--output", out)
+    assert code == 0
+    assert sorted(entry.name for entry in out.iterdir()) == OUTPUTS
+    assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in said
+    assert "layer measured" in said
+    code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
+    assert code == 0
+    assert "mean error (MPJPE)" in said
+    numbers = json.loads((out / "evaluation.json").read_text())
+    assert numbers["median_mm"] < 10
+    assert trc.read(out / "person_1.trc").rate_hz == 30
+    assert ezc3d.c3d(str(out / "person_1.c3d"))["parameters"]["POINT"]["RATE"]["value"][0] == 30
+    assert all(len(line) <= 80 for line in said.splitlines() if "Wrote" not in line)
+
+
+def test_the_same_input_gives_the_same_bytes(run, recording, tmp_path):
+    for name in ("one", "two"):
+        assert run("reconstruct", recording, "-o", tmp_path / name)[0] == 0
+    for output in OUTPUTS:
+        assert (tmp_path / "one" / output).read_bytes() == (tmp_path / "two" / output).read_bytes(), output
+    content = b"".join((tmp_path / "one" / output).read_bytes() for output in OUTPUTS if output != "report.html")
+    assert str(tmp_path).encode() not in content
+
+
+def test_running_again_replaces_the_result(run, recording, tmp_path):
+    out = tmp_path / "out"
+    assert run("reconstruct", recording, "-o", out)[0] == 0
+    assert run("reconstruct", recording, "-o", out, "--end-s", "0.5")[0] == 0
+    assert posefuse.read_reconstruction(out / "reconstruction.nc").n_frames == 15
+
+
+def test_evaluate_against_a_trc(run, recording, tmp_path):
+    out = tmp_path / "out"
+    run("reconstruct", recording, "-o", out)
+    posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
+    code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
+    assert code == 0
+    assert "frames matched by order" in said
+    from_trc = json.loads((tmp_path / "numbers.json").read_text())
+    run("evaluate", out, tmp_path / "truth.nc")
+    from_nc = json.loads((out / "evaluation.json").read_text())
+    assert from_trc["mpjpe_mm"] == pytest.approx(from_nc["mpjpe_mm"], abs=1e-3)
+
+
+def test_options_from_a_file_and_a_flag_that_beats_it(run, recording, tmp_path):
+    path = tmp_path / "options.toml"
+    path.write_text("end_s = 0.5\n[triangulation]\nmin_views = 4\n")
+    assert run("--options", path, "reconstruct", recording, "-o", tmp_path / "a")[0] == 0
+    found = posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc")
+    assert (found.n_frames, found.options.triangulation.min_views) == (15, 4)
+    flags = ["--triangulation.min-views", "2"]
+    assert run("--options", path, "reconstruct", recording, "-o", tmp_path / "b", *flags)[0] == 0
+    found = posefuse.read_reconstruction(tmp_path / "b" / "reconstruction.nc")
+    assert (found.n_frames, found.options.triangulation.min_views) == (15, 2)
+    assert run("reconstruct", recording, "-o", tmp_path / "c", "--options", path)[0] == 0
+    assert posefuse.read_reconstruction(tmp_path / "c" / "reconstruction.nc").n_frames == 15
+
+
+def test_choosing_cameras(run, recording, tmp_path):
+    assert run("reconstruct", recording, "-o", tmp_path / "a", "--cameras", "cam_3", "cam_0", "cam_1")[0] == 0
+    assert posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc").rig.names == ("cam_3", "cam_0", "cam_1")
+    assert run("reconstruct", recording, "-o", tmp_path / "b", "--exclude-camera", "cam_2")[0] == 0
+    assert posefuse.read_reconstruction(tmp_path / "b" / "reconstruction.nc").rig.names == ("cam_0", "cam_1", "cam_3")
+
+
+def test_init_writes_every_option_once(run, tmp_path):
+    path = tmp_path / "posefuse.toml"
+    assert run("init", path)[0] == 0
+    assert "[triangulation]" in path.read_text()
+    code, _, said = run("init", path)
+    assert code == 1
+    assert "exists already" in said
+
+
+def test_simulate_and_report(run, tmp_path):
+    folder = tmp_path / "scene"
+    flags = ["--duration-s", "0.5", "--cameras", "3", "--lens", "barrel", "--detector.noise", "gaussian"]
+    code, said, _ = run("simulate", folder, *flags)
+    assert code == 0
+    assert "15 frames at 30 Hz, 3 cameras, 26 keypoints" in said
+    assert sorted(entry.name for entry in folder.iterdir()) == ["calibration.toml", "keypoints.nc", "truth.nc"]
+    assert run("reconstruct", folder, "-o", tmp_path / "out")[0] == 0
+    assert run("report", tmp_path / "out", "--truth", folder / "truth.nc", "-o", tmp_path / "page.html")[0] == 0
+    assert "Against the truth" in (tmp_path / "page.html").read_text()
+
+
+def test_demo(run, tmp_path):
+    code, said, _ = run("demo", "-o", tmp_path / "demo")
+    assert code == 0
+    assert "The report: file://" in said
+    assert "Against the truth" in (tmp_path / "demo" / "result" / "report.html").read_text()
+
+
+def test_inspect(run, recording, tmp_path, clean_scene):
+    code, said, _ = run("inspect", recording)
+    assert code == 0
+    for words in ("(anipose)", "up axis z", "(posefuse)", "skeleton halpe_26", "30 Hz", "4 views match 4 cameras"):
+        assert words in said
+    (recording / "old.toml").write_text("[cam_0]\nmatrix = 3\n")
+    code, said, _ = run("inspect", recording)
+    assert code == 0
+    assert "cannot be read" in said
+    code, _, said = run("inspect", tmp_path / "recording" / "..")
+    assert code == 0
+
+
+def test_lists(run):
+    assert "simple (default)" in run("methods")[1]
+    assert "openpose (read)" in run("formats")[1]
+
+
+class TestBadInput:
+    """Each gets one sentence: what, where, expected and got, what to do; and nothing half-written stays."""
+
+    @pytest.fixture
+    def refused(self, run, tmp_path):
+        def check(*arguments: object, words: list[str], code: int = 1) -> None:
+            before = sorted(tmp_path.rglob("*"))
+            found, _, said = run(*arguments)
+            assert found == code
+            for word in words:
+                assert word in said, said
+            assert "Traceback" not in said
+            assert sorted(tmp_path.rglob("*")) == before
+
+        return check
+
+    def test_wrong_folder(self, refused, tmp_path):
+        refused("reconstruct", tmp_path / "nowhere", "-o", tmp_path / "o", words=["No recording at", "nowhere"])
+
+    def test_no_calibration(self, refused, recording, tmp_path):
+        (recording / "calibration.toml").unlink()
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations in", "--calibration PATH"])
+
+    def test_no_keypoints(self, refused, recording, tmp_path):
+        (recording / "keypoints.nc").unlink()
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No sets of 2D keypoints", "--keypoints PATH"])
+
+    def test_two_calibrations(self, refused, recording, tmp_path):
+        (recording / "other.toml").write_text((recording / "calibration.toml").read_text())
+        words = ["2 calibrations", "does not guess", "--calibration", "other.toml"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
+
+    def test_cameras_of_other_names(self, refused, recording, tmp_path):
+        text = (recording / "calibration.toml").read_text()
+        (recording / "calibration.toml").write_text(re.sub(r'name = "cam_(\d)"', r'name = "gopro \1"', text))
+        words = ["View 'cam_0' has no camera of its name", "gopro 0", "--camera-order"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
+
+    def test_fewer_cameras_than_views(self, refused, recording, tmp_path, clean_scene):
+        anipose.write(clean_scene.rig.select(["cam_0", "cam_1", "cam_2"]), recording / "calibration.toml")
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["View 'cam_3' has no camera of its name"])
+
+    def test_truncated_json(self, refused, recording, tmp_path, clean_scene):
+        (recording / "keypoints.nc").unlink()
+        write_openpose(recording / "pose", clean_scene.detections)
+        broken = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
+        broken.write_text(broken.read_text()[:200])
+        words = ["cam_2_000000000007_keypoints.json is not whole JSON (200 bytes)", "cut short"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", "--rate-hz", "30", words=words)
+
+    def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
+        (recording / "keypoints.nc").unlink()
+        write_openpose(recording / "pose", clean_scene.detections)
+        refused(
+            "reconstruct", recording, "-o", tmp_path / "o", words=["do not say how many frames a second", "--rate-hz"]
+        )
+
+    def test_empty_recording(self, refused, recording, tmp_path):
+        (recording / "keypoints.nc").unlink()
+        np.save(recording / "points.npy", np.zeros((4, 0, 17, 2)))
+        words = ["empty"]
+        arguments = ["--skeleton", "coco_17", "--rate-hz", "30", "--camera-order", "cam_0", "cam_1", "cam_2", "cam_3"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ("1200.0", "0.0", ["'cam_0'", "focal lengths must be positive"]),
+            ("1200.0", "nan", ["'cam_0'", "not finite"]),
+            ("[cam_0]", "[cam_0", ["calibration.toml is not TOML", "cut short"]),
+        ],
+    )
+    def test_broken_calibration(self, old, new, words, refused, recording, tmp_path):
+        path = recording / "calibration.toml"
+        path.write_text(path.read_text().replace(old, new))
+        arguments = ["-o", tmp_path / "o", "--calibration", path]
+        refused("reconstruct", recording, *arguments, words=words)
+
+    def test_a_matrix_that_is_no_rotation(self, refused, recording, tmp_path, clean_scene):
+        text = anipose_toml(clean_scene.rig)
+        line = next(line for line in text.splitlines() if line.startswith("rotation"))
+        (recording / "calibration.toml").write_text(text.replace(line, "rotation = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]"))
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["'cam_0'", "the rotation is not one"])
+
+    def test_several_people(self, refused, recording, tmp_path, clean_scene):
+        (recording / "keypoints.nc").unlink()
+        write_openpose(recording / "pose", clean_scene.detections)
+        path = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
+        frame = json.loads(path.read_text())
+        frame["people"].append(frame["people"][0])
+        path.write_text(json.dumps(frame))
+        words = ["View 'cam_2_json' shows 2 people in frame 7", "--pick largest"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", "--rate-hz", "30", words=words)
+
+    def test_a_skeleton_of_other_keypoints(self, refused, recording, tmp_path, clean_scene):
+        (recording / "keypoints.nc").unlink()
+        write_openpose(recording / "pose", clean_scene.detections)
+        arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
+        words = ["has 26 keypoints a person, skeleton coco_17 has 17"]
+        refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
+
+    def test_an_output_that_is_something_else(self, refused, recording, tmp_path):
+        refused("reconstruct", recording, "-o", recording, words=["already holds other files", "empty folder"])
+
+    @pytest.mark.parametrize(
+        ("arguments", "words"),
+        [
+            (["--triangulation.method", "simpel"], ["no method 'simpel'", "Did you mean 'simple'"]),
+            (["--pick", "tallest"], ["tallest"]),
+            (["--min-vews", "3"], ["--min-vews"]),
+            (["--rate-hz", "fast"], ["fast"]),
+            (["--people", "many"], ["many"]),
+        ],
+    )
+    def test_wrong_flags(self, arguments, words, refused, recording, tmp_path):
+        refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words, code=2)
+
+    def test_wrong_keys_in_a_file(self, refused, recording, tmp_path):
+        path = tmp_path / "options.toml"
+        path.write_text("[triangulation]\nmin_vews = 3\n")
+        words = ["options.toml: unknown option triangulation.'min_vews'", "Did you mean 'min_views'"]
+        refused("--options", path, "reconstruct", recording, "-o", tmp_path / "o", words=words, code=2)
+
+    def test_no_result(self, refused, tmp_path):
+        refused("evaluate", tmp_path, tmp_path / "truth.nc", words=["No"])
+        refused("report", tmp_path / "nowhere", words=["No result at"])
+
+
+def test_detections_outside_the_image_are_used(run, recording, tmp_path, clean_scene):
+    """Some detectors extrapolate beyond the edge; a keypoint there is an observation like any other."""
+    keypoints = np.array(clean_scene.detections.dense()[0])
+    keypoints[:, 0] += [5000.0, 0.0]
+    from posefuse.model.detections import Detections
+
+    moved = Detections.from_dense(clean_scene.detections.skeleton, clean_scene.rig.names, keypoints, rate_hz=30)
+    native.write(moved, recording / "keypoints.nc")
+    assert run("reconstruct", recording, "-o", tmp_path / "o")[0] == 0
+
+
+@pytest.mark.parametrize("code", ["import posefuse", "import posefuse; posefuse.Options(); posefuse.Camera"])
+def test_importing_starts_no_compiler(code):
+    loaded = subprocess.run(
+        [sys.executable, "-c", f"{code}; import sys; print('numba' in sys.modules)"],
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert loaded.strip() == "False"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["reconstruct", "--help"], ["simulate", "--help"], ["--version"]])
+def test_help_starts_no_compiler(arguments, tmp_path):
+    program = (
+        "import sys; from posefuse.cli.main import main\n"
+        f"try: main({arguments!r})\n"
+        "except SystemExit: pass\n"
+        "print('numba' in sys.modules)"
+    )
+    environment = {**os.environ, "COLUMNS": "80"}
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
+    ).stdout
+    assert found.strip().endswith("False")
+    assert all(len(line) <= 80 for line in found.splitlines())
+
+
+def test_every_public_name_is_there():
+    for name in dir(posefuse):
+        assert getattr(posefuse, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'recontruct'"):
+        _ = posefuse.recontruct

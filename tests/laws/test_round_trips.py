@@ -1,0 +1,148 @@
+"""What is written is read back: everything where a format holds everything, else up to its stated digits."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import posefuse
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.io.results import trc
+from posefuse.io.results.axes import y_up_from_world
+from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracks import Tracks
+from tests.scenes import skeleton_of
+from tests.unit.model.test_detections import ragged
+
+seeds = st.integers(0, 2**32 - 1)
+words = st.text(
+    st.characters(codec="utf-8", exclude_characters="\x00", exclude_categories=["Cs"]), min_size=1, max_size=8
+)
+_SIZES = {LensModel.PINHOLE: 0, LensModel.BROWN: 5, LensModel.RATIONAL: 8, LensModel.FISHEYE: 4}
+
+
+def any_rig(rng: np.random.Generator, names: list[str], lenses: list[LensModel]) -> CameraRig:
+    cameras = []
+    for name, lens in zip(names, lenses, strict=True):
+        pose = np.eye(4)
+        pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        pose[:3, :3] *= np.linalg.det(pose[:3, :3])
+        pose[:3, 3] = rng.normal(size=3)
+        matrix = np.array([[rng.uniform(100, 3000), rng.normal(), 640], [0, rng.uniform(100, 3000), 480], [0, 0, 1]])
+        coefficients = tuple(rng.normal(scale=0.1, size=_SIZES[lens]))
+        cameras.append(Camera(name, (1280, 960), matrix, pose, lens, coefficients))
+    return CameraRig(tuple(cameras))
+
+
+def any_result(rng: np.random.Generator, rig: CameraRig, people: list[str], frames: int) -> Reconstruction:
+    """Numbers of any kind in every field, a third of them missing."""
+    shape = frames, len(people), 4
+    views = len(rig)
+
+    def numbers(*more: int) -> np.ndarray:
+        values = rng.normal(size=(*shape, *more)) * 10.0 ** rng.integers(-12, 12, (*shape, *more))
+        return np.where(rng.random((*shape, *more)) < 0.3, np.nan, values)
+
+    layer = Layer(
+        points_m=numbers(3),
+        covariance_m2=numbers(6),
+        status=rng.choice([int(code) for code in PointStatus], shape).astype(np.int8),
+        source=rng.choice([int(code) for code in Source], shape).astype(np.int8),
+        reprojection_error_px=numbers(),
+        view_status=rng.choice([int(code) for code in ViewStatus], (*shape, views)).astype(np.int8),
+        view_error_px=numbers(views).astype(np.float32),
+    )
+    return Reconstruction(
+        rig=rig,
+        skeleton=skeleton_of(4),
+        person_ids=tuple(people),
+        frame_numbers=np.cumsum(rng.integers(1, 5, frames)),
+        time_s=np.sort(rng.uniform(0, 10, frames)),
+        layers={"measured": layer},
+        tracks=Tracks(
+            tuple(people),
+            rng.integers(-1, 4, (frames, len(people), views)).astype(np.int32),
+            rng.integers(0, 4, (frames, len(people))).astype(np.int8),
+        ),
+        noise=NoiseModel(rng.uniform(0.1, 9, views), 0.5, "estimated"),
+        rate_hz=float(rng.uniform(1, 500)),
+        options=Options(start_s=0.25, triangulation=TriangulationOptions(min_views=2)),
+        provenance=Provenance({"posefuse": "1"}, {"a": "b"}, ("ä note", "another")),
+    )
+
+
+@given(
+    seed=seeds,
+    cameras=st.lists(st.tuples(words, st.sampled_from(LensModel)), min_size=1, max_size=4, unique_by=lambda c: c[0]),
+    people=st.lists(words, min_size=1, max_size=3, unique=True),
+    frames=st.integers(1, 12),
+    up=st.sampled_from([None, *UP_AXES]),
+    size=st.integers(1, 12),
+)
+@settings(max_examples=25, deadline=None)
+def test_reconstructions_are_lossless(seed, cameras, people, frames, up, size):
+    rng = np.random.default_rng(seed)
+    rig = replace(any_rig(rng, [c[0] for c in cameras], [c[1] for c in cameras]), up_axis=up, notes=("ü",))
+    result = any_result(rng, rig, people, frames)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "reconstruction.nc"
+        from posefuse.io.results import netcdf
+
+        netcdf.write(result.chunks(size), path)
+        assert posefuse.read_reconstruction(path) == result
+
+
+@given(seed=seeds, frames=st.integers(1, 8), views=st.integers(1, 4))
+@settings(max_examples=25, deadline=None)
+def test_detections_are_lossless(seed, frames, views):
+    detections = ragged(np.random.default_rng(seed), frames, views)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "keypoints.nc"
+        native.write(detections, path)
+        assert posefuse.read_detections(path) == detections
+
+
+@given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), fisheye=st.booleans())
+@settings(max_examples=25, deadline=None)
+def test_calibrations_keep_every_camera(seed, names, fisheye):
+    lens = LensModel.FISHEYE if fisheye else LensModel.BROWN
+    rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "calibration.toml"
+        anipose.write(rig, path)
+        found = posefuse.read_cameras(path)
+    assert found.names == rig.names
+    for a, b in zip(found.cameras, rig.cameras, strict=True):
+        np.testing.assert_array_equal(a.matrix, b.matrix)
+        assert (a.lens, a.distortion, a.size_px) == (b.lens, b.distortion, b.size_px)
+        np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-12)
+
+
+@given(seed=seeds, frames=st.integers(1, 12), up=st.sampled_from([None, *UP_AXES]))
+@settings(max_examples=25, deadline=None)
+def test_trc_keeps_micrometres(seed, frames, up):
+    rng = np.random.default_rng(seed)
+    rig = replace(any_rig(rng, ["a", "b"], [LensModel.PINHOLE] * 2), up_axis=up)
+    result = any_result(rng, rig, ["someone"], frames)
+    layer = result.layers["measured"]
+    points = rng.uniform(-9, 9, layer.points_m.shape)
+    points[rng.random(points.shape[:-1]) < 0.3] = np.nan
+    result = replace(result, layers={"measured": replace(layer, points_m=points)})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "someone.trc"
+        posefuse.write(result, path)
+        found = trc.read(path)
+    places = result.frame_numbers - result.frame_numbers[0]
+    np.testing.assert_allclose(found.points_m[places] @ y_up_from_world(up), points[:, 0], atol=6e-7)
+    between = np.setdiff1d(np.arange(len(found.points_m)), places)
+    assert np.isnan(found.points_m[between]).all()
+    assert found.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)

@@ -1,0 +1,1 @@
+"""Naive twins: the kernels' specification in slow, obvious NumPy and SciPy."""

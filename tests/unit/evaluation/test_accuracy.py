@@ -1,0 +1,124 @@
+"""Figures of accuracy, on cases worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import ResultError
+from posefuse.evaluation.accuracy import (
+    bone_variation,
+    evaluate,
+    truth_from_result,
+    truth_from_trajectories,
+)
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline import reconstruct
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate, truth_of
+from tests.scenes import ring, skeleton_of
+
+
+def known(points: np.ndarray) -> Reconstruction:
+    """Points (frame, keypoint, 3) as a result."""
+    return truth_of(ring(3), skeleton_of(points.shape[1]), points, 30.0)
+
+
+@pytest.fixture
+def truth(rng) -> Reconstruction:
+    return known(rng.normal(size=(10, 4, 3)))
+
+
+def moved(result: Reconstruction, offset: np.ndarray) -> Reconstruction:
+    layer = result.layers["measured"]
+    return replace(result, layers={"measured": replace(layer, points_m=layer.points_m + offset)})
+
+
+def test_distances_and_percentiles(truth):
+    offset = np.zeros((10, 1, 4, 3))
+    offset[..., 0] = 0.01
+    offset[:2, 0, 0] = [0.0, 0.06, 0.08]
+    found = evaluate(moved(truth, offset), truth_from_result(truth, truth))
+    assert found.n_points == 40
+    assert found.mpjpe_mm == pytest.approx((38 * 10 + 2 * 100) / 40)
+    assert found.median_mm == pytest.approx(10)
+    assert found.p99_mm == pytest.approx(100)
+    assert found.share_beyond_50_mm == pytest.approx(2 / 40)
+    assert found.median_mm_of["point_3"] == pytest.approx(10)
+    assert found.covered_68 is None
+
+
+def test_missing_points_are_counted_not_averaged(truth):
+    offset = np.zeros((10, 1, 4, 3))
+    offset[3:5, 0, 1] = np.nan
+    found = evaluate(moved(truth, offset), truth_from_result(truth, truth))
+    assert found.n_points == 38
+    assert found.mpjpe_mm == 0
+    assert found.missing_share == pytest.approx(2 / 40)
+    assert found.missing_share_of["point_1"] == pytest.approx(0.2)
+
+
+def test_what_the_truth_lacks_is_not_missing(truth, rng):
+    points = np.array(truth.layers["measured"].points_m)[:, 0]
+    points[:, 2] = np.nan
+    found = evaluate(truth, truth_from_result(truth, known(points)))
+    assert found.n_points == 30
+    assert found.missing_share == 0
+
+
+def test_coverage_of_a_real_reconstruction():
+    scene = simulate(SceneOptions(duration_s=8, detector=CLEAN))
+    result = reconstruct(scene.rig, scene.detections)
+    found = evaluate(result, truth_from_result(result, scene.truth))
+    assert found.covered_68 == pytest.approx(0.68, abs=0.025)
+    assert found.covered_95 == pytest.approx(0.95, abs=0.015)
+    assert found.reprojection_median_px == pytest.approx(2.0, rel=0.05)
+    assert found.matched_by == "frame number"
+
+
+def test_bones(rng):
+    lengths = 0.4 * (1 + 0.02 * rng.standard_normal(4000))
+    points = np.zeros((4000, 3, 3))
+    points[:, 1, 0] = lengths
+    points[:, 2, 1] = 1.0
+    assert bone_variation(points, np.array([[0, 1]])) == pytest.approx(0.02, rel=0.05)
+    assert bone_variation(points, np.array([[0, 1], [0, 2], [1, 2]])) < 0.02
+    assert bone_variation(np.full((5, 2, 3), np.nan), np.array([[0, 1]])) is None
+
+
+def test_frames_by_number(truth):
+    later = replace(truth, frame_numbers=truth.frame_numbers + 4)
+    found = evaluate(later, truth_from_result(later, truth))
+    assert found.n_points == 6 * 4
+    with pytest.raises(ResultError, match="share no frame number"):
+        truth_from_result(replace(truth, frame_numbers=truth.frame_numbers + 100), truth)
+
+
+def test_keypoints_by_name(truth):
+    other = replace(truth, skeleton=replace(truth.skeleton, keypoints=("point_0", "b", "c", "point_3"), edges=()))
+    assert truth_from_result(truth, other).keypoints == ("point_0", "point_3")
+    alien = replace(truth, skeleton=replace(truth.skeleton, keypoints=("a", "b", "c", "d"), edges=()))
+    with pytest.raises(ResultError, match="share no keypoint names"):
+        truth_from_result(truth, alien)
+
+
+def test_trajectories_by_order_or_time(truth):
+    points = np.array(truth.layers["measured"].points_m)[:, 0]
+    same = truth_from_trajectories(truth, ("point_2", "tail"), np.arange(10) / 30 + 5.0, points[:, [2, 0]])
+    assert (same.keypoints, same.matched_by) == (("point_2",), "order")
+    np.testing.assert_array_equal(same.points_m[:, 0], points[:, 2])
+    part = truth_from_trajectories(truth, ("point_2",), np.arange(3, 7) / 30 + 0.002, points[3:7, [2]])
+    assert part.matched_by == "time"
+    assert np.isfinite(part.points_m).all(axis=(1, 2)).tolist() == [False] * 3 + [True] * 4 + [False] * 3
+    np.testing.assert_array_equal(part.points_m[3:7, 0], points[3:7, 2])
+    with pytest.raises(ResultError, match="No frame of the result lies at a time"):
+        truth_from_trajectories(truth, ("point_2",), np.arange(4) / 30 + 50, points[:4, [2]])
+    with pytest.raises(ResultError, match="are none of skeleton"):
+        truth_from_trajectories(truth, ("tail",), np.arange(10) / 30, points[:, [2]])
+
+
+def test_nothing_to_compare(truth):
+    with pytest.raises(ResultError, match="No point is both"):
+        evaluate(moved(truth, np.full(3, np.nan)), truth_from_result(truth, truth))
+    with pytest.raises(ResultError, match="10 frames for 5"):
+        evaluate(truth.frames(0, 5), truth_from_result(truth, truth))

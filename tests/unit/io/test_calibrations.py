@@ -1,0 +1,194 @@
+"""Calibration files: conventions, units, order, and what is said of broken ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse import read_cameras
+from posefuse.errors import CameraError, FileError, PosefuseError
+from posefuse.io.calibration import anipose
+from posefuse.model.cameras import CameraRig, LensModel
+from tests.files import anipose_toml, pose2sim_toml, qualisys_xml
+from tests.scenes import ring
+
+
+def assert_same_cameras(found: CameraRig, expected: CameraRig, atol: float = 1e-12) -> None:
+    assert found.names == expected.names
+    for a, b in zip(found.cameras, expected.cameras, strict=True):
+        np.testing.assert_allclose(a.matrix, b.matrix, atol=atol)
+        np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=atol)
+        assert (a.lens, a.size_px) == (b.lens, b.size_px)
+        np.testing.assert_allclose(a.distortion, b.distortion, atol=atol)
+
+
+def four_coefficients(rig: CameraRig) -> CameraRig:
+    return CameraRig(tuple(replace(c, distortion=(*c.distortion[:4], 0.0)) for c in rig.cameras))
+
+
+def test_pose2sim(tmp_path):
+    path = tmp_path / "Calib.toml"
+    rig = four_coefficients(ring(4, "barrel"))
+    path.write_text(pose2sim_toml(rig))
+    found = read_cameras(path)
+    assert_same_cameras(found, rig)
+    assert (found.up_axis, found.metres_per_unit, found.source) == ("z", 1.0, "Calib.toml")
+
+
+def test_qualisys(tmp_path):
+    path = tmp_path / "Calib.qca.txt"
+    rig = ring(3, "mild")
+    path.write_text(qualisys_xml(rig))
+    found = read_cameras(path)
+    assert_same_cameras(found, rig, 1e-9)
+    assert (found.up_axis, found.metres_per_unit) == ("z", 0.001)
+
+
+def test_qualisys_counts_the_principal_point_from_the_video(tmp_path):
+    path = tmp_path / "Calib.qca.txt"
+    text = qualisys_xml(ring(2)).replace('left="0" top="0" right="1919"', 'left="100" top="0" right="2019"')
+    path.write_text(text)
+    assert read_cameras(path).cameras[0].matrix[0, 2] == pytest.approx(959.5 - 100)
+
+
+@pytest.mark.parametrize("lens", ["pinhole", "barrel", "fisheye"])
+def test_anipose_in_its_usual_millimetres(lens, tmp_path):
+    path = tmp_path / "calibration.toml"
+    rig = ring(3, lens)
+    path.write_text(anipose_toml(rig))
+    found = read_cameras(path)
+    assert_same_cameras(found, rig)
+    assert found.up_axis is None
+    assert "read as mm" in found.notes[0]
+
+
+def test_anipose_counts_its_cameras(tmp_path):
+    """As text cam_10 comes before cam_2."""
+    path = tmp_path / "calibration.toml"
+    rig = ring(12)
+    path.write_text(anipose_toml(rig))
+    assert read_cameras(path).names == rig.names
+
+
+def test_anipose_in_metres(tmp_path):
+    path = tmp_path / "calibration.toml"
+    rig = ring(3)
+    path.write_text(anipose_toml(rig, unit_per_m=1.0))
+    assert_same_cameras(read_cameras(path), rig)
+    assert_same_cameras(read_cameras(path, length_unit="m"), rig)
+    assert read_cameras(path, length_unit="m").notes == ()
+    in_mm = read_cameras(path, length_unit="mm")
+    np.testing.assert_allclose(in_mm.cameras[0].centre_m, rig.cameras[0].centre_m / 1000, atol=1e-12)
+
+
+def test_anipose_written_here_says_everything(tmp_path):
+    path = tmp_path / "calibration.toml"
+    rig = ring(3, "barrel")
+    anipose.write(rig, path)
+    found = read_cameras(path)
+    assert_same_cameras(found, rig)
+    assert (found.up_axis, found.notes) == ("z", ())
+    assert read_cameras(path, up="y").up_axis == "y"
+
+
+def test_freemocap_ground_plane_means_z_up(tmp_path):
+    path = tmp_path / "calibration.toml"
+    text = anipose_toml(ring(3)).replace("adjusted = false", "groundplane_calibration = true")
+    path.write_text(text)
+    assert read_cameras(path).up_axis == "z"
+
+
+def test_rotation_as_a_matrix(tmp_path):
+    path = tmp_path / "calibration.toml"
+    rig = ring(2)
+    text = anipose_toml(rig)
+    for camera, line in zip(
+        rig.cameras, [line for line in text.splitlines() if line.startswith("rotation")], strict=True
+    ):
+        text = text.replace(line, f"rotation = {camera.rotation.tolist()}")
+    path.write_text(text)
+    assert_same_cameras(read_cameras(path), rig)
+
+
+BROKEN = [
+    (lambda text: text[: len(text) // 2], FileError, ["is not TOML", "cut short"]),
+    (lambda text: text.replace("matrix =", "martix ="), FileError, ["[cam_0]", "no matrix", "martix"]),
+    (
+        lambda text: text.replace("rotation = [", "rotation = [0.0, "),
+        FileError,
+        ["rotation should hold 3 or 9 numbers, got 4"],
+    ),
+    (lambda text: text.replace("size = [1920, 1080]", 'size = "HD"'), FileError, ["not made of numbers"]),
+    (lambda text: text.replace("1200.0", "0.0"), CameraError, ["'cam_0'", "focal lengths must be positive"]),
+    (lambda text: text.replace("1200.0", "nan"), CameraError, ["not finite"]),
+    (lambda text: text.replace("[metadata]", '[metadata]\nunit = "inch"'), FileError, ["metadata.unit is 'inch'"]),
+    (lambda text: text.replace("[metadata]", '[metadata]\nup_axis = "up"'), FileError, ["metadata.up_axis is 'up'"]),
+    (lambda text: text.replace('"cam_1"', '"cam_0"'), CameraError, ["repeats cam_0"]),
+]
+
+
+@pytest.mark.parametrize(("break_it", "kind", "words"), BROKEN)
+def test_a_broken_calibration_says_what_and_where(break_it, kind, words, tmp_path):
+    path = tmp_path / "calibration.toml"
+    path.write_text(break_it(anipose_toml(ring(3))))
+    with pytest.raises(kind) as error:
+        read_cameras(path)
+    for word in [*words, "calibration.toml"]:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "words"),
+    [
+        (lambda text: text[:-40], "not whole XML"),
+        (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "describes no camera"),
+        (
+            lambda text: text.replace('focalLengthU="', 'focalLengthU="x'),
+            "intrinsic@focalLengthU should be a number, got 'x",
+        ),
+        (lambda text: text.replace('<?xml version="1.0"?>', '<!DOCTYPE a [<!ENTITY b "c">]>'), "entities"),
+    ],
+)
+def test_a_broken_qualisys_file_says_what_and_where(break_it, words, tmp_path):
+    path = tmp_path / "Calib.qca.txt"
+    path.write_text(break_it(qualisys_xml(ring(2))))
+    with pytest.raises(FileError, match=words):
+        read_cameras(path)
+
+
+def test_a_matrix_that_is_no_rotation(tmp_path):
+    path = tmp_path / "Calib.qca.txt"
+    path.write_text(qualisys_xml(ring(2)).replace('r11="', 'r11="1'))
+    with pytest.raises(CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation is not one"):
+        read_cameras(path)
+
+
+def test_what_is_no_calibration(tmp_path):
+    with pytest.raises(FileError, match=r"No calibration file at .*In .* there is: nothing|none"):
+        read_cameras(tmp_path / "calibration.toml")
+    with pytest.raises(FileError, match="is a folder"):
+        read_cameras(tmp_path)
+    notes = tmp_path / "notes.txt"
+    notes.write_text("hello")
+    with pytest.raises(FileError, match=r"no calibration in a known format. Known: pose2sim"):
+        read_cameras(notes)
+    settings = tmp_path / "settings.toml"
+    settings.write_text("a = 1")
+    with pytest.raises(PosefuseError, match="no calibration"):
+        read_cameras(settings)
+
+
+def test_writing_leaves_nothing_half_done(tmp_path, monkeypatch):
+    path = tmp_path / "calibration.toml"
+
+    def broken(*_):
+        raise RuntimeError("disk full")
+
+    monkeypatch.setattr(anipose.tomli_w, "dumps", broken)
+    with pytest.raises(RuntimeError):
+        anipose.write(ring(2), path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_lenses_survive_by_model():
+    assert ring(2, "fisheye").cameras[0].lens is LensModel.FISHEYE

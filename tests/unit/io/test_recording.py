@@ -1,0 +1,123 @@
+"""Finding a recording's parts: looked for, listed, never guessed between."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posefuse.errors import FileError, RecordingError
+from posefuse.io.calibration import anipose
+from posefuse.io.files import natural_key, replacing_folder
+from posefuse.io.keypoints import native
+from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.files import qualisys_xml, write_openpose
+from tests.scenes import ring
+
+SCENE = simulate(SceneOptions(skeleton="body_25", duration_s=0.2, cameras=2))
+
+
+def test_in_the_folder(tmp_path):
+    anipose.write(SCENE.rig, tmp_path / "calibration.toml")
+    native.write(SCENE.detections, tmp_path / "keypoints.nc")
+    found = find_recording(tmp_path)
+    assert choose_calibration(found) == tmp_path / "calibration.toml"
+    assert choose_keypoints(found) == tmp_path / "keypoints.nc"
+
+
+def test_as_pose2sim_keeps_them(tmp_path):
+    (tmp_path / "calibration").mkdir()
+    (tmp_path / "calibration" / "Calib.qca.txt").write_text(qualisys_xml(ring(2)))
+    trial = tmp_path / "trial_1"
+    write_openpose(trial / "pose", SCENE.detections)
+    (trial / "Config.toml").write_text("[project]\nframe_rate = 30\n")
+    found = find_recording(trial)
+    assert choose_calibration(found).name == "Calib.qca.txt"
+    assert choose_keypoints(found) == trial / "pose"
+    assert choose_keypoints(find_recording(tmp_path)) == trial / "pose"
+
+
+def test_several_are_listed_with_the_flag(tmp_path):
+    write_openpose(tmp_path / "pose", SCENE.detections)
+    write_openpose(tmp_path / "pose-associated", SCENE.detections)
+    anipose.write(SCENE.rig, tmp_path / "old.toml")
+    anipose.write(SCENE.rig, tmp_path / "new.toml")
+    found = find_recording(tmp_path)
+    with pytest.raises(RecordingError) as error:
+        choose_calibration(found)
+    assert "2 calibrations" in str(error.value)
+    assert f"--calibration {tmp_path / 'new.toml'}  (anipose)" in str(error.value)
+    with pytest.raises(RecordingError, match="--keypoints .*pose-associated  .openpose."):
+        choose_keypoints(found)
+
+
+def test_nothing_is_said(tmp_path):
+    (tmp_path / "videos").mkdir()
+    (tmp_path / "videos" / "cam.mp4").touch()
+    np.save(tmp_path / "lengths.npy", np.zeros((3, 4)))
+    found = find_recording(tmp_path)
+    with pytest.raises(RecordingError, match="No calibrations in .*Give one: --calibration PATH"):
+        choose_calibration(found)
+    with pytest.raises(RecordingError, match="No sets of 2D keypoints in .*--keypoints PATH"):
+        choose_keypoints(found)
+    with pytest.raises(FileError, match="No recording at"):
+        find_recording(tmp_path / "nowhere")
+    (tmp_path / "notes.md").touch()
+    with pytest.raises(FileError, match="is a file, but no keypoints"):
+        find_recording(tmp_path / "notes.md")
+
+
+def test_a_broken_file_is_no_calibration_but_others_are_found(tmp_path):
+    (tmp_path / "broken.toml").write_text("[cam")
+    anipose.write(SCENE.rig, tmp_path / "calibration.toml")
+    assert choose_calibration(find_recording(tmp_path)).name == "calibration.toml"
+
+
+def test_names_are_counted():
+    names = ["cam_10", "cam_2", "Cam_1", "cam_a"]
+    assert sorted(names, key=natural_key) == ["Cam_1", "cam_2", "cam_10", "cam_a"]
+
+
+class TestResultFolder:
+    def write(self, folder: Path, **files: str) -> None:
+        with replacing_folder(folder) as staging:
+            for name, text in files.items():
+                (staging / name.replace("_", ".")).write_text(text)
+
+    def test_appears_when_whole(self, tmp_path):
+        out = tmp_path / "out"
+        with replacing_folder(out) as staging:
+            (staging / "reconstruction.nc").write_text("1")
+            assert not out.exists()
+        assert [entry.name for entry in out.iterdir()] == ["reconstruction.nc"]
+
+    def test_goes_when_not(self, tmp_path):
+        out = tmp_path / "out"
+        with pytest.raises(RuntimeError), replacing_folder(out) as staging:
+            (staging / "reconstruction.nc").write_text("1")
+            raise RuntimeError
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_failed_second_run_leaves_the_first(self, tmp_path):
+        out = tmp_path / "out"
+        self.write(out, reconstruction_nc="1")
+        with pytest.raises(RuntimeError), replacing_folder(out):
+            raise RuntimeError
+        assert (out / "reconstruction.nc").read_text() == "1"
+        assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+    def test_leftovers_of_an_earlier_run_go_and_other_files_stay(self, tmp_path):
+        out = tmp_path / "out"
+        self.write(out, reconstruction_nc="1", person2_trc="old")
+        (out / "my_notes.txt").write_text("mine")
+        self.write(out, reconstruction_nc="2")
+        assert sorted(entry.name for entry in out.iterdir()) == ["my_notes.txt", "reconstruction.nc"]
+        assert (out / "reconstruction.nc").read_text() == "2"
+
+    def test_other_peoples_folders_are_refused(self, tmp_path):
+        (tmp_path / "thesis.docx").write_text("precious")
+        with pytest.raises(FileError, match=r"already holds other files \(thesis.docx\)"):
+            self.write(tmp_path, reconstruction_nc="1")
+        with pytest.raises(FileError, match="is a file; give a folder"):
+            self.write(tmp_path / "thesis.docx", reconstruction_nc="1")

@@ -1,0 +1,239 @@
+"""Triangulation kernels against maximum likelihood by SciPy, and their statuses."""
+
+import numpy as np
+import pytest
+
+from posefuse.kernels import codes, points
+from posefuse.kernels.lens import BLOCK
+from posefuse.model.cameras import CameraRig
+from tests.reference import points as naive
+from tests.scenes import LENSES, body_points, camera_with, ring
+
+pytestmark = pytest.mark.no_jit
+
+
+def triangulate(
+    rig: CameraRig,
+    pixels: np.ndarray,
+    confidence: np.ndarray | None = None,
+    *,
+    min_views: int = 2,
+    scale_px: float = 2.0,
+    exponent: float = 0.0,
+    min_confidence: float = 0.0,
+    rows: np.ndarray | None = None,
+) -> dict[str, np.ndarray]:
+    """Run the kernel on pixels (frame, view, keypoint, 2)."""
+    n, views, keypoints, _ = pixels.shape
+    trust = np.full(pixels.shape[:-1], 0.8) if confidence is None else confidence
+    out = {
+        "points": np.empty((n, keypoints, 3)),
+        "covariance": np.empty((n, keypoints, 6)),
+        "status": np.empty((n, keypoints), dtype=np.int8),
+        "view_codes": np.empty((n, keypoints, views), dtype=np.int8),
+        "view_errors": np.empty((n, keypoints, views), dtype=np.float32),
+    }
+    points.triangulate_views(
+        rig.packed,
+        np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
+        np.ascontiguousarray(trust.reshape(-1, keypoints)),
+        np.arange(n * views).reshape(n, views) if rows is None else rows,
+        np.full(views, scale_px),
+        exponent,
+        min_confidence,
+        min_views,
+        *out.values(),
+    )
+    return out
+
+
+def noisy(rig: CameraRig, points_m: np.ndarray, rng: np.random.Generator, sigma_px: float = 2.0) -> np.ndarray:
+    pixels = np.moveaxis(rig.project(points_m), 0, 1)
+    return pixels + sigma_px * rng.standard_normal(pixels.shape)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_points_are_the_maximum_likelihood_points(lens, rng):
+    rig = ring(5, lens)
+    truth = body_points(rng, 3, 7)
+    pixels = noisy(rig, truth, rng)
+    out = triangulate(rig, pixels)
+    assert (out["status"] == codes.POINT_OK).all()
+    for f in range(3):
+        for k in range(7):
+            expected, covariance = naive.maximum_likelihood_point(
+                rig.cameras, pixels[f, :, k], np.full(5, 2.0), truth[f, k]
+            )
+            deviation = np.sqrt(np.diag(covariance))
+            # A lens is linearised at the observed pixel, which moves the point by a small part of its own error.
+            close = 2e-3 if lens == "pinhole" else 0.1
+            np.testing.assert_array_less(np.abs(out["points"][f, k] - expected), close * deviation)
+            packed = covariance[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+            np.testing.assert_allclose(out["covariance"][f, k], packed, rtol=0.05, atol=0.02 * deviation.max() ** 2)
+
+
+def test_noise_free_points_come_back_exactly(rng):
+    rig = ring(4, "barrel")
+    truth = body_points(rng, 4, 9)
+    out = triangulate(rig, noisy(rig, truth, rng, 0.0))
+    np.testing.assert_allclose(out["points"], truth, atol=1e-7)
+    np.testing.assert_allclose(out["view_errors"], 0.0, atol=1e-4)
+
+
+def test_view_errors_are_true_pixel_distances(rng):
+    rig = ring(4, "barrel")
+    truth = body_points(rng, 2, 5)
+    pixels = noisy(rig, truth, rng, 5.0)
+    out = triangulate(rig, pixels)
+    projected = np.moveaxis(rig.project(out["points"]), 0, 1)
+    expected = np.linalg.norm(projected - pixels, axis=-1)
+    np.testing.assert_allclose(np.moveaxis(out["view_errors"], -1, 1), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("n", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+def test_blocks_do_not_show(n, rng):
+    rig = ring(3)
+    truth = body_points(rng, n, 1)
+    pixels = noisy(rig, truth, rng)
+    whole = triangulate(rig, pixels)
+    for f in {0, n // 2, n - 1}:
+        alone = triangulate(rig, pixels[f : f + 1])
+        for name in whole:
+            np.testing.assert_array_equal(whole[name][f], alone[name][0])
+
+
+class TestStatus:
+    @pytest.fixture
+    def scene(self, rng):
+        rig = ring(5)
+        truth = body_points(rng, 1, 4)
+        return rig, noisy(rig, truth, rng, 1.0)
+
+    def test_too_few_views(self, scene):
+        rig, pixels = scene
+        pixels[0, 1:, 0] = np.nan
+        pixels[0, 2:, 1] = np.nan
+        pixels[0, :, 2] = np.nan
+        out = triangulate(rig, pixels, min_views=3)
+        expected = [codes.POINT_TOO_FEW_VIEWS, codes.POINT_TOO_FEW_VIEWS, codes.POINT_NOT_SEEN, codes.POINT_OK]
+        assert out["status"][0].tolist() == expected
+        assert np.isnan(out["points"][0, :3]).all()
+        assert np.isnan(out["covariance"][0, :3]).all()
+        assert np.isnan(out["view_errors"][0, :3]).all()
+        assert out["view_codes"][0, 0].tolist() == [codes.VIEW_NOT_USED] + [codes.VIEW_UNSEEN] * 4
+
+    def test_two_views_are_said(self, scene):
+        rig, pixels = scene
+        pixels[0, 2:, 1] = np.nan
+        out = triangulate(rig, pixels, min_views=2)
+        assert out["status"][0, 1] == codes.POINT_TWO_VIEWS
+        assert out["status"][0, 0] == codes.POINT_OK
+
+    def test_low_confidence_is_not_used_but_its_error_is_known(self, scene):
+        rig, pixels = scene
+        confidence = np.full(pixels.shape[:-1], 0.8)
+        confidence[0, 3, 0] = 0.1
+        pixels[0, 3, 0] += 100.0
+        out = triangulate(rig, pixels, confidence, min_confidence=0.2)
+        without = pixels.copy()
+        without[0, 3, 0] = np.nan
+        np.testing.assert_allclose(out["points"], triangulate(rig, without)["points"], atol=1e-12)
+        assert out["view_codes"][0, 0, 3] == codes.VIEW_LOW_CONFIDENCE
+        assert out["view_errors"][0, 0, 3] == pytest.approx(141.4, abs=10)
+
+    def test_unknown_confidence_counts_as_full(self, scene):
+        rig, pixels = scene
+        unknown = np.full(pixels.shape[:-1], np.nan)
+        out = triangulate(rig, pixels, unknown, min_confidence=0.5, exponent=1.0)
+        expected = triangulate(rig, pixels, np.ones(pixels.shape[:-1]), exponent=1.0)
+        np.testing.assert_array_equal(out["points"], expected["points"])
+
+    def test_half_a_pixel_is_no_pixel(self, scene):
+        rig, pixels = scene
+        pixels[0, 0, 0, 1] = np.nan
+        out = triangulate(rig, pixels)
+        assert out["view_codes"][0, 0, 0] == codes.VIEW_UNSEEN
+
+    def test_rays_that_diverge_meet_behind(self):
+        poses = np.eye(4), np.eye(4)
+        poses[1][0, 3] = -1.0
+        rig = CameraRig(tuple(camera_with("pinhole", f"cam_{i}", pose) for i, pose in enumerate(poses)))
+        # The left camera sees the point further left than the right one does.
+        pixels = np.array([[[[900.0, 540.0]], [[1000.0, 540.0]]]])
+        out = triangulate(rig, pixels)
+        assert out["status"][0, 0] == codes.POINT_BEHIND_CAMERA
+        assert np.isnan(out["points"]).all()
+
+    def test_one_centre_fixes_no_point(self, rng):
+        one = ring(2).cameras[0]
+        rig = CameraRig((one, type(one)("twin", one.size_px, one.matrix, one.camera_from_world)))
+        pixels = np.full((1, 2, 1, 2), 700.0)
+        assert triangulate(rig, pixels)["status"][0, 0] == codes.POINT_DEGENERATE
+
+    def test_beyond_the_lens(self, rng):
+        rig = ring(4, "barrel")
+        pixels = noisy(rig, body_points(rng, 1, 1), rng)
+        pixels[0, 2, 0] = [3000.0, 500.0]
+        out = triangulate(rig, pixels)
+        assert out["view_codes"][0, 0].tolist() == [0, 0, codes.VIEW_BEYOND_LENS, 0]
+
+    def test_views_without_the_frame_or_the_person(self, scene):
+        rig, pixels = scene
+        rows = np.array([[0, codes.NO_DETECTION, 2, codes.NOT_RECORDED, 4]])
+        out = triangulate(rig, pixels, rows=rows)
+        assert out["view_codes"][0, 0].tolist() == [0, codes.VIEW_UNSEEN, 0, codes.VIEW_NOT_RECORDED, 0]
+
+
+def test_confidence_weighs_views(rng):
+    """With sigma in proportion to 1 / c the weighted point equals the maximum-likelihood point of that noise."""
+    rig = ring(4)
+    truth = body_points(rng, 2, 3)
+    confidence = rng.uniform(0.2, 1.0, (2, 4, 3))
+    pixels = np.moveaxis(rig.project(truth), 0, 1)
+    pixels = pixels + (2.0 / confidence)[..., None] * rng.standard_normal(pixels.shape)
+    out = triangulate(rig, pixels, confidence, exponent=1.0)
+    for f in range(2):
+        for k in range(3):
+            expected, _ = naive.maximum_likelihood_point(
+                rig.cameras, pixels[f, :, k], 2.0 / confidence[f, :, k], truth[f, k]
+            )
+            np.testing.assert_allclose(out["points"][f, k], expected, atol=5e-5)
+
+
+def test_world_far_from_its_origin_keeps_its_digits(rng):
+    """Points a thousand kilometres from the world's origin are as good as near it, up to the numbers' own digits."""
+    rig = ring(4)
+    offset = np.array([5e5, -8e5, 100.0])
+    moved = CameraRig(
+        tuple(
+            type(c)(c.name, c.size_px, c.matrix, _moved(c.camera_from_world, offset), c.lens, c.distortion)
+            for c in rig.cameras
+        )
+    )
+    truth = body_points(rng, 2, 3)
+    pixels = noisy(rig, truth, rng)
+    near, far = triangulate(rig, pixels), triangulate(moved, pixels)
+    np.testing.assert_allclose(far["points"] - offset, near["points"], atol=1e-4)
+
+
+def _moved(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    out = pose.copy()
+    out[:3, 3] -= pose[:3, :3] @ offset
+    return out
+
+
+def test_symmetric_solver_and_inverse(rng):
+    for _ in range(50):
+        a = rng.standard_normal((5, 3))
+        matrix = a.T @ a
+        packed = matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+        right = rng.standard_normal(3)
+        solved, *x = points.solve_symmetric(*packed, *right)
+        assert solved
+        np.testing.assert_allclose(matrix @ x, right, atol=1e-9)
+        ok, *inverse = points.invert_symmetric(*packed)
+        assert ok
+        np.testing.assert_allclose(np.array(inverse)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]] @ matrix, np.eye(3), atol=1e-8)
+    flat = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    with np.errstate(all="ignore"):
+        assert not points.solve_symmetric(*flat, 1.0, 1.0, 1.0)[0]

@@ -1,0 +1,146 @@
+"""Detections: ragged columns, ranges, views, skeletons, and what they refuse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError, MatchError
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import find_skeleton
+from tests.scenes import skeleton_of
+
+
+def ragged(rng: np.random.Generator, frames: int = 6, views: int = 3, keypoints: int = 4) -> Detections:
+    """0 to 3 people per view and frame."""
+    counts = rng.integers(0, 4, frames * views)
+    rows = int(counts.sum())
+    return Detections(
+        skeleton=skeleton_of(keypoints),
+        view_names=tuple(f"view_{v}" for v in range(views)),
+        frame_numbers=np.arange(10, 10 + frames),
+        time_s=np.repeat(np.arange(frames)[:, None] / 30.0, views, axis=1),
+        offsets=np.concatenate([[0], np.cumsum(counts)]),
+        keypoints_px=rng.uniform(0, 1000, (rows, keypoints, 2)),
+        confidence=rng.uniform(0, 1, (rows, keypoints)),
+        recorded=np.ones((frames, views), dtype=bool),
+        track_ids=rng.integers(-1, 3, rows),
+        depth=rng.normal(size=(rows, keypoints)),
+        rate_hz=30.0,
+    )
+
+
+def people(detections: Detections, frame: int, view: int) -> np.ndarray:
+    start, stop = detections.offsets[frame * detections.n_views + view :][:2]
+    return np.asarray(detections.keypoints_px)[start:stop]
+
+
+def test_ranges_of_frames_put_together_are_the_whole(rng):
+    whole = ragged(rng)
+    parts = list(whole.chunks(4))
+    assert [part.n_frames for part in parts] == [4, 2]
+    for f in range(6):
+        part = parts[f // 4]
+        for v in range(3):
+            np.testing.assert_array_equal(people(part, f % 4, v), people(whole, f, v))
+    assert parts[1].frame_numbers.tolist() == [14, 15]
+
+
+def test_chosen_views_keep_their_people(rng):
+    whole = ragged(rng)
+    chosen = whole.views(["view_2", "view_0"])
+    for f in range(6):
+        np.testing.assert_array_equal(people(chosen, f, 0), people(whole, f, 2))
+        np.testing.assert_array_equal(people(chosen, f, 1), people(whole, f, 0))
+    with pytest.raises(MatchError, match="No view 'view2'.*Did you mean 'view_2'"):
+        whole.views(["view2"])
+
+
+def test_rows_know_their_place(rng):
+    whole = ragged(rng)
+    for f in range(6):
+        for v in range(3):
+            for row in range(*whole.offsets[f * 3 + v :][:2]):
+                assert whole.place_of_row(row) == (10 + f, f"view_{v}")
+
+
+def test_equality_is_by_content(rng):
+    one = ragged(np.random.default_rng(1))
+    assert one == ragged(np.random.default_rng(1))
+    assert one != replace(one, rate_hz=25.0)
+    assert one != ragged(np.random.default_rng(2))
+
+
+def test_dense_and_back(rng):
+    pixels = rng.uniform(0, 100, (5, 2, 17, 2))
+    pixels[1, 0, 3] = np.nan
+    detections = Detections.from_dense(skeleton_of(17), ("a", "b"), pixels, rate_hz=25.0)
+    dense, confidence = detections.dense()
+    np.testing.assert_array_equal(dense, pixels)
+    assert np.isnan(confidence).all()
+    np.testing.assert_allclose(detections.time_s[:, 1], np.arange(5) / 25.0)
+
+
+def test_dense_holds_one_person(rng):
+    crowded = ragged(rng)
+    with pytest.raises(DetectionsError, match=r"View 'view_\d' has \d people in frame 1\d"):
+        crowded.dense()
+
+
+def test_without_a_rate_times_are_missing(rng):
+    detections = Detections.from_dense(skeleton_of(17), ("a",), np.zeros((3, 1, 17, 2)))
+    assert np.isnan(detections.time_s).all()
+    timed = detections.with_rate(50.0)
+    np.testing.assert_allclose(timed.time_s[:, 0], [0, 0.02, 0.04])
+    assert timed.rate_hz == 50.0
+
+
+def test_mapping_to_another_skeleton(rng):
+    coco, body = find_skeleton("coco_17"), find_skeleton("body_20")
+    pixels = rng.uniform(0, 100, (2, 1, 17, 2))
+    confidence = rng.uniform(0.1, 1, (2, 1, 17))
+    pixels[1, 0, coco.index("left_hip")] = np.nan
+    mapped = Detections.from_dense(coco, ("a",), pixels, confidence).to_skeleton(body)
+    new, trust = mapped.dense()
+    np.testing.assert_array_equal(new[..., body.index("nose"), :], pixels[..., coco.index("nose"), :])
+    hips = [coco.index("left_hip"), coco.index("right_hip")]
+    np.testing.assert_allclose(new[0, 0, body.index("mid_hip")], pixels[0, 0, hips].mean(axis=0))
+    assert trust[0, 0, body.index("mid_hip")] == confidence[0, 0, hips].min()
+    assert np.isnan(new[1, 0, body.index("mid_hip")]).all()
+    assert np.isnan(
+        Detections.from_dense(body, ("a",), new).to_skeleton(find_skeleton("h36m_17")).dense()[0][0, 0, 7]
+    ).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"confidence": np.zeros((2, 4))}, ["confidence", "row, keypoint", "got an array of shape (2, 4)"]),
+        ({"time_s": np.zeros((6, 2))}, ["time_s", "(6, 3)", "(6, 2)"]),
+        ({"view_names": ("a", "a", "b")}, ["unique"]),
+        ({"frame_numbers": [1, 2, 2, 3, 4, 5]}, ["must increase", "2 is followed by 2"]),
+        ({"rate_hz": -1.0}, ["rate_hz must be positive"]),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(changes, words, rng):
+    with pytest.raises(DetectionsError) as error:
+        replace(ragged(rng), **changes)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_infinities_are_refused_with_their_place(rng):
+    whole = ragged(rng)
+    keypoints = np.array(whole.keypoints_px)
+    row = int(whole.offsets[3 * 3 + 1])
+    frame, view = whole.place_of_row(row)
+    keypoints[row, 2, 1] = np.inf
+    with pytest.raises(DetectionsError, match=f"view '{view}', frame {frame}, holds an infinite"):
+        replace(whole, keypoints_px=keypoints)
+
+
+def test_views_without_the_frame_have_no_people(rng):
+    whole = ragged(rng)
+    recorded = np.zeros((6, 3), dtype=bool)
+    with pytest.raises(DetectionsError, match="did not record"):
+        replace(whole, recorded=recorded)

@@ -1,0 +1,118 @@
+"""Skeletons: the shipped ones, their maps, and what a TOML file may say."""
+
+import numpy as np
+import pytest
+
+from posefuse.errors import SkeletonError
+from posefuse.model.skeletons import find_skeleton, parse_skeleton, shipped_skeleton, shipped_skeletons
+
+SIZES = {
+    "body_20": 20,
+    "body_25": 25,
+    "body_25b": 25,
+    "coco_17": 17,
+    "coco_wholebody_133": 133,
+    "h36m_17": 17,
+    "halpe_26": 26,
+    "mediapipe_33": 33,
+    "mediapipe_holistic_543": 543,
+    "mediapipe_holistic_553": 553,
+    "panoptic_19": 19,
+}
+
+
+def test_the_shipped_skeletons_are_these():
+    assert {name: len(shipped_skeleton(name)) for name in shipped_skeletons()} == SIZES
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_shipped_skeletons_hold_together(name):
+    skeleton = shipped_skeleton(name)
+    assert skeleton.name == name
+    assert skeleton.description
+    np.testing.assert_array_equal(skeleton.mirror[skeleton.mirror], np.arange(len(skeleton)))
+    for left, right in skeleton.pairs:
+        assert left != right
+        if left.startswith("left_"):
+            assert right == f"right_{left[5:]}"
+    for keypoint in skeleton.keypoints:
+        if keypoint.startswith("left_"):
+            assert skeleton.mirror[skeleton.index(keypoint)] != skeleton.index(keypoint)
+
+
+@pytest.mark.parametrize("a", SIZES)
+@pytest.mark.parametrize("b", SIZES)
+def test_maps_keep_shared_names(a, b):
+    one, other = shipped_skeleton(a), shipped_skeleton(b)
+    sources = one.sources_of(other)
+    for name, parts in sources.items():
+        assert name in other.keypoints
+        assert set(parts) <= set(one.keypoints)
+        assert (name in one.keypoints) == (parts == (name,))
+    assert {name for name in other.keypoints if name in one.keypoints} <= set(sources)
+
+
+def test_every_body_maps_to_body_20_or_says_what_lacks():
+    body = shipped_skeleton("body_20")
+    assert set(shipped_skeleton("coco_17").sources_of(body)) == set(body.keypoints)
+    assert set(shipped_skeleton("halpe_26").sources_of(body)) == set(body.keypoints)
+    assert set(body.keypoints) - set(shipped_skeleton("h36m_17").sources_of(body)) == {
+        "nose", "left_eye", "right_eye", "left_ear", "right_ear", "head",
+    }  # fmt: skip
+
+
+def test_names_are_found_however_written():
+    assert find_skeleton("COCO-17") == find_skeleton("coco_17")
+    assert find_skeleton("body20").name == "body_20"
+    with pytest.raises(SkeletonError, match=r"No skeleton 'coco_18'\. Did you mean 'coco_17'"):
+        find_skeleton("coco_18")
+
+
+def test_other_programs_names_lead_to_ours():
+    skeleton = find_skeleton("body_25b")
+    assert skeleton.canonical("RHip") == "right_hip"
+    assert skeleton.canonical("Neck") == "upper_neck"
+    assert skeleton.canonical("left_knee") == "left_knee"
+    assert skeleton.canonical("Tail") is None
+
+
+MOUSE = """
+name = "mouse"
+keypoints = ["snout", "earL", "earR", "tail_{0..2}"]
+edges = [["snout", "earL"], ["snout", "earR"], ["tail_{0..1}", "tail_{1..2}"]]
+pairs = [["earL", "earR"]]
+[chains]
+head = ["earL"]
+"""
+
+
+def test_an_animal_is_just_another_file(tmp_path):
+    path = tmp_path / "mouse.toml"
+    path.write_text(MOUSE)
+    mouse = find_skeleton(path)
+    assert mouse.keypoints == ("snout", "earL", "earR", "tail_0", "tail_1", "tail_2")
+    assert mouse.edges[2:] == (("tail_0", "tail_1"), ("tail_1", "tail_2"))
+    assert mouse.chains == {"head": (("earL", "earR"),)}
+    assert mouse.mirror.tolist() == [0, 2, 1, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('"earR", "tail', '"earL", "tail'), "names keypoints twice: earL"),
+        (('["snout", "earR"]', '["snout", "eraR"]'), "edges names 'eraR'.*Did you mean 'earR'"),
+        (("edges", "egdes"), "unknown table 'egdes'. Did you mean 'edges'"),
+        (('head = ["earL"]', 'head = ["snout"]'), "the left of no pair"),
+        (('name = "mouse"', ""), "needs 'name'"),
+        (('["snout", "earL"],', '["snout"],'), "two names"),
+        (("[chains]", "[chains"), "is not TOML"),
+    ],
+)
+def test_files_that_describe_no_skeleton_are_refused(change, words):
+    with pytest.raises(SkeletonError, match=words):
+        parse_skeleton(MOUSE.replace(*change), "mouse.toml")
+
+
+def test_a_missing_file_is_said():
+    with pytest.raises(SkeletonError, match="No skeleton file rat.toml"):
+        find_skeleton("rat.toml")

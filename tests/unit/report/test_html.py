@@ -1,0 +1,111 @@
+"""The report: one page, no network, the same bytes, hostile names harmless."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.evaluation.accuracy import evaluate, truth_from_result
+from posefuse.model.reconstruction import Provenance
+from posefuse.pipeline import reconstruct
+from posefuse.report import html
+from posefuse.report.html import render_report
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.scenes import body_points, ring, seen
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return simulate(SceneOptions(duration_s=2, cameras=4, lens="fisheye"))
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    return reconstruct(scene.rig, scene.detections)
+
+
+def data_of(page: str) -> dict:
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert found
+    return json.loads(found.group(1))
+
+
+def test_it_needs_no_network(result):
+    page = render_report(result)
+    outside = page.replace(html.get_plotlyjs(), "")
+    assert not re.search(r"(src|href)\s*=", outside)
+    assert "http" not in outside
+    assert len(page) < 15e6
+
+
+def test_the_same_bytes_for_the_same_result(result):
+    assert render_report(result) == render_report(result)
+
+
+def test_it_says_what_came_out_in_words(scene, result):
+    accuracy = evaluate(result, truth_from_result(result, scene.truth))
+    page = render_report(result, scene.truth, accuracy)
+    for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras", "method simple",
+                  "Against the truth: median error", "Inside their 68 / 95 % region", "cam_3"):  # fmt: skip
+        assert words in page
+
+
+def test_the_scene_holds_every_point(scene, result):
+    import base64
+
+    shown = data_of(render_report(result, scene.truth))["scene"]
+    points = np.frombuffer(base64.b64decode(shown["people"][0]["points"]), "<f4").reshape(60, 26, 3)
+    np.testing.assert_allclose(points, result.layers["measured"].points_m[:, 0], rtol=1e-6)
+    assert shown["truth"]
+    assert len(shown["cameras"]) == 4
+    np.testing.assert_allclose(shown["cameras"][1]["centre"], scene.rig.cameras[1].centre_m, atol=1e-4)
+    assert set(shown["sides"]) == {"left", "right", "middle"}
+
+
+def test_long_recordings_are_thinned_and_said_to_be(monkeypatch, result):
+    monkeypatch.setattr(html, "SHOWN_FRAMES", 7)
+    page = render_report(result)
+    assert data_of(page)["scene"]["frames"] == list(range(0, 60, 9))
+    assert "every 9th frame" in page
+
+
+def test_thinning_does_not_depend_on_ranges(monkeypatch, result):
+    whole = html._packed(result, "measured", 0, 7)
+    usual = type(result).chunks
+    monkeypatch.setattr(type(result), "chunks", lambda self, size=10: usual(self, 10))
+    assert html._packed(result, "measured", 0, 7) == whole
+
+
+def test_names_from_files_cannot_run(result):
+    hostile = '</script><img src=x onerror="alert(1)">'
+    cameras = (replace(result.rig.cameras[0], name=hostile), *result.rig.cameras[1:])
+    page = render_report(
+        replace(result, rig=replace(result.rig, cameras=cameras), provenance=Provenance(notes=(hostile,)))
+    )
+    assert hostile not in page
+    assert "<img" not in page.replace(html.get_plotlyjs(), "")
+    assert data_of(page)["charts"]["views"][0] == hostile
+
+
+def test_one_camera_is_said_to_be_no_world(rng):
+    rig = ring(1)
+    page = render_report(reconstruct(rig, seen(rig, body_points(rng, 3), rng)))
+    assert "its image plane in pixels" in page
+    assert data_of(page)["scene"]["cameras"] == []
+
+
+def test_an_unknown_up_is_said(result):
+    page = render_report(replace(result, rig=replace(result.rig, up_axis=None)))
+    assert "Which way is up is unknown" in page
+
+
+def test_missing_points_are_counted_and_explained(rng):
+    rig = ring(3)
+    detections = seen(rig, body_points(rng, 4), rng)
+    keypoints = np.array(detections.keypoints_px)
+    keypoints[:, 3] = np.nan
+    page = render_report(reconstruct(rig, replace(detections, keypoints_px=keypoints)))
+    assert "4 points are missing: no view detected it." in page
