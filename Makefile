@@ -9,11 +9,11 @@ demo: .venv/.installed
 	$(BIN)/posefuse demo --output demo
 
 test: .venv/.installed-dev
-	$(PYTEST) -n 2 -m "not long"
+	$(PYTEST) -n 2
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m no_jit
 
 test-long: .venv/.installed-dev
-	$(PYTEST) -n 2 -m long
+	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 tests/laws
 
 check: lint types borders
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
@@ -20,6 +20,7 @@ from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
+from tests.laws import examples
 from tests.scenes import skeleton_of
 from tests.unit.model.test_detections import ragged
 
@@ -88,7 +89,7 @@ def any_result(rng: np.random.Generator, rig: CameraRig, people: list[str], fram
     up=st.sampled_from([None, *UP_AXES]),
     size=st.integers(1, 12),
 )
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_reconstructions_are_lossless(seed, cameras, people, frames, up, size):
     rng = np.random.default_rng(seed)
     rig = replace(any_rig(rng, [c[0] for c in cameras], [c[1] for c in cameras]), up_axis=up, notes=("ü",))
@@ -102,7 +103,7 @@ def test_reconstructions_are_lossless(seed, cameras, people, frames, up, size):
 
 
 @given(seed=seeds, frames=st.integers(1, 8), views=st.integers(1, 4))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_detections_are_lossless(seed, frames, views):
     detections = ragged(np.random.default_rng(seed), frames, views)
     with tempfile.TemporaryDirectory() as folder:
@@ -112,7 +113,7 @@ def test_detections_are_lossless(seed, frames, views):
 
 
 @given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), fisheye=st.booleans())
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_calibrations_keep_every_camera(seed, names, fisheye):
     lens = LensModel.FISHEYE if fisheye else LensModel.BROWN
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
@@ -128,7 +129,7 @@ def test_calibrations_keep_every_camera(seed, names, fisheye):
 
 
 @given(seed=seeds, frames=st.integers(1, 12), up=st.sampled_from([None, *UP_AXES]))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_trc_keeps_micrometres(seed, frames, up):
     rng = np.random.default_rng(seed)
     rig = replace(any_rig(rng, ["a", "b"], [LensModel.PINHOLE] * 2), up_axis=up)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -14,6 +14,7 @@ from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline import reconstruct
+from tests.laws import examples
 from tests.scenes import LENSES, body_points, ring, seen, skeleton_of
 
 seeds = st.integers(0, 2**32 - 1)
@@ -38,7 +39,7 @@ def scene(seed: int, lens: str, cameras: int = 5) -> tuple[CameraRig, Detections
 
 
 @given(seed=seeds, lens=lenses)
-@settings(max_examples=15, deadline=None)
+@examples(15)
 def test_the_order_of_cameras_does_not_matter(seed, lens):
     rig, detections = scene(seed, lens)
     order = np.random.default_rng(seed).permutation(5)
@@ -50,7 +51,7 @@ def test_the_order_of_cameras_does_not_matter(seed, lens):
 
 
 @given(seed=seeds, lens=lenses, shift=st.tuples(*[st.floats(-50, 50)] * 3))
-@settings(max_examples=15, deadline=None)
+@examples(15)
 def test_the_world_may_be_moved(seed, lens, shift):
     rig, detections = scene(seed, lens)
     new_from_old = np.eye(4)
@@ -68,7 +69,7 @@ def test_the_world_may_be_moved(seed, lens, shift):
 
 
 @given(seed=seeds, lens=lenses, factor=st.floats(0.001, 1000))
-@settings(max_examples=15, deadline=None)
+@examples(15)
 def test_the_world_may_be_scaled(seed, lens, factor):
     rig, detections = scene(seed, lens)
 
@@ -85,7 +86,7 @@ def test_the_world_may_be_scaled(seed, lens, factor):
 
 
 @given(seed=seeds, lens=lenses)
-@settings(max_examples=10, deadline=None)
+@examples(10)
 def test_a_frame_does_not_depend_on_its_neighbours(seed, lens):
     rig, detections = scene(seed, lens)
     whole = measured(rig, detections)
@@ -94,7 +95,7 @@ def test_a_frame_does_not_depend_on_its_neighbours(seed, lens):
 
 
 @given(seed=seeds)
-@settings(max_examples=10, deadline=None)
+@examples(10)
 def test_coordinates_and_status_tell_the_same(seed):
     layer = measured(*scene(seed, "barrel"))
     has_point = layer.status < PointStatus.NOT_SEEN
@@ -131,7 +132,7 @@ def test_missing_views_only_widen_the_covariance(rng):
 
 
 @given(seed=seeds, share=st.floats(0, 1))
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_any_pattern_of_missing_keypoints_is_survived(seed, share):
     rng = np.random.default_rng(seed)
     rig = ring(4, "fisheye")

@@ -51,10 +51,9 @@ def follow(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -
             "subject with --pick largest or --pick track-id, or remove the others."
         )
     else:
-        areas = _areas(np.asarray(detections.keypoints_px))
         for f, v in crowded:
             start, stop = detections.offsets[f * detections.n_views + v :][:2]
-            chosen[f, v] = np.argmax(areas[start:stop])
+            chosen[f, v] = np.argmax(_areas(np.asarray(detections.keypoints_px[start:stop])))
     state = np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8)
     return Tracks((PERSON,), chosen[:, None, :], state)
 

@@ -342,6 +342,7 @@ def triangulate_views(
     status,
     view_codes,
     view_errors_px,
+    mean_errors_px,
 ):
     """Maximum-likelihood points from every valid view, nothing rejected.
 
@@ -360,6 +361,7 @@ def triangulate_views(
         view_codes: shape (person_frame, keypoint, view), int8, written.
         view_errors_px: shape (person_frame, keypoint, view), float32, written: reprojection errors of every view that
             has a detection, used or not.
+        mean_errors_px: shape (person_frame, keypoint), written: mean of the errors of the used views.
     """
     n_views = cameras.shape[0]
     n_keypoints = keypoints_px.shape[1]
@@ -389,4 +391,4 @@ def triangulate_views(
         _point_codes(lanes, used, min_views, point_codes)
         reproject_block(cameras, pixels, state, errors)
         _store_points(state, point_codes, places, points, covariance, status)
-        store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px)
+        store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px, mean_errors_px)

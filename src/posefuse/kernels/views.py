@@ -154,15 +154,21 @@ def _reproject_distorted(cameras, v, pixels, state, view_errors):
 
 
 @inline
-def store_view_results(view_codes, view_errors, status, places, out_view_codes, out_view_errors):
-    """Write the per-view results of a block to (person_frame, keypoint, view) arrays."""
+def store_view_results(view_codes, view_errors, status, places, out_view_codes, out_view_errors, out_mean_errors):
+    """Write the per-view results of a block, and the mean error over the used views of each point."""
     for j in range(BLOCK):
         n = places[0, j]
         k = places[1, j]
         if n < 0:
             return
         solved = status[j] < codes.POINT_MISSING
+        total = 0.0
+        used = 0
         for v in range(view_codes.shape[0]):
             code = view_codes[v, j]
+            if code == codes.VIEW_USED:
+                total += view_errors[v, j]
+                used += 1
             out_view_codes[n, k, v] = code if solved or code != codes.VIEW_USED else codes.VIEW_NOT_USED
             out_view_errors[n, k, v] = view_errors[v, j] if solved else math.nan
+        out_mean_errors[n, k] = total / used if solved else math.nan

@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.status import PointStatus, Source
 from posefuse.model.tracks import Tracks, TrackState
 
 
@@ -21,6 +21,7 @@ class EmptyLayer:
     status: np.ndarray
     view_status: np.ndarray
     view_error_px: np.ndarray
+    reprojection_error_px: np.ndarray
 
     @classmethod
     def of(cls, tracks: Tracks, n_keypoints: int) -> Self:
@@ -34,6 +35,7 @@ class EmptyLayer:
             status=np.empty((n, n_keypoints), dtype=np.int8),
             view_status=np.empty((n, n_keypoints, views), dtype=np.int8),
             view_error_px=np.empty((n, n_keypoints, views), dtype=np.float32),
+            reprojection_error_px=np.empty((n, n_keypoints)),
         )
 
     def finish(self) -> Layer:
@@ -46,25 +48,15 @@ class EmptyLayer:
         status = by_frame(self.status)
         absent = np.asarray(self.tracks.state[:]) == TrackState.ABSENT
         status[absent] = PointStatus.ABSENT
-        view_status = by_frame(self.view_status)
-        view_error_px = by_frame(self.view_error_px)
         return Layer(
             points_m=by_frame(self.points_m),
             covariance_m2=by_frame(self.covariance_m2),
             status=status,
             source=np.where(status < PointStatus.NOT_SEEN, Source.MEASURED, Source.NONE).astype(np.int8),
-            reprojection_error_px=mean_used_error(view_error_px, view_status),
-            view_status=view_status,
-            view_error_px=view_error_px,
+            reprojection_error_px=by_frame(self.reprojection_error_px),
+            view_status=by_frame(self.view_status),
+            view_error_px=by_frame(self.view_error_px),
         )
-
-
-def mean_used_error(view_error_px: np.ndarray, view_status: np.ndarray) -> np.ndarray:
-    """Mean of the errors of the used views over the last axis; NaN where none was used."""
-    used = view_status == ViewStatus.USED
-    count = used.sum(axis=-1)
-    total = np.where(used, view_error_px, 0.0).sum(axis=-1, dtype=np.float64)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def rows_by_person_frame(tracks: Tracks, detections: Detections) -> np.ndarray:

@@ -50,5 +50,6 @@ def solve(
         out.status,
         out.view_status,
         out.view_error_px,
+        out.reprojection_error_px,
     )
     return out.finish()

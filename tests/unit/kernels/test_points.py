@@ -32,6 +32,7 @@ def triangulate(
         "status": np.empty((n, keypoints), dtype=np.int8),
         "view_codes": np.empty((n, keypoints, views), dtype=np.int8),
         "view_errors": np.empty((n, keypoints, views), dtype=np.float32),
+        "mean_errors": np.empty((n, keypoints)),
     }
     points.triangulate_views(
         rig.packed,

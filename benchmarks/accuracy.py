@@ -1,0 +1,103 @@
+"""Accuracy against the oracle, and the gate on it.
+
+The oracle is the maximum-likelihood point of the true inliers, found by SciPy through the whole lens model with the
+true noise. ``python -m benchmarks.accuracy`` measures, prints and compares with ``baseline.json``; ``--update``
+replaces it.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from tests.reference.points import maximum_likelihood_point
+
+from benchmarks.walking import SIGMA_PX, Walk, walk
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.pipeline import reconstruct
+from posefuse.synthetic.options import LensKind
+
+BASELINE = Path(__file__).with_name("baseline.json")
+LENSES: tuple[LensKind, ...] = ("pinhole", "barrel", "fisheye")
+REGION_68, REGION_95 = 3.5059, 7.8147
+
+
+def oracle_points(data: Walk) -> np.ndarray:
+    """Shape (frame, keypoint, 3): the best any estimator without prior knowledge can do; NaN below two inliers."""
+    points = np.full(data.points_m.shape, np.nan)
+    for f, k in np.ndindex(points.shape[:2]):
+        views = np.flatnonzero(data.inlier[f, :, k])
+        if len(views) >= 2:
+            cameras = [data.rig.cameras[v] for v in views]
+            sigma = np.full(len(views), SIGMA_PX)
+            points[f, k], _ = maximum_likelihood_point(cameras, data.pixels[f, views, k], sigma, data.points_m[f, k])
+    return points
+
+
+def against_oracle(lens: LensKind, frames: int) -> dict[str, float]:
+    """Median and 99 % error of ours as a share of the oracle's, on the same points."""
+    data = walk(frames, lens=lens)
+    ours = reconstruct(data.rig, data.detections).layers["measured"].points_m[:, 0]
+    errors = [np.linalg.norm(points - data.points_m, axis=-1) for points in (ours, oracle_points(data))]
+    medians = [float(np.median(error)) for error in errors]
+    tails = [float(np.percentile(error, 99)) for error in errors]
+    return {
+        "median_mm": 1000 * medians[0],
+        "median_of_oracle": medians[0] / medians[1],
+        "p99_of_oracle": tails[0] / tails[1],
+    }
+
+
+def coverage(lens: LensKind, frames: int) -> dict[str, float]:
+    """Share of points inside the 68 and 95 % regions of their covariance, the noise being estimated."""
+    data = walk(frames, lens=lens, seed=1)
+    layer = reconstruct(data.rig, data.detections).layers["measured"]
+    offset = layer.points_m[:, 0] - data.points_m
+    squared = np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])), offset)
+    return {"covered_68": float((squared < REGION_68).mean()), "covered_95": float((squared < REGION_95).mean())}
+
+
+def measure(oracle_frames: int = 40, coverage_frames: int = 2000) -> dict[str, dict[str, float]]:
+    """Every figure, by case; the same numbers on every run."""
+    return {lens: against_oracle(lens, oracle_frames) | coverage(lens, coverage_frames) for lens in LENSES}
+
+
+def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str, float]]) -> list[str]:
+    """What is worse than the baseline by more than rounding and other machines explain, or breaks a promise."""
+    said = []
+    for case, figures in found.items():
+        for name, value in figures.items():
+            reference = baseline[case][name]
+            if name.startswith("covered"):
+                bad = abs(value - reference) > 0.005
+            else:
+                bad = value > reference * 1.005
+            if bad:
+                said.append(f"{case} {name}: {value:.4f}, baseline {reference:.4f}")
+        limit = 1.01 if case == "pinhole" else 1.03
+        if figures["median_of_oracle"] > limit:
+            said.append(f"{case}: median is {figures['median_of_oracle']:.4f} of the oracle's, promised {limit}")
+        if not 0.93 <= figures["covered_95"] <= 0.97:
+            said.append(f"{case}: 95 % regions hold {figures['covered_95']:.3f}")
+    return said
+
+
+def main() -> int:
+    """Measure, print, compare."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--update", action="store_true", help="replace the baseline by what is measured")
+    update = parser.parse_args().update
+    found = measure()
+    for case, figures in found.items():
+        print(f"{case:8}", "  ".join(f"{name} {value:.4f}" for name, value in figures.items()))
+    if update:
+        BASELINE.write_text(json.dumps(found, indent=2) + "\n")
+        return 0
+    said = shortfalls(found, json.loads(BASELINE.read_text()))
+    print("\n".join(said) or "no worse than the baseline")
+    return 1 if said else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,12 @@
+"""All benchmarks: accuracy against the oracle and its gate, then speed beside the peers."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from benchmarks import accuracy, speed
+
+failed = accuracy.main()
+speed.main()
+sys.exit(failed)

@@ -1,0 +1,131 @@
+"""Speed: our kernels alone, our start-up, and our triangulation beside aniposelib's in the same run, one core.
+
+``python -m benchmarks.speed``. Figures are CPU times, medians of several runs.
+"""
+
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.walking import walk
+from posefuse.io.calibration import anipose
+from posefuse.model.options import Options
+from posefuse.pipeline import reconstruct, triangulate
+from posefuse.synthetic.options import LensKind
+
+PEERS = Path(__file__).parent / "peers"
+RUNS = 7
+
+
+def median_cpu_s(work, runs: int = RUNS) -> float:
+    """Median CPU seconds of a call, after one that warms it up."""
+    work()
+    times = []
+    for _ in range(runs):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return statistics.median(times)
+
+
+def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
+    """Points a second of the kernel: undistortion, start, refinement, covariance, errors and statuses of 5 views."""
+    from posefuse.kernels.points import triangulate_views
+
+    data = walk(frames, lens=lens)
+    keypoints = np.ascontiguousarray(data.pixels.reshape(-1, 26, 2))
+    confidence = np.ascontiguousarray(data.confidence.reshape(-1, 26))
+    rows = np.arange(frames * 5).reshape(frames, 5)
+    out = (
+        np.empty((frames, 26, 3)),
+        np.empty((frames, 26, 6)),
+        np.empty((frames, 26), np.int8),
+        np.empty((frames, 26, 5), np.int8),
+        np.empty((frames, 26, 5), np.float32),
+        np.empty((frames, 26)),
+    )
+    scale = np.full(5, 2.0)
+    spent = median_cpu_s(
+        lambda: triangulate_views(data.rig.packed, keypoints, confidence, rows, scale, 0.0, 0.0, 3, *out)
+    )
+    return frames * 26 / spent
+
+
+def beside_aniposelib(frames: int = 2000) -> dict[str, float]:
+    """CPU ms a frame of aniposelib's triangulate, ours alike, and our whole reconstruct, on the same arrays."""
+    data = walk(frames)
+    detections = data.detections
+    options = Options(noise_scale_px=2.0)
+    with tempfile.TemporaryDirectory() as folder:
+        anipose.write(data.rig, Path(folder) / "calibration.toml")
+        np.save(Path(folder) / "points.npy", np.moveaxis(data.pixels, 1, 0))
+        peer = run_peer("aniposelib", Path(folder))
+    return {
+        "aniposelib_ms": peer["ms_per_frame"],
+        "triangulate_ms": 1000 * median_cpu_s(lambda: triangulate(data.rig, detections, options)) / frames,
+        "reconstruct_ms": 1000 * median_cpu_s(lambda: reconstruct(data.rig, detections)) / frames,
+    }
+
+
+def run_peer(name: str, data: Path) -> dict[str, float]:
+    """Run a peer in its own locked environment, on one core."""
+    uv = shutil.which("uv") or str(Path(sys.executable).with_name("uv"))
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu"}
+    environment.pop("VIRTUAL_ENV", None)
+    script = PEERS / name / "run.py"
+    done = subprocess.run(
+        [uv, "run", "--quiet", "--locked", "--project", str(PEERS / name), "python", str(script), str(data)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{name} failed:\n{done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def first_call_s(cache: Path) -> float:
+    """Wall seconds of a new process from start to its first result, with a Numba cache folder."""
+    program = (
+        "from benchmarks.walking import walk\n"
+        "from posefuse.pipeline import reconstruct\n"
+        "data = walk(10)\n"
+        "reconstruct(data.rig, data.detections)\n"
+    )
+    start = time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-c", program],
+        check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        cwd=Path(__file__).parent.parent,
+    )
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Measure and print."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    for lens in ("pinhole", "barrel", "fisheye"):
+        print(f"kernel, 5 views, {lens}: {kernel_rate(lens) / 1e6:.2f} million points/s")
+    figures = beside_aniposelib()
+    for name, value in figures.items():
+        print(f"{name}: {value:.4f} CPU ms a frame of 26 keypoints, 5 cameras")
+    print(f"aniposelib / triangulate: {figures['aniposelib_ms'] / figures['triangulate_ms']:.0f}")
+    with tempfile.TemporaryDirectory() as cache:
+        cold = first_call_s(Path(cache))
+        warm = statistics.median(first_call_s(Path(cache)) for _ in range(3))
+    print(f"first result of a new process: {cold:.1f} s with an empty cache, {warm:.1f} s with a warm one")
+
+
+if __name__ == "__main__":
+    main()
