@@ -69,10 +69,7 @@ def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str,
     for case, figures in found.items():
         for name, value in figures.items():
             reference = baseline[case][name]
-            if name.startswith("covered"):
-                bad = abs(value - reference) > 0.005
-            else:
-                bad = value > reference * 1.005
+            bad = abs(value - reference) > 0.005 if name.startswith("covered") else value > reference * 1.005
             if bad:
                 said.append(f"{case} {name}: {value:.4f}, baseline {reference:.4f}")
         limit = 1.01 if case == "pinhole" else 1.03

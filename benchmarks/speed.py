@@ -59,7 +59,7 @@ def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
     return frames * 26 / spent
 
 
-def beside_aniposelib(frames: int = 2000) -> dict[str, float]:
+def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
     """CPU ms a frame of aniposelib's triangulate, ours alike, and our whole reconstruct, on the same arrays."""
     data = walk(frames)
     detections = data.detections

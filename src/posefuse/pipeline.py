@@ -17,7 +17,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
-from posefuse.progress import Progress, Silent
+from posefuse.progress import Progress, Silent, watched
 from posefuse.triangulation import noise as noise_scale
 from posefuse.triangulation import simple, single_view
 from posefuse.triangulation.registry import load_method
@@ -72,7 +72,7 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
     Arguments, result and errors are those of :func:`reconstruct`.
     """
     plan = prepare(rig, detections, options or Options(), Silent())
-    return Reconstruction.concatenate([measure(plan, chunk) for chunk in plan.detections.chunks()])
+    return measure(plan, plan.detections.frames(0, plan.detections.n_frames))
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
@@ -93,11 +93,9 @@ def prepare(rig: CameraRig, detections: Detections, options: Options, progress: 
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
-    progress.start("triangulating", plan.detections.n_frames)
-    for chunk in plan.detections.chunks(size):
+    chunks = plan.detections.chunks(size)
+    for chunk in watched(chunks, plan.detections.n_frames, "triangulating", progress):
         yield measure(plan, chunk)
-        progress.advance(chunk.n_frames)
-    progress.finish()
 
 
 def measure(plan: Plan, detections: Detections) -> Reconstruction:

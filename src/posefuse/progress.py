@@ -1,6 +1,19 @@
 """How long calls say how far they are, without knowing who listens."""
 
-from typing import Protocol
+from collections.abc import Iterable, Iterator
+from typing import Protocol, TypeVar
+
+
+class HasFrames(Protocol):
+    """A range of frames of something."""
+
+    @property
+    def n_frames(self) -> int:
+        """How many."""
+        ...
+
+
+Part = TypeVar("Part", bound=HasFrames)
 
 
 class Progress(Protocol):
@@ -27,3 +40,12 @@ class Silent:
 
     def finish(self) -> None:
         """Ignore."""
+
+
+def watched(parts: Iterable[Part], n_frames: int, what: str, progress: Progress) -> Iterator[Part]:
+    """The same ranges of frames, each told to ``progress`` once whoever asked for it is done with it."""
+    progress.start(what, n_frames)
+    for part in parts:
+        yield part
+        progress.advance(part.n_frames)
+    progress.finish()

@@ -16,14 +16,12 @@ def demo(
     seed: Annotated[int, Parameter(help="Of the simulated scene.")] = 0,
 ) -> None:
     """Simulate a person before five cameras, reconstruct, compare with the truth, and write a report."""
-    from posefuse.cli.evaluate import compare, show
-    from posefuse.cli.reconstruct import describe, reconstruct_into
-    from posefuse.cli.results import open_result
+    from posefuse.cli.evaluate import evaluate
+    from posefuse.cli.reconstruct import reconstruct_into
+    from posefuse.cli.report import report
     from posefuse.cli.simulate import TRUTH, write_scene
     from posefuse.io.files import replacing_folder
-    from posefuse.io.results import netcdf
     from posefuse.model.options import Options
-    from posefuse.report.html import render_report
     from posefuse.synthetic.options import SceneOptions
     from posefuse.synthetic.scenes import simulate
 
@@ -33,11 +31,7 @@ def demo(
         write_scene(simulate(SceneOptions(seed=seed)), staging)
     say("Reconstructing")
     with replacing_folder(result) as staging:
-        reconstructed, _, _ = reconstruct_into(staging, recording, None, None, Options())
-    describe(reconstructed)
-    _, accuracy = compare(result, recording / TRUTH, None)
-    show(accuracy)
-    page = result / "report.html"
-    _, stored = open_result(result)
-    page.write_text(render_report(stored, netcdf.read_reconstruction(recording / TRUTH), accuracy), "utf-8")
-    say(f"The report: {page.resolve().as_uri()}")
+        reconstruct_into(staging, recording, None, None, Options())
+    evaluate(result, recording / TRUTH)
+    report(result, truth=recording / TRUTH)
+    say(f"The report: {(result / 'report.html').resolve().as_uri()}")

@@ -11,13 +11,21 @@ from rich.text import Text
 from posefuse.cli.console import err, spoken_warnings
 from posefuse.errors import OptionsError, PosefuseError
 
+
+def _shown_default(value: object) -> str | None:
+    """A default as help shows it; an empty list says nothing."""
+    if isinstance(value, tuple):
+        return " ".join(str(item) for item in value) or None
+    return None if value is None else str(value)
+
+
 app = App(
     name="posefuse",
     help="3D people and animals from several calibrated cameras' 2D keypoints.",
     version_flags=["--version"],
     version=lambda: __import__("posefuse").__version__,
-    help_format="plaintext",
-    default_parameter=Parameter(negative_iterable=(), consume_multiple=True),
+    help_format="markdown",
+    default_parameter=Parameter(negative_iterable=(), consume_multiple=True, show_default=_shown_default),
 )
 
 COMMANDS = {

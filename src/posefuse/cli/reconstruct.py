@@ -27,18 +27,17 @@ def reconstruct(
     from posefuse.io.files import replacing_folder
 
     with replacing_folder(output) as staging:
-        result, files, layer = reconstruct_into(staging, recording, calibration, keypoints, options)
-    describe(result)
+        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options)
     say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
 
 
 def reconstruct_into(
     folder: Path, recording: Path, calibration: Path | None, keypoints: Path | None, options: Options
-) -> tuple[Reconstruction, list[str], str]:
-    """Read, reconstruct and write into an existing folder.
+) -> tuple[list[str], str]:
+    """Read, reconstruct, write into an existing folder, and say what came out.
 
     Returns:
-        The result, the names of what was written, and the layer that TRC and C3D hold.
+        The names of what was written, and the layer that TRC and C3D hold.
     """
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress)
@@ -54,10 +53,10 @@ def reconstruct_into(
     path = folder / "reconstruction.nc"
     netcdf.write(reconstruct_chunks(plan, progress), path)
     result = netcdf.read_reconstruction(path)
-    files, layer = write_folder(result, folder)
-    (folder / "report.html").write_text(render_report(result), "utf-8")
-    # Loaded before the folder takes its final name; only small arrays stay in memory.
-    return result.frames(0, result.n_frames), ["reconstruction.nc", *files, "report.html"], layer
+    files, layer = write_folder(result, folder, progress)
+    (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
+    describe(result)
+    return ["reconstruction.nc", *files, "report.html"], layer
 
 
 def describe(result: Reconstruction) -> None:
@@ -66,7 +65,7 @@ def describe(result: Reconstruction) -> None:
     from posefuse.report.summary import summarise
 
     name, _ = result.best_layer(result.options.layer)
-    summary = summarise([result], name)
+    summary = summarise(result.chunks(), name)
     there = sum(n for code, n in summary.status_counts.items() if code.has_point)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(f"{result.n_frames} frames{rate}, {len(result.rig)} cameras, {len(result.skeleton)} keypoints")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import say
+from posefuse.cli.console import Bars, say
 
 
 def report(
@@ -31,5 +31,5 @@ def report(
         known = netcdf.read_reconstruction(truth)
         accuracy = evaluate(reconstruction, truth_from_result(reconstruction, known))
     with replacing(target) as temporary:
-        temporary.write_text(render_report(reconstruction, known, accuracy), "utf-8")
+        temporary.write_text(render_report(reconstruction, known, accuracy, Bars()), "utf-8")
     say(f"Wrote {target}")

@@ -45,9 +45,9 @@ _DEPTH = 10
 SUM_ROWS = 11
 
 MAX_ITERATIONS = 30
-# Stop after a step of a thousandth of the point's own standard error: convergence is better than tenfold a step, so
+# Stop after a step of a hundredth of the point's own standard error: convergence is better than tenfold a step, so
 # what remains is far below it.
-_SMALL_STEP = 1e-6
+_SMALL_STEP = 1e-4
 # Smallest admissible pivot relative to the diagonal before elimination: rays within some 1e-7 rad are parallel.
 _SINGULAR_PIVOT = 1e-14
 

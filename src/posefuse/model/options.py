@@ -60,8 +60,8 @@ class Options:
     Attributes:
         people: How many there are; one subject per recording.
         pick: Which person to take where a view shows several; by default that is an error.
-        skeleton: What the keypoints are, a shipped name or a TOML file; by default what the files say or their number
-            allows.
+        skeleton: What the keypoints are, a shipped name or a TOML file; by default the one the files name or
+            their number of keypoints allows.
         rate_hz: Frames per second, for files that do not say.
         third_channel: What the third number of a keypoint array is.
         length_unit: The unit of the calibration's lengths, for formats that do not say.

@@ -17,6 +17,7 @@ from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.progress import Progress, Silent, watched
 from posefuse.report.summary import Summary, summarise
 
 SHOWN_FRAMES = 1500
@@ -25,16 +26,23 @@ SHOWN_FRAMES = 1500
 _VIEW_CODES = (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.LOW_CONFIDENCE, ViewStatus.UNSEEN)
 
 
-def render_report(result: Reconstruction, truth: Reconstruction | None = None, accuracy: Accuracy | None = None) -> str:
+def render_report(
+    result: Reconstruction,
+    truth: Reconstruction | None = None,
+    accuracy: Accuracy | None = None,
+    progress: Progress | None = None,
+) -> str:
     """The report of a result, as the text of its HTML file.
 
     Args:
         result: what to show; the layer ``options.layer`` names, or the best.
         truth: known positions of the same frames and keypoints, shown beside it.
         accuracy: of the result against the truth.
+        progress: told how far the work is.
     """
     layer, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), layer)
+    parts = watched(result.chunks(), result.n_frames, "summarising", progress or Silent())
+    summary = summarise(parts, layer)
     stride = max(1, -(-result.n_frames // SHOWN_FRAMES))
     data = {
         "scene": _scene(result, layer, truth, stride),

@@ -10,10 +10,10 @@ from posefuse.model.options import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 
-SAMPLE_FRAMES = 600
-"""So many frames, spread evenly over the recording, tell the scale to a per cent or so."""
+SAMPLE_FRAMES = 300
+"""So many frames, spread evenly over the recording, tell the scale to a few per cent."""
 
-_PIECE_FRAMES = 60
+_PIECE_FRAMES = 30
 _FEWEST_POINTS = 30
 _ASSUMED_PX_AT_1000 = 4.5
 _FINEST_PX = 1e-3

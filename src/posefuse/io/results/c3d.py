@@ -19,6 +19,7 @@ from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import ViewStatus
+from posefuse.progress import Progress, Silent, watched
 
 _CAMERA_BITS = 7
 _RESIDUAL_STEP_MM = 0.1
@@ -29,7 +30,7 @@ _LONGEST_AXIS = 255
 _SCREEN_X: dict[UpAxis, str] = {"z": "+X", "y": "+X", "x": "+Y", "-z": "+X", "-y": "+X", "-x": "+Y"}
 
 
-def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
+def write(result: Reconstruction, person: str, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one person.
 
     Raises:
@@ -52,7 +53,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     index = result.person_ids.index(person)
     views = np.zeros(len(names))
     done = 0
-    for part in result.chunks():
+    for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
         rows = places[done : done + part.n_frames]
         part_layer = part.layers[layer]
         xyz = np.asarray(part_layer.points_m)[:, index]

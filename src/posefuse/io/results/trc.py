@@ -14,6 +14,7 @@ from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.progress import Progress, Silent, watched
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Trajectories:
     rate_hz: float
 
 
-def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
+def write(result: Reconstruction, person: str, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one person.
 
     Raises:
@@ -60,7 +61,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         file.write("\n".join(header) + "\n")
         row = 0
         done = 0
-        for part in result.chunks():
+        for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
             points = np.asarray(part.layers[layer].points_m[:])[:, index] @ turn.T
             for place, values in zip(places[done : done + len(points)], points.reshape(len(points), -1), strict=True):
                 while row < place:

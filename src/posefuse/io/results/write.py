@@ -7,6 +7,7 @@ from posefuse.io.registry import RESULTS
 from posefuse.io.results import c3d, csv, netcdf, trc
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.progress import Progress, Silent, watched
 
 _BY_SUFFIX = {".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d"}
 _FORMATS = tuple(form.name for form in RESULTS if form.writes)
@@ -42,7 +43,7 @@ def write(result: Reconstruction, path: str | Path, format: str | None = None) -
             (trc if name == "trc" else c3d).write(result, person, target, layer)
 
 
-def write_folder(result: Reconstruction, folder: Path) -> tuple[list[str], LayerName]:
+def write_folder(result: Reconstruction, folder: Path, progress: Progress | None = None) -> tuple[list[str], LayerName]:
     """Write every output of a reconstruction but ``reconstruction.nc``: a CSV a layer, a TRC and a C3D a person.
 
     Returns:
@@ -51,13 +52,14 @@ def write_folder(result: Reconstruction, folder: Path) -> tuple[list[str], Layer
     files = []
     for name in result.layers:
         file_name = csv.FILE_NAMES[name]  # type: ignore[index]
-        csv.write(result.chunks(), folder / file_name, name)  # type: ignore[arg-type]
+        parts = watched(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
+        csv.write(parts, folder / file_name, name)  # type: ignore[arg-type]
         files.append(file_name)
     layer, _ = result.best_layer(result.options.layer)
     for person in result.person_ids:
-        trc.write(result, person, folder / f"{person}.trc", layer)
+        trc.write(result, person, folder / f"{person}.trc", layer, progress)
         files.append(f"{person}.trc")
         if result.unit == "m":
-            c3d.write(result, person, folder / f"{person}.c3d", layer)
+            c3d.write(result, person, folder / f"{person}.c3d", layer, progress)
             files.append(f"{person}.c3d")
     return files, layer

@@ -1,0 +1,17 @@
+"""The gate on accuracy: as near to the oracle, and as honest about it, as the committed baseline."""
+
+import json
+
+from benchmarks.accuracy import BASELINE, measure, shortfalls
+
+
+def test_accuracy_is_no_worse_than_the_baseline() -> None:
+    assert shortfalls(measure(), json.loads(BASELINE.read_text())) == []
+
+
+def test_the_gate_notices_a_loss() -> None:
+    baseline = json.loads(BASELINE.read_text())
+    worse = {case: dict(figures, median_of_oracle=1.04) for case, figures in baseline.items()}
+    lying = {case: dict(figures, covered_95=0.90) for case, figures in baseline.items()}
+    assert len(shortfalls(worse, baseline)) == 6
+    assert len(shortfalls(lying, baseline)) == 6
