@@ -61,10 +61,10 @@ class Camera:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "matrix", frozen(self.matrix))
-        object.__setattr__(self, "camera_from_world", frozen(self.camera_from_world))
-        object.__setattr__(self, "lens", LensModel(self.lens))
-        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
+        object.__setattr__(self, "matrix", _numbers(self.name, "matrix", self.matrix))
+        object.__setattr__(self, "camera_from_world", _numbers(self.name, "camera_from_world", self.camera_from_world))
+        object.__setattr__(self, "lens", _lens_model(self.name, self.lens))
+        object.__setattr__(self, "distortion", tuple(_numbers(self.name, "distortion", self.distortion).tolist()))
         object.__setattr__(self, "size_px", _whole_size(self.name, self.size_px))
         _check_matrix(self.name, self.matrix)
         _check_pose(self.name, self.camera_from_world)
@@ -105,9 +105,15 @@ class Camera:
         """
         lens, coefficients = lens_from_opencv(name, distortion, fisheye=fisheye)
         pose = np.eye(4)
-        turn = np.asarray(rotation, dtype=np.float64)
+        turn = _numbers(name, "rotation", rotation)
+        shift = _numbers(name, "translation", translation)
+        if turn.size not in (3, 9) or shift.size != 3:
+            raise CameraError(
+                f"Camera {name!r}: rotation must have 3 numbers (Rodrigues vector) or 9 (matrix) and translation 3, "
+                f"got shapes {turn.shape} and {shift.shape}."
+            )
         pose[:3, :3] = rotation_from_vector(turn.reshape(3)) if turn.size == 3 else turn.reshape(3, 3)
-        pose[:3, 3] = np.asarray(translation, dtype=np.float64).reshape(3)
+        pose[:3, 3] = shift.reshape(3)
         return cls(name, (size_px[0], size_px[1]), np.asarray(matrix), pose, lens, coefficients)  # type: ignore[arg-type]
 
     @property
@@ -302,6 +308,21 @@ def vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_rotvec()
+
+
+def _numbers(camera: str, field: str, values: Any) -> np.ndarray:
+    """A read-only array of float64."""
+    try:
+        return frozen(values)
+    except (TypeError, ValueError):
+        raise CameraError(f"Camera {camera!r}: {field} must be an array of numbers, got {values!r}.") from None
+
+
+def _lens_model(camera: str, lens: Any) -> LensModel:
+    if lens not in set(LensModel):
+        known = [str(model) for model in LensModel]
+        raise CameraError(f"Camera {camera!r}: no lens model {lens!r}. {suggestion(str(lens), known)}")
+    return LensModel(lens)
 
 
 def _whole_size(name: str, size: Sequence[float]) -> tuple[int, int]:

@@ -43,6 +43,9 @@ def pose_with(rotation) -> np.ndarray:
         ({"size_px": 3}, ["width and height"]),
         ({"lens": LensModel.FISHEYE, "distortion": (0.1,)}, ["fisheye lens has 4", "got 1"]),
         ({"lens": LensModel.BROWN, "distortion": (0.1, np.inf, 0, 0, 0)}, ["must be finite"]),
+        ({"lens": "fishy"}, ["no lens model 'fishy'", "fisheye"]),
+        ({"camera_from_world": LensModel.BROWN}, ["camera_from_world must be an array of numbers"]),
+        ({"matrix": "K"}, ["matrix must be an array of numbers"]),
     ],
 )
 def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
@@ -50,6 +53,12 @@ def test_a_camera_that_cannot_be_is_refused_with_a_reason(changes, words):
         camera(**changes)
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(("rotation", "translation"), [(np.zeros(4), np.zeros(3)), (np.eye(3), np.zeros(2))])
+def test_opencvs_pose_has_three_or_nine_and_three_numbers(rotation, translation):
+    with pytest.raises(CameraError, match="got shapes"):
+        Camera.from_opencv("c", (640, 480), np.diag([500.0, 500.0, 1.0]), (), rotation, translation)
 
 
 def test_arrays_of_a_camera_cannot_be_changed():

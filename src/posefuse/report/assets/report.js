@@ -65,11 +65,13 @@
       text: scene.cameras.map((camera) => camera.name), textfont: { color: css("--ink"), size: 12 } });
   }
 
-  // Axis ranges: people by default (robust against strays), everything on request.
+  // Axis ranges: people by default (points farther out than their bulk reaches are strays), everything on request.
   function range(values, low, high) {
     const sorted = Float64Array.from(values.filter(Number.isFinite)).sort();
     if (!sorted.length) return [-1, 1];
-    return [sorted[Math.floor(low * (sorted.length - 1))], sorted[Math.ceil(high * (sorted.length - 1))]];
+    const bulk = [sorted[Math.floor(low * (sorted.length - 1))], sorted[Math.ceil(high * (sorted.length - 1))]];
+    const reach = 0.3 * (bulk[1] - bulk[0]);
+    return [Math.max(sorted[0], bulk[0] - reach), Math.min(sorted[sorted.length - 1], bulk[1] + reach)];
   }
   const all = [[], [], []];
   for (const { points } of people) for (let i = 0; i < points.length; i++) all[i % 3].push(points[i]);

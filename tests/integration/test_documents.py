@@ -1,0 +1,58 @@
+"""The documents are true: examples run, and what is listed is what there is."""
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS
+from posefuse.model.options import METHODS, Options, TriangulationOptions
+from posefuse.model.status import PointStatus, ViewStatus
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md")])
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_example_runs(example: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(example)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_every_option_is_documented() -> None:
+    page = (ROOT / "docs" / "options.md").read_text()
+    names = {field.name for field in fields(Options)} - {"triangulation"}
+    names |= {f"triangulation.{field.name}" for field in fields(TriangulationOptions)}
+    assert set(re.findall(r"`([a-z_.]+)`(?:, `(?:[a-z_]+)`)? \|", page)) >= names - {"end_s"}
+    assert {name for name in names if f"`{name}`" not in page} == set()
+
+
+def test_every_status_method_and_format_is_documented() -> None:
+    conventions = (ROOT / "docs" / "conventions.md").read_text()
+    assert [code.label for code in (*PointStatus, *ViewStatus) if f"| `{code.label}` |" not in conventions] == []
+    methods = (ROOT / "docs" / "methods.md").read_text()
+    assert [name for name in METHODS if f"## `{name}`" not in methods] == []
+    formats = (ROOT / "docs" / "formats.md").read_text().lower()
+    named = {form.name for form in (*CALIBRATIONS, *KEYPOINTS, *RESULTS)} - {"netcdf"}
+    assert {name for name in named if name not in formats} == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text()
+    for target in re.findall(r"\]\(([^)#]+)(?:#[a-z0-9-]+)?\)", text):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
