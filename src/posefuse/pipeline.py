@@ -257,6 +257,7 @@ def survey(
     for start, stop in pieces:
         piece = detections.frames(start, stop)
         tracks = one_subject.follow(piece, options.pick, subject_ids)
+        tracks = noise_scale.three_views(tracks, piece.view_names, seed=start)
         layer = simple.solve(rig, piece, tracks, relative, replace(chosen, min_views=2))
         estimates.append(noise_scale.squared_scales(layer, piece, tracks.rows(piece), exponent))
         points.append(np.asarray(layer.points_m))

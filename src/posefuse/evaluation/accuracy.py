@@ -14,6 +14,7 @@ from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covarian
 from posefuse.model.status import ViewStatus
 
 FAR_M = 0.05
+_SAME_TIME = 1e-3
 _REGION_68, _REGION_95 = 3.5059, 7.8147
 """Squared radii of the 68 % and 95 % regions of a 3D Gaussian in units of its covariance."""
 
@@ -179,29 +180,63 @@ def truth_from_trajectories(
 ) -> Truth:
     """Known positions from named trajectories, in the result's world.
 
-    Names may be canonical or another program's. Frames are put together by order where there are equally many, else
-    by time, to within half a frame.
+    Names may be canonical or another program's; of two for one keypoint the first counts. Frames are put together by
+    order where there are equally many, else by time: the truth is interpolated linearly between its own frames.
 
     Raises:
         ResultError: if no name is known, or no time fits.
     """
-    known = [(i, result.skeleton.canonical(name)) for i, name in enumerate(names)]
-    found = [(i, name) for i, name in known if name is not None]
+    places: dict[str, int] = {}
+    for i, name in enumerate(names):
+        keypoint = result.skeleton.canonical(name)
+        if keypoint is not None:
+            places.setdefault(keypoint, i)
+    found = [(i, name) for name, i in places.items()]
     if not found:
         raise ResultError(f"The truth's points ({choices(names)}) are none of skeleton {result.skeleton.name}'s.")
     points = np.asarray(points_m)[:, [i for i, _ in found]]
     keypoints = tuple(name for _, name in found)
     if len(points) == result.n_frames:
         return Truth(keypoints, points, "order")
-    steps = np.abs(time_s[:, None] - result.time_s[None])
-    nearest = steps.argmin(axis=0)
-    half = 0.5 * float(np.median(np.diff(time_s)))
-    off = steps[nearest, np.arange(result.n_frames)] > half
-    if off.all():
-        raise ResultError("No frame of the result lies at a time of the truth; are they of the same recording?")
-    matched = points[nearest].copy()
-    matched[off] = np.nan
+    if not np.isfinite(result.time_s).any():
+        raise ResultError(
+            f"The result has {result.n_frames} frames without times and the truth {len(points)}: there is no telling "
+            "which belong together. Reconstruct with the frame rate (--rate-hz), or cut the truth to the same frames."
+        )
+    if len(time_s) < 2 or not np.all(np.diff(time_s) > 0):
+        raise ResultError(f"The truth's {len(time_s)} times must be at least two, and increase.")
+    matched = interpolated(points, time_s, result.time_s)
+    if not np.isfinite(matched).any():
+        raise ResultError(
+            f"No frame of the result ({np.nanmin(result.time_s):.3f} to {np.nanmax(result.time_s):.3f} s) lies within "
+            f"the truth's times ({time_s[0]:.3f} s to {time_s[-1]:.3f} s); are they of the same recording?"
+        )
     return Truth(keypoints, matched, "time")
+
+
+def interpolated(points_m: np.ndarray, time_s: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Positions between frames, linearly; NaN outside, in gaps of the frames, and beside missing points.
+
+    Args:
+        points_m: shape (frame, keypoint, 3).
+        time_s: shape (frame,), increasing.
+        at_s: shape (other frame,), NaN where unknown.
+
+    Returns:
+        Shape (other frame, keypoint, 3).
+    """
+    period = float(np.median(np.diff(time_s)))
+    after = np.clip(np.searchsorted(time_s, at_s), 1, len(time_s) - 1)
+    share = (at_s - time_s[after - 1]) / (time_s[after] - time_s[after - 1])
+    exact = np.abs(share - np.round(share)) * (time_s[after] - time_s[after - 1]) <= _SAME_TIME * period
+    inside = np.isfinite(at_s) & (np.round(share) >= 0) & (np.round(share) <= 1)
+    between = inside & (share >= 0) & (share <= 1) & (time_s[after] - time_s[after - 1] < 1.5 * period)
+    weight = np.where(between, share, 0.0)[:, None, None]
+    out = (1.0 - weight) * points_m[after - 1] + weight * points_m[after]
+    out[~between] = np.nan
+    hits = inside & exact
+    out[hits] = points_m[after[hits] - 1 + np.round(share[hits]).astype(int)]
+    return out
 
 
 def _coverage(offsets_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[float | None, float | None]:

@@ -179,9 +179,10 @@ def project_point(cameras, v, x, y, z):
         inverse = 1.0 / z
         x_n = x * inverse
         y_n = y * inverse
-        if x_n * x_n + y_n * y_n > cameras[v, MAX_RADIUS] ** 2:
+        x_d, y_d, a, b, c, d = distort(cameras, v, x_n, y_n)
+        # The radius is that of the radial terms; strong tangential ones fold a little earlier on one side.
+        if x_n * x_n + y_n * y_n > cameras[v, MAX_RADIUS] ** 2 or not a * d - b * c > 0.0:
             return BEYOND, nan, nan
-        x_d, y_d, _, _, _, _ = distort(cameras, v, x_n, y_n)
     return (
         OK,
         cameras[v, FX] * x_d + cameras[v, SKEW] * y_d + cameras[v, CX],

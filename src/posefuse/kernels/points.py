@@ -15,7 +15,14 @@ import numpy as np
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, kernel
 from posefuse.kernels.lens import BLOCK, rows_block
-from posefuse.kernels.views import load_block, locate_lanes, reproject_block, store_view_results, weigh_block
+from posefuse.kernels.views import (
+    linear_errors,
+    load_block,
+    locate_lanes,
+    reproject_block,
+    store_view_results,
+    weigh_block,
+)
 
 OK = 0
 SINGULAR = 1
@@ -50,6 +57,12 @@ MAX_ITERATIONS = 30
 _SMALL_STEP = 1e-4
 # Smallest admissible pivot relative to the diagonal before elimination: rays within some 1e-7 rad are parallel.
 _SINGULAR_PIVOT = 1e-14
+# Nor is it worth going on once the step is lost in the rounding of coordinates.
+_SMALLEST_STEP_SQUARED = 1e-20
+# A point is badly known where its standard deviation is more than this share of its distance from a camera, and not
+# known at all past the second: then the rays are parallel as far as the noise lets one tell.
+_WEAK_SHARE = 0.1
+_DEGENERATE_SHARE = 0.25
 
 
 @inline
@@ -217,10 +230,12 @@ def take_step(sums, state, lanes):
             sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], gx, gy, gz
         )
         # The product of step and gradient is the squared step in units of the point's standard error.
-        small = gx * sx + gy * sy + gz * sz < _SMALL_STEP
+        step_squared = sx * sx + sy * sy + sz * sz
+        depth = sums[_DEPTH, j]
+        small = (gx * sx + gy * sy + gz * sz < _SMALL_STEP) | (step_squared < _SMALLEST_STEP_SQUARED * depth * depth)
         cost = sums[_COST, j]
         best = state[COST, j]
-        better = (sums[_DEPTH, j] > 0.0) & (cost <= best * (1.0 + 1e-12))
+        better = (depth > 0.0) & (cost <= best * (1.0 + 1e-12))
         scale = 1.0 if better else 0.5 * state[SCALE, j]
         hopeless = (best == math.inf) | (scale < 1e-9)
         failed = hopeless if not better else not solved
@@ -295,7 +310,37 @@ def _point_codes(lanes, used, min_views, status):
 
 
 @inline
-def _store_points(state, status, places, points, covariance, out_status):
+def judge_geometry(state, sums, status):
+    """Turn the information of a block into covariances, and see whether the rays say how far away the points are.
+
+    ``sums``, of the last step, receives the covariances in its first six rows.
+    """
+    for j in range(BLOCK):
+        depth = sums[_DEPTH, j]
+        regular, xx, xy, xz, yy, yz, zz = invert_symmetric(
+            state[INFORMATION, j],
+            state[INFORMATION + 1, j],
+            state[INFORMATION + 2, j],
+            state[INFORMATION + 3, j],
+            state[INFORMATION + 4, j],
+            state[INFORMATION + 5, j],
+        )
+        sums[0, j] = xx
+        sums[1, j] = xy
+        sums[2, j] = xz
+        sums[3, j] = yy
+        sums[4, j] = yz
+        sums[5, j] = zz
+        spread = xx + yy + zz
+        code = status[j]
+        weak = spread > _WEAK_SHARE * _WEAK_SHARE * depth * depth
+        lost = (spread > _DEGENERATE_SHARE * _DEGENERATE_SHARE * depth * depth) | (not regular)
+        judged = codes.POINT_DEGENERATE if lost else (codes.POINT_WEAK_GEOMETRY if weak else code)
+        status[j] = judged if code < codes.POINT_MISSING else code
+
+
+@inline
+def _store_points(state, covariances, status, places, points, covariance, out_status):
     """Write positions and covariances of a block; NaN where the status says missing."""
     for j in range(BLOCK):
         n = places[0, j]
@@ -311,20 +356,8 @@ def _store_points(state, status, places, points, covariance, out_status):
             continue
         for i in range(3):
             points[n, k, i] = state[X + i, j]
-        _, xx, xy, xz, yy, yz, zz = invert_symmetric(
-            state[INFORMATION, j],
-            state[INFORMATION + 1, j],
-            state[INFORMATION + 2, j],
-            state[INFORMATION + 3, j],
-            state[INFORMATION + 4, j],
-            state[INFORMATION + 5, j],
-        )
-        covariance[n, k, 0] = xx
-        covariance[n, k, 1] = xy
-        covariance[n, k, 2] = xz
-        covariance[n, k, 3] = yy
-        covariance[n, k, 4] = yz
-        covariance[n, k, 5] = zz
+        for i in range(6):
+            covariance[n, k, i] = covariances[i, j]
 
 
 @kernel
@@ -389,6 +422,8 @@ def triangulate_views(
         _open_lanes(weights, min_views, lanes, used)
         solve_block(rows, weights, sums, state, lanes)
         _point_codes(lanes, used, min_views, point_codes)
+        judge_geometry(state, sums, point_codes)
         reproject_block(cameras, pixels, state, errors)
-        _store_points(state, point_codes, places, points, covariance, status)
+        linear_errors(rows, weights, state, errors)
+        _store_points(state, sums, point_codes, places, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px, mean_errors_px)

@@ -91,6 +91,8 @@ def weigh_block(scale_px, exponent, trust, lens_codes, view_codes, weights):
         if exponent != 0.0:
             for j in range(BLOCK):
                 weights[v, j] *= trust[v, j] ** (2.0 * exponent)
+                silent = (view_codes[v, j] == codes.VIEW_USED) & (lens_codes[v, j] == OK) & (not weights[v, j] > 0.0)
+                view_codes[v, j] = codes.VIEW_LOW_CONFIDENCE if silent else view_codes[v, j]
         for j in range(BLOCK):
             beyond = (view_codes[v, j] == codes.VIEW_USED) & (lens_codes[v, j] == BEYOND)
             view_codes[v, j] = codes.VIEW_BEYOND_LENS if beyond else view_codes[v, j]
@@ -145,12 +147,35 @@ def _reproject_distorted(cameras, v, pixels, state, view_errors):
         inverse = 1.0 / z
         x_n = x * inverse
         y_n = y * inverse
-        x_d, y_d, _, _, _, _ = distort(cameras, v, x_n, y_n)
+        x_d, y_d, a, b, c, d = distort(cameras, v, x_n, y_n)
         du = fx * x_d + skew * y_d + cx - pixels[v, 0, j]
         dv = fy * y_d + cy - pixels[v, 1, j]
         error = math.sqrt(du * du + dv * dv)
-        visible = (z > 0.0) & (x_n * x_n + y_n * y_n <= limit)
+        visible = (z > 0.0) & (x_n * x_n + y_n * y_n <= limit) & (a * d - b * c > 0.0)
         view_errors[v, j] = error if visible else math.nan
+
+
+@inline
+def linear_errors(rows, weights, state, view_errors):
+    """Errors of used views past whose fold the point came to lie: of the lens as linearised at the pixel.
+
+    The pixel was within the lens model's domain, the point that all views agree on is just outside of it.
+    """
+    for v in range(weights.shape[0]):
+        lost = 0
+        for j in range(BLOCK):
+            lost += 1 if (weights[v, j] > 0.0) & (view_errors[v, j] != view_errors[v, j]) else 0
+        if lost == 0:
+            continue
+        for j in range(BLOCK):
+            if weights[v, j] > 0.0 and view_errors[v, j] != view_errors[v, j]:
+                x = state[0, j]
+                y = state[1, j]
+                z = state[2, j]
+                depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
+                r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) / depth
+                s = (rows[v, 4, j] * x + rows[v, 5, j] * y + rows[v, 6, j] * z + rows[v, 7, j]) / depth
+                view_errors[v, j] = math.sqrt(r * r + s * s)
 
 
 @inline

@@ -103,8 +103,9 @@ def _spells(
     on = np.zeros(shape, dtype=bool)
     if share <= 0 or not shape[0]:
         return on
-    leave = min(1.0, 1.0 / (dwell_s * rate_hz))
-    enter = leave * share / (1.0 - share)
+    # No chain is on for most of the time at short stretches only: then the stretches are longer.
+    leave = min(1.0, 1.0 / (dwell_s * rate_hz), (1.0 - share) / share)
+    enter = leave * share / (1.0 - share) if share < 1.0 else 1.0
     draws = rng.random(shape)
     on[0] = draws[0] < share
     for t in range(1, shape[0]):

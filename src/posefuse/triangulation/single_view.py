@@ -40,16 +40,17 @@ def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: Tr
     if not options.flatten_single_view:
         z[there] = np.asarray(depth)[rows[there]]
     seen = np.isfinite(pixels).all(axis=-1) & np.isfinite(z)
-    low = seen & (trust < options.min_confidence)
+    usual = np.where(np.isfinite(trust), trust, 1.0) ** noise.exponent
+    low = seen & ((trust < options.min_confidence) | (usual <= 0))
     solved = seen & ~low
     points = np.where(solved[..., None], np.concatenate([pixels, z[..., None]], axis=-1), np.nan)
-    sigma = noise.scale_px[0] / np.where(np.isfinite(trust), trust, 1.0) ** noise.exponent
+    sigma = noise.scale_px[0] / np.where(solved, usual, 1.0)
     covariance = np.zeros((*shape, 6))
     covariance[..., 0] = covariance[..., 3] = sigma**2
     # How wrong the depth is, nobody says.
     covariance[..., 5] = 0.0 if options.flatten_single_view else np.nan
     covariance[~solved] = np.nan
-    status = np.where(solved, PointStatus.SINGLE_VIEW, np.where(low, PointStatus.TOO_FEW_VIEWS, PointStatus.NOT_SEEN))
+    status = np.where(solved, PointStatus.SINGLE_VIEW, PointStatus.NOT_SEEN)
     view_status = np.where(low, ViewStatus.LOW_CONFIDENCE, np.where(solved, ViewStatus.USED, ViewStatus.UNSEEN))
 
     def by_frame(array: np.ndarray, dtype: type = np.float64) -> np.ndarray:

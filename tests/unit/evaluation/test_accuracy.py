@@ -9,6 +9,7 @@ from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import (
     bone_variation,
     evaluate,
+    interpolated,
     truth_from_result,
     truth_from_trajectories,
 )
@@ -107,14 +108,41 @@ def test_trajectories_by_order_or_time(truth):
     same = truth_from_trajectories(truth, ("point_2", "tail"), np.arange(10) / 30 + 5.0, points[:, [2, 0]])
     assert (same.keypoints, same.matched_by) == (("point_2",), "order")
     np.testing.assert_array_equal(same.points_m[:, 0], points[:, 2])
-    part = truth_from_trajectories(truth, ("point_2",), np.arange(3, 7) / 30 + 0.002, points[3:7, [2]])
-    assert part.matched_by == "time"
+    part = truth_from_trajectories(truth, ("point_2", "Point_2"), np.arange(3, 7) / 30 + 1e-6, points[3:7, [2, 2]])
+    assert (part.keypoints, part.matched_by) == (("point_2",), "time")
     assert np.isfinite(part.points_m).all(axis=(1, 2)).tolist() == [False] * 3 + [True] * 4 + [False] * 3
     np.testing.assert_array_equal(part.points_m[3:7, 0], points[3:7, 2])
-    with pytest.raises(ResultError, match="No frame of the result lies at a time"):
+    with pytest.raises(ResultError, match="lies within the truth's times"):
         truth_from_trajectories(truth, ("point_2",), np.arange(4) / 30 + 50, points[:4, [2]])
+    with pytest.raises(ResultError, match="at least two, and increase"):
+        truth_from_trajectories(truth, ("point_2",), np.zeros(1), points[:1, [2]])
+    with pytest.raises(ResultError, match="10 frames without times and the truth 4"):
+        truth_from_trajectories(
+            replace(truth, time_s=np.full(10, np.nan)), ("point_2",), np.arange(4) / 30, points[:4, [2]]
+        )
     with pytest.raises(ResultError, match="are none of skeleton"):
         truth_from_trajectories(truth, ("tail",), np.arange(10) / 30, points[:, [2]])
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 50.0, 120.0])
+def test_the_truth_may_have_another_rate(rate_hz, truth):
+    """A result on a straight line against the same line at another rate: no error of the matching's own."""
+    at = np.arange(10) / 30
+    line = known(np.stack([at, 2 * at, -at], axis=-1)[:, None])
+    times = np.arange(int(0.3 * rate_hz) + 1) / rate_hz
+    found = truth_from_trajectories(line, ("point_0",), times, np.stack([times, 2 * times, -times], axis=-1)[:, None])
+    numbers = evaluate(line, found)
+    assert numbers.mpjpe_mm < 1e-9
+    assert numbers.n_points >= 9
+
+
+def test_nothing_is_interpolated_across_gaps_of_the_truth():
+    times = np.array([0.0, 0.1, 0.2, 0.5, 0.6])
+    points = np.arange(5.0)[:, None, None] * np.ones(3)
+    points[1] = np.nan
+    found = interpolated(points, times, np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.55, 0.6, 0.7, np.nan]))
+    nan = np.nan
+    np.testing.assert_allclose(found[:, 0, 0], [0, nan, nan, nan, 2, nan, 3, 3.5, 4, nan, nan])
 
 
 def test_nothing_to_compare(truth):

@@ -215,7 +215,7 @@ class TestC3d:
         assert residuals[5, 3] == -1
         assert (residuals >= 0).sum() == residuals.size - 1
         known = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1)).T
-        np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.11)
+        np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.052)
         bits = found["data"]["meta_points"]["camera_masks"]
         np.testing.assert_array_equal(bits[:4, 7, 2], [False, False, True, True])
         assert bits[:4, 0, 0].all()

@@ -7,7 +7,7 @@ from posefuse.kernels import codes, points
 from posefuse.kernels.lens import BLOCK
 from posefuse.model.cameras import CameraRig
 from tests.reference import points as naive
-from tests.scenes import LENSES, body_points, camera_with, ring
+from tests.scenes import LENSES, body_points, build_rig, camera_with, ring
 
 pytestmark = pytest.mark.no_jit
 
@@ -170,6 +170,42 @@ class TestStatus:
         rig = CameraRig((one, type(one)("twin", one.size_px, one.matrix, one.camera_from_world)))
         pixels = np.full((1, 2, 1, 2), 700.0)
         assert triangulate(rig, pixels)["status"][0, 0] == codes.POINT_DEGENERATE
+
+    def test_one_centre_fixes_no_point_however_noisy(self, rng):
+        one = ring(2).cameras[0]
+        twins = [type(one)(f"twin_{i}", one.size_px, one.matrix, one.camera_from_world) for i in range(3)]
+        rig = CameraRig(tuple(twins))
+        out = triangulate(rig, noisy(rig, body_points(rng, 50, 4), rng))
+        assert (out["status"] >= codes.POINT_MISSING).all()
+
+    @pytest.mark.parametrize(
+        ("apart_m", "expected"), [(0.02, codes.POINT_DEGENERATE), (0.1, codes.POINT_WEAK_GEOMETRY)]
+    )
+    def test_nearly_parallel_rays_are_said(self, apart_m, expected, rng):
+        poses = np.stack([np.eye(4)] * 2)
+        poses[1, 0, 3] = -apart_m
+        rig = CameraRig(tuple(camera_with("pinhole", f"cam_{i}", pose) for i, pose in enumerate(poses)))
+        truth = rng.uniform([-1, -1, 4.5], [1, 1, 5.5], (200, 1, 3))
+        out = triangulate(rig, noisy(rig, truth, rng, 2.0))
+        assert (out["status"] == expected).mean() > 0.75
+        assert (out["status"] >= codes.POINT_TWO_VIEWS).mean() > 0.99
+
+    def test_a_point_just_past_a_fold_has_errors_all_the_same(self):
+        rig = build_rig("ring", 4, "barrel")
+        pixels = np.array([[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]])
+        out = triangulate(rig, pixels.reshape(1, 4, 1, 2))
+        assert out["status"][0, 0] == codes.POINT_OK
+        assert np.isnan(rig.project(out["points"])).any()
+        assert (out["view_codes"] == codes.VIEW_USED).all()
+        assert np.isfinite(out["view_errors"]).all()
+        assert np.isfinite(out["mean_errors"]).all()
+
+    def test_confidence_zero_says_nothing_and_is_not_used(self, scene):
+        rig, pixels = scene
+        confidence = np.full(pixels.shape[:-1], 0.8)
+        confidence[0, :2, 0] = 0.0
+        out = triangulate(rig, pixels, confidence, exponent=1.0)
+        assert out["view_codes"][0, 0].tolist() == [codes.VIEW_LOW_CONFIDENCE] * 2 + [codes.VIEW_USED] * 3
 
     def test_beyond_the_lens(self, rng):
         rig = ring(4, "barrel")

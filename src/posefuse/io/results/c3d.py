@@ -81,7 +81,9 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
 def _residuals(layer: Layer, index: int) -> np.ndarray:
     """Shape (frame, keypoint): standard deviation in mm, -1 where missing."""
     deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
-    known = np.clip(np.nan_to_num(deviation, nan=0.0), 0.0, 254 * _RESIDUAL_STEP_MM)
+    # ezc3d cuts to whole steps: hand it the middle of the nearest. Zero would mean that nothing is known.
+    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 254)
+    known = np.where(np.isfinite(deviation), (steps + 0.01) * _RESIDUAL_STEP_MM, 0.0)
     return np.where(layer.has_point[:, index], known, -1.0)
 
 
