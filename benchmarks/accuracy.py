@@ -14,11 +14,13 @@ import numpy as np
 from tests.reference.points import maximum_likelihood_point
 
 from benchmarks.walking import SIGMA_PX, Walk, walk
+from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.pipeline import reconstruct
 from posefuse.synthetic.options import LensKind
 
 BASELINE = Path(__file__).with_name("baseline.json")
+METHODS = ("simple", "consensus")
 LENSES: tuple[LensKind, ...] = ("pinhole", "barrel", "fisheye")
 REGION_68, REGION_95 = 3.5059, 7.8147
 
@@ -35,11 +37,19 @@ def oracle_points(data: Walk) -> np.ndarray:
     return points
 
 
-def against_oracle(lens: LensKind, frames: int) -> dict[str, float]:
-    """Median and 99 % error of ours as a share of the oracle's, on the same points."""
+def against_oracle(methods: tuple[str, ...], lens: LensKind, frames: int) -> dict[str, dict[str, float]]:
+    """Median and 99 % error of methods as a share of the oracle's, on the same points."""
     data = walk(frames, lens=lens)
-    ours = reconstruct(data.rig, data.detections).layers["measured"].points_m[:, 0]
-    errors = [np.linalg.norm(points - data.points_m, axis=-1) for points in (ours, oracle_points(data))]
+    oracle = np.linalg.norm(oracle_points(data) - data.points_m, axis=-1)
+    found = {}
+    for method in methods:
+        points = reconstruct(data.rig, data.detections, options_of(method)).layers["measured"].points_m[:, 0]
+        found[method] = _shares(np.linalg.norm(points - data.points_m, axis=-1), oracle)
+    return found
+
+
+def _shares(ours: np.ndarray, oracle: np.ndarray) -> dict[str, float]:
+    errors = ours, oracle
     medians = [float(np.median(error)) for error in errors]
     tails = [float(np.percentile(error, 99)) for error in errors]
     return {
@@ -49,10 +59,15 @@ def against_oracle(lens: LensKind, frames: int) -> dict[str, float]:
     }
 
 
-def coverage(lens: LensKind, frames: int) -> dict[str, float]:
+def options_of(method: str) -> Options:
+    """Everything else as it is by default."""
+    return Options(triangulation=TriangulationOptions(method=method))
+
+
+def coverage(method: str, lens: LensKind, frames: int) -> dict[str, float]:
     """Share of points inside the 68 and 95 % regions of their covariance, the noise being estimated."""
     data = walk(frames, lens=lens, seed=1)
-    layer = reconstruct(data.rig, data.detections).layers["measured"]
+    layer = reconstruct(data.rig, data.detections, options_of(method)).layers["measured"]
     offset = layer.points_m[:, 0] - data.points_m
     squared = np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])), offset)
     return {"covered_68": float((squared < REGION_68).mean()), "covered_95": float((squared < REGION_95).mean())}
@@ -60,7 +75,11 @@ def coverage(lens: LensKind, frames: int) -> dict[str, float]:
 
 def measure(oracle_frames: int = 40, coverage_frames: int = 2000) -> dict[str, dict[str, float]]:
     """Every figure, by case; the same numbers on every run."""
-    return {lens: against_oracle(lens, oracle_frames) | coverage(lens, coverage_frames) for lens in LENSES}
+    figures = {}
+    for lens in LENSES:
+        for method, shares in against_oracle(METHODS, lens, oracle_frames).items():
+            figures[f"{method} {lens}"] = shares | coverage(method, lens, coverage_frames)
+    return figures
 
 
 def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str, float]]) -> list[str]:
@@ -69,10 +88,14 @@ def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str,
     for case, figures in found.items():
         for name, value in figures.items():
             reference = baseline[case][name]
-            bad = abs(value - reference) > 0.005 if name.startswith("covered") else value > reference * 1.005
+            bad = (
+                abs(value - reference) > 0.005
+                if name.startswith("covered")
+                else value > reference * (1.03 if name.startswith("p99") else 1.005)
+            )
             if bad:
                 said.append(f"{case} {name}: {value:.4f}, baseline {reference:.4f}")
-        limit = 1.01 if case == "pinhole" else 1.03
+        limit = 1.01 if case.endswith("pinhole") else 1.03
         if figures["median_of_oracle"] > limit:
             said.append(f"{case}: median is {figures['median_of_oracle']:.4f} of the oracle's, promised {limit}")
         if not 0.93 <= figures["covered_95"] <= 0.97:
@@ -87,7 +110,7 @@ def main() -> int:
     update = parser.parse_args().update
     found = measure()
     for case, figures in found.items():
-        print(f"{case:8}", "  ".join(f"{name} {value:.4f}" for name, value in figures.items()))
+        print(f"{case:17}", "  ".join(f"{name} {value:.4f}" for name, value in figures.items()))
     if update:
         BASELINE.write_text(json.dumps(found, indent=2) + "\n")
         return 0

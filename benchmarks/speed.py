@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.walking import walk
 from posefuse.io.calibration import anipose
-from posefuse.model.options import Options
+from posefuse.model.options import Options, TriangulationOptions
 from posefuse.pipeline import reconstruct, triangulate
 from posefuse.synthetic.options import LensKind
 
@@ -63,7 +63,7 @@ def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
     """CPU ms a frame of aniposelib's triangulate, ours alike, and our whole reconstruct, on the same arrays."""
     data = walk(frames)
     detections = data.detections
-    options = Options(noise_scale_px=2.0)
+    options = Options(noise_scale_px=2.0, triangulation=TriangulationOptions(method="simple"))
     with tempfile.TemporaryDirectory() as folder:
         anipose.write(data.rig, Path(folder) / "calibration.toml")
         np.save(Path(folder) / "points.npy", np.moveaxis(data.pixels, 1, 0))

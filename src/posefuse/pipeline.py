@@ -1,8 +1,9 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from platform import python_version
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from posefuse.association import one_subject
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
+from posefuse.health.agreement import agreement_finding, coincidence_finding
 from posefuse.health.scale import scale_finding
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -18,8 +20,8 @@ from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
+from posefuse.triangulation import consensus, single_view
 from posefuse.triangulation import noise as noise_scale
-from posefuse.triangulation import simple, single_view
 from posefuse.triangulation.registry import load_method
 
 
@@ -83,10 +85,12 @@ def prepare(rig: CameraRig, detections: Detections, options: Options, progress: 
     detections = cut_time(detections, options)
     options, warning = settle_min_views(options, len(rig))
     subject_ids = one_subject.longest_ids(detections)
+    notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, findings = survey(rig, detections, options, subject_ids, progress)
+    options, remarks = settle_method(rig, detections, options, subject_ids, noise)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes, *warning, *findings),
+        notes=(*rig.notes, *detections.notes, *notes, *warning, *findings, *remarks),
     )
     return Plan(rig, detections, options, subject_ids, noise, provenance)
 
@@ -239,32 +243,90 @@ def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[s
     return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
 
 
+def settle_method(
+    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, noise: NoiseModel
+) -> tuple[Options, tuple[str, ...]]:
+    """Let a method that has to see the whole recording first do so."""
+    method = load_method(options.triangulation.method)
+    settle = getattr(method, "settle", None)
+    if settle is None or len(rig) == 1:
+        return options, ()
+    pieces = ((chunk, one_subject.follow(chunk, options.pick, subject_ids)) for chunk in detections.chunks())
+    settled, notes = settle(rig, pieces, noise, options.triangulation)
+    return replace(options, triangulation=settled), notes
+
+
 def survey(
     rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
 ) -> tuple[NoiseModel, tuple[str, ...]]:
     """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
     chosen = options.triangulation
     exponent = chosen.confidence_exponent
-    fixed = None
+    noise = noise_scale.assumed(rig, exponent)
     if options.noise_scale_px is not None:
-        fixed = NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
+        noise = NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
     if len(rig) == 1:
-        return fixed or noise_scale.scale_from(np.empty(0), rig, exponent), ()
-    relative = noise_scale.relative_noise(rig, chosen)
-    pieces = noise_scale.sample(detections.n_frames)
-    estimates, points = [], []
-    progress.start("surveying", sum(stop - start for start, stop in pieces))
-    for start, stop in pieces:
-        piece = detections.frames(start, stop)
-        tracks = one_subject.follow(piece, options.pick, subject_ids)
-        tracks = noise_scale.three_views(tracks, piece.view_names, seed=start)
-        layer = simple.solve(rig, piece, tracks, relative, replace(chosen, min_views=2))
-        estimates.append(noise_scale.squared_scales(layer, piece, tracks.rows(piece), exponent))
-        points.append(np.asarray(layer.points_m))
-        progress.advance(stop - start)
-    progress.finish()
-    finding = scale_finding(points, detections.skeleton, rig.metres_per_unit)
-    if finding is not None:
+        return noise, ()
+    sampled = partial(_sample, detections, options, subject_ids)
+    agree = partial(_agree, rig, replace(chosen, min_views=2))
+    if noise.origin == "fixed":
+        layers = agree(*sampled(few=True), noise)
+    else:
+        noise, layers = find_noise(rig, sampled, agree, noise, progress)
+    points = [np.asarray(layer.points_m) for layer in layers]
+    findings = (
+        coincidence_finding(rig),
+        agreement_finding(layers, rig, noise),
+        scale_finding(points, detections.skeleton, rig.metres_per_unit),
+    )
+    said = tuple(finding for finding in findings if finding is not None)
+    for finding in said:
         warnings.warn(finding, PosefuseWarning, stacklevel=4)
-    notes = () if finding is None else (finding,)
-    return fixed or noise_scale.scale_from(np.concatenate(estimates), rig, exponent), notes
+    return noise, said
+
+
+def find_noise(
+    rig: CameraRig,
+    sampled: Callable[..., tuple[list[Detections], list[Tracks]]],
+    agree: Callable[[list[Detections], list[Tracks], NoiseModel], list[Layer]],
+    otherwise: NoiseModel,
+    progress: Progress,
+) -> tuple[NoiseModel, list[Layer]]:
+    """The noise of a recording: from below up to the first that explains itself, see docs/methods.md, "Noise".
+
+    Returns:
+        The noise, or ``otherwise`` where the recording tells too little; and the sample as it was triangulated.
+    """
+    pieces, tracks = sampled(few=True)
+    trial = noise_scale.finest(rig, otherwise.exponent)
+    progress.start("surveying", noise_scale.MOST_ROUNDS)
+    for _ in range(noise_scale.MOST_ROUNDS):
+        found = noise_scale.estimate(rig, pieces, tracks, agree(pieces, tracks, trial), trial)
+        progress.advance(1)
+        following = noise_scale.coarser(trial, found)
+        if following is None:
+            break
+        trial = following
+    else:
+        trial = otherwise
+    pieces, tracks = sampled(few=False)
+    layers = agree(pieces, tracks, trial)
+    progress.finish()
+    return noise_scale.estimate(rig, pieces, tracks, layers, trial) or otherwise, layers
+
+
+def _sample(
+    detections: Detections, options: Options, subject_ids: np.ndarray, *, few: bool
+) -> tuple[list[Detections], list[Tracks]]:
+    pieces = [detections.frames(*span) for span in noise_scale.sample(detections.n_frames, few=few)]
+    return pieces, [one_subject.follow(piece, options.pick, subject_ids) for piece in pieces]
+
+
+def _agree(
+    rig: CameraRig,
+    options: TriangulationOptions,
+    pieces: list[Detections],
+    tracks: list[Tracks],
+    noise: NoiseModel,
+) -> list[Layer]:
+    return [consensus.solve(rig, *pair, noise, options) for pair in zip(pieces, tracks, strict=True)]

@@ -94,7 +94,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
     code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "frames matched by order" in said
+    assert "against the truth, by order: 30 frames" in said
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())
@@ -164,8 +164,52 @@ def test_inspect(run, recording, tmp_path, clean_scene):
 
 
 def test_lists(run):
-    assert "simple (default)" in run("methods")[1]
+    assert "consensus (default)" in run("methods")[1]
     assert "openpose (read)" in run("formats")[1]
+
+
+def test_a_flag_may_have_a_value_with_a_hyphen(run, recording, tmp_path):
+    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--up", "-y")
+    assert (code, said) == (0, "")
+    assert posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").rig.up_axis == "-y"
+
+
+def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path):
+    code = "import sys; from posefuse.cli.main import main; main(sys.argv[1:])"
+    command = f'"{sys.executable}" -c "{code}" reconstruct "{recording}" -o "{tmp_path / "o"}" | true'
+    subprocess.run(["sh", "-c", command], check=True, capture_output=True)
+    assert sorted(entry.name for entry in (tmp_path / "o").iterdir()) == OUTPUTS
+
+
+def test_one_camera_is_said_to_be_one(run, recording, tmp_path):
+    code, said, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--cameras", "cam_1")
+    assert code == 0
+    assert "1 camera," in said
+    assert "coordinates are px" in said
+    assert "person_1.c3d" not in [entry.name for entry in (tmp_path / "o").iterdir()]
+    code, _, said = run("evaluate", tmp_path / "o", tmp_path / "truth.nc")
+    assert code == 1
+    assert "The result is in px" in said
+    layer = posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").layers["measured"]
+    points = trc.read(tmp_path / "o" / "person_1.trc").points_m
+    np.testing.assert_allclose(points, layer.points_m[:, 0], atol=1e-5)
+
+
+def test_views_given_other_cameras_are_noticed(run, recording, tmp_path):
+    order = ["cam_1", "cam_0", "cam_2", "cam_3"]
+    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--camera-order", *order)
+    assert code == 0
+    assert "The views do not agree" in said
+
+
+def test_the_place_of_a_skeleton_file_is_not_written(run, recording, tmp_path):
+    from posefuse.model.skeletons import find_skeleton
+
+    names = find_skeleton("halpe_26").keypoints
+    (tmp_path / "own.toml").write_text(f'name = "own"\nkeypoints = {json.dumps(names)}\n')
+    assert run("reconstruct", recording, "-o", tmp_path / "o", "--skeleton", tmp_path / "own.toml")[0] == 0
+    for name in ("reconstruction.nc", "keypoints.csv"):
+        assert str(tmp_path).encode() not in (tmp_path / "o" / name).read_bytes()
 
 
 class TestBadInput:
@@ -186,6 +230,15 @@ class TestBadInput:
 
     def test_wrong_folder(self, refused, tmp_path):
         refused("reconstruct", tmp_path / "nowhere", "-o", tmp_path / "o", words=["No recording at", "nowhere"])
+
+    def test_places_that_cannot_be_written(self, refused, recording, tmp_path):
+        (tmp_path / "file").write_text("mine")
+        (tmp_path / "folder").mkdir()
+        for place in (tmp_path / "file" / "x", tmp_path / "file"):
+            refused("reconstruct", recording, "-o", place, words=["error:", "file"])
+            refused("simulate", place, "--duration-s", "0.2", words=["error:", "file"])
+        refused("init", tmp_path / "file" / "o.toml", words=["cannot be written"])
+        refused("init", tmp_path / "folder", words=["exists already"])
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()

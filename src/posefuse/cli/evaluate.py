@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import percent, say, table
+from posefuse.cli.console import count, percent, say, table
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.model.options import LayerName
 
@@ -72,5 +72,8 @@ def show(accuracy: Accuracy) -> None:
         rows.append(["bone length variation", percent(accuracy.bone_variation)])
     if accuracy.covered_68 is not None and accuracy.covered_95 is not None:
         rows.append(["inside 68 / 95 % region", f"{percent(accuracy.covered_68)} / {percent(accuracy.covered_95)}"])
-    say(f"layer {accuracy.layer} against the truth, frames matched by {accuracy.matched_by}")
+    say(
+        f"layer {accuracy.layer} against the truth, by {accuracy.matched_by}: "
+        f"{count(accuracy.n_frames, 'frame')}, {count(accuracy.n_keypoints, 'keypoint')}"
+    )
     table(None, ["", ""], rows)

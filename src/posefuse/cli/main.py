@@ -9,7 +9,7 @@ from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
 from posefuse.cli.console import err, spoken_warnings
-from posefuse.errors import OptionsError, PosefuseError
+from posefuse.errors import FileError, OptionsError, PosefuseError
 
 
 def _shown_default(value: object) -> str | None:
@@ -55,7 +55,19 @@ def launch(
 
         values = command_values(options)
         app.config = (DictConfig(values, source=str(options), use_commands_as_keys=False, allow_unknown=True),)
+    tokens = _joined(tokens)
     return app(tokens, exit_on_error=True, print_error=True, result_action="return_value")
+
+
+def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:
+    """Write ``--up -y`` as ``--up=-y``: the parser takes a value that begins with a hyphen for a flag."""
+    joined: list[str] = []
+    for token in tokens:
+        if joined and joined[-1] == "--up" and token in ("-x", "-y", "-z"):
+            joined[-1] = f"--up={token}"
+        else:
+            joined.append(token)
+    return tuple(joined)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -67,6 +79,9 @@ def main(arguments: list[str] | None = None) -> None:
             _fail(error, 2)
         except PosefuseError as error:
             _fail(error, 1)
+        except OSError as error:
+            named = f"{error.filename}: " if error.filename else ""
+            _fail(FileError(f"{named}{error.strerror or error}."), 1)
         except KeyboardInterrupt:
             err.print(Text("interrupted; nothing half-written was left behind", "red"))
             sys.exit(130)

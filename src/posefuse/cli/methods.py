@@ -9,4 +9,4 @@ def methods() -> None:
 
     default = TriangulationOptions().method
     rows = [[f"{name}{' (default)' if name == default else ''}", sentence] for name, sentence in METHODS.items()]
-    table(None, ["method", "what it does"], rows)
+    table(None, ["method", "what it does"], rows, words=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.cli.console import Bars, percent, say, table
+from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.reading import must_have_rate, read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.model.options import Options
@@ -42,6 +42,9 @@ def reconstruct_into(
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress)
     must_have_rate(inputs.detections)
+    if options.skeleton is not None:
+        # The result holds the whole skeleton; where its file lay is nobody's business.
+        options = replace(options, skeleton=inputs.detections.skeleton.name)
 
     from posefuse.io.results import netcdf
     from posefuse.io.results.write import write_folder
@@ -61,22 +64,32 @@ def reconstruct_into(
 
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
-    from posefuse.model.status import PointStatus
+    from posefuse.model.status import PointStatus, ViewStatus
     from posefuse.report.summary import summarise
 
     name, _ = result.best_layer(result.options.layer)
     summary = summarise(result.chunks(), name)
     there = sum(n for code, n in summary.status_counts.items() if code.has_point)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
-    say(f"{result.n_frames} frames{rate}, {len(result.rig)} cameras, {len(result.skeleton)} keypoints")
-    for note in result.provenance.notes:
-        say(f"note: {note}")
+    say(
+        f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
+        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}"
+    )
+    for remark in result.provenance.notes:
+        note(f"note: {remark}")
+    if result.unit == "px":
+        note("note: one camera: coordinates are px in its image plane, no place in the world; C3D cannot hold them.")
     say(f"{percent(there / max(summary.n_points, 1))} of the points have coordinates (layer {name})")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
     for code, n in missing:
         say(f"missing: {n} points, {PointStatus(code).sentence}")
+    if not there:
+        labels = [code.sentence for code in ViewStatus]
+        reasons = np.delete(summary.view_status_counts.sum(axis=0), list(ViewStatus).index(ViewStatus.USED))
+        main = [label for label in labels if label != ViewStatus.USED.sentence][int(np.argmax(reasons))]
+        warn(f"no point has coordinates. Most observations: {main}.")
     rows = []
     for v, camera in enumerate(result.rig.names):
         counts = summary.view_status_counts[v]

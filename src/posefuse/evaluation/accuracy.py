@@ -41,6 +41,8 @@ class Accuracy:
     Attributes:
         layer: what was compared.
         matched_by: how frames were put together.
+        n_frames: in how many frames something was compared.
+        n_keypoints: how many keypoints were.
         n_points: how many points were compared.
         mpjpe_mm: mean distance.
         median_mm: and its percentiles.
@@ -59,6 +61,8 @@ class Accuracy:
 
     layer: str
     matched_by: str
+    n_frames: int
+    n_keypoints: int
     n_points: int
     mpjpe_mm: float
     median_mm: float
@@ -85,6 +89,8 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     Raises:
         ResultError: if the result has several people, frames do not fit, or no point is in both.
     """
+    if result.unit != "m":
+        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
     if len(result.person_ids) != 1:
         raise ResultError(f"The result has {len(result.person_ids)} people; evaluation compares one.")
     name, layer = result.best_layer(result.options.layer)
@@ -104,6 +110,8 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     return Accuracy(
         layer=name,
         matched_by=truth.matched_by,
+        n_frames=int(both.any(axis=1).sum()),
+        n_keypoints=int(both.any(axis=0).sum()),
         n_points=int(both.sum()),
         mpjpe_mm=float(flat.mean()),
         median_mm=float(np.median(flat)),
@@ -165,11 +173,14 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
     if not shared:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
     _, layer = truth.best_layer()
+    columns = [truth.skeleton.index(name) for name in shared]
+    if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
+        points = np.asarray(layer.points_m[:])[:, 0][:, columns]
+        return Truth(shared, interpolated(points, truth.time_s, result.time_s), "time")
     places = {int(number): i for i, number in enumerate(truth.frame_numbers)}
     rows = np.array([places.get(int(number), -1) for number in result.frame_numbers])
     if not (rows >= 0).any():
         raise ResultError("Result and truth share no frame number; are they of the same recording?")
-    columns = [truth.skeleton.index(name) for name in shared]
     points = np.asarray(layer.points_m[:])[:, 0][:, columns][np.maximum(rows, 0)].copy()
     points[rows < 0] = np.nan
     return Truth(shared, points, "frame number")

@@ -21,7 +21,8 @@ def must_exist(path: Path, what: str) -> Path:
     if path.exists():
         return path
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
-    there = choices(sorted(entry.name for entry in parent.iterdir())) if parent.is_dir() else "nothing"
+    seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
+    there = choices(seen) if seen else "nothing"
     raise FileError(f"No {what} at {path}. In {parent} there is: {there}.")
 
 
@@ -59,13 +60,27 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place when all went well, and goes when not."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
+    with _writable(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise FileError(f"{path} is a folder; give the name of a file.")
     try:
-        yield temporary
-        os.replace(temporary, path)
+        with _writable(path):
+            yield temporary
+            os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _writable(path: Path) -> Iterator[None]:
+    """Say in a sentence why a path cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another place.") from None
 
 
 RESULT_FILES = ("reconstruction.nc", "*.csv", "*.trc", "*.c3d", "report.html", "evaluation.json")
@@ -90,15 +105,18 @@ def replacing_folder(
             "and is no result of this command. Choose a new or an empty folder."
         )
     staging = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(staging, ignore_errors=True)
-    staging.mkdir(parents=True)
+    with contextlib.suppress(OSError):
+        shutil.rmtree(staging)
+    with _writable(folder):
+        staging.mkdir(parents=True)
     try:
         yield staging
-        folder.mkdir(exist_ok=True)
-        for pattern in owned:
-            for stale in folder.glob(pattern):
-                stale.unlink()
-        for entry in sorted(staging.iterdir()):
-            os.replace(entry, folder / entry.name)
+        with _writable(folder):
+            folder.mkdir(exist_ok=True)
+            for pattern in owned:
+                for stale in folder.glob(pattern):
+                    stale.unlink()
+            for entry in sorted(staging.iterdir()):
+                os.replace(entry, folder / entry.name)
     finally:
         shutil.rmtree(staging, ignore_errors=True)

@@ -48,6 +48,8 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
     try:
         file = h5netcdf.File(path, "r")
     except (OSError, KeyError, ValueError) as error:
+        if path.suffix != ".nc":
+            raise FileError(f"{path} is no {kind} file of posefuse's, which end in .nc.") from None
         raise FileError(f"{path} is not a netCDF-4 file that can be read: {error}. Was it cut short?") from None
     found = file.attrs.get("posefuse_kind")
     if found != kind:

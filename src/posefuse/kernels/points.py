@@ -46,8 +46,9 @@ STATE_ROWS = 14
 
 # Rows of the array of sums over views.
 _GRADIENT = 6
-_COST = 9
-_DEPTH = 10
+TOTAL = 9
+"""The cost."""
+DEPTH = 10
 """The smallest depth over the used views."""
 SUM_ROWS = 11
 
@@ -155,61 +156,71 @@ def linear_start(rows, weights, sums, state, lanes):
 
 
 @inline
+def residual(rows, v, j, x, y, z):
+    """What view ``v`` of lane ``j`` says of a point: ``(depth, r, s)``, the residual in px (behind: meaningless)."""
+    depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
+    inverse = 1.0 / depth
+    r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) * inverse
+    s = (rows[v, 4, j] * x + rows[v, 5, j] * y + rows[v, 6, j] * z + rows[v, 7, j]) * inverse
+    return depth, r, s
+
+
+@inline
+def clear_sums(sums):
+    """Start sums over views."""
+    for k in range(SUM_ROWS):
+        for j in range(BLOCK):
+            sums[k, j] = 0.0
+    for j in range(BLOCK):
+        sums[DEPTH, j] = math.inf
+
+
+@inline
+def add_view(rows, v, j, depth, r, s, w, sums):
+    """Add a view of weight ``w`` (1/px^2) to the sums of its lane, all but the cost."""
+    inverse = 1.0 / depth
+    c0 = rows[v, 8, j]
+    c1 = rows[v, 9, j]
+    c2 = rows[v, 10, j]
+    # The Jacobians of r and s are a / depth and b / depth.
+    a0 = rows[v, 0, j] - r * c0
+    a1 = rows[v, 1, j] - r * c1
+    a2 = rows[v, 2, j] - r * c2
+    b0 = rows[v, 4, j] - s * c0
+    b1 = rows[v, 5, j] - s * c1
+    b2 = rows[v, 6, j] - s * c2
+    w1 = w * inverse
+    w2 = w1 * inverse
+    wa0 = w2 * a0
+    wa1 = w2 * a1
+    wa2 = w2 * a2
+    wb0 = w2 * b0
+    wb1 = w2 * b1
+    wb2 = w2 * b2
+    sums[0, j] += wa0 * a0 + wb0 * b0
+    sums[1, j] += wa0 * a1 + wb0 * b1
+    sums[2, j] += wa0 * a2 + wb0 * b2
+    sums[3, j] += wa1 * a1 + wb1 * b1
+    sums[4, j] += wa1 * a2 + wb1 * b2
+    sums[5, j] += wa2 * a2 + wb2 * b2
+    sums[6, j] += w1 * (r * a0 + s * b0)
+    sums[7, j] += w1 * (r * a1 + s * b1)
+    sums[8, j] += w1 * (r * a2 + s * b2)
+    sums[DEPTH, j] = min(sums[DEPTH, j], depth if w > 0.0 else math.inf)
+
+
+@inline
 def normal_equations(rows, weights, state, sums):
     """Gauss-Newton normal equations of the weighted reprojection error at each lane's point.
 
     ``sums`` receives the information matrix, the gradient, the cost, and the smallest depth over used views.
     """
-    for k in range(SUM_ROWS):
-        for j in range(BLOCK):
-            sums[k, j] = 0.0
-    for j in range(BLOCK):
-        sums[_DEPTH, j] = math.inf
+    clear_sums(sums)
     for v in range(weights.shape[0]):
         for j in range(BLOCK):
-            x = state[X, j]
-            y = state[X + 1, j]
-            z = state[X + 2, j]
-            w = weights[v, j]
-            c0 = rows[v, 8, j]
-            c1 = rows[v, 9, j]
-            c2 = rows[v, 10, j]
-            depth = c0 * x + c1 * y + c2 * z + rows[v, 11, j]
-            inverse = 1.0 / depth
-            g0 = rows[v, 0, j]
-            g1 = rows[v, 1, j]
-            g2 = rows[v, 2, j]
-            h0 = rows[v, 4, j]
-            h1 = rows[v, 5, j]
-            h2 = rows[v, 6, j]
-            r = (g0 * x + g1 * y + g2 * z + rows[v, 3, j]) * inverse
-            s = (h0 * x + h1 * y + h2 * z + rows[v, 7, j]) * inverse
-            # The Jacobians of r and s are a / depth and b / depth.
-            a0 = g0 - r * c0
-            a1 = g1 - r * c1
-            a2 = g2 - r * c2
-            b0 = h0 - s * c0
-            b1 = h1 - s * c1
-            b2 = h2 - s * c2
-            w1 = w * inverse
-            w2 = w1 * inverse
-            wa0 = w2 * a0
-            wa1 = w2 * a1
-            wa2 = w2 * a2
-            wb0 = w2 * b0
-            wb1 = w2 * b1
-            wb2 = w2 * b2
-            sums[0, j] += wa0 * a0 + wb0 * b0
-            sums[1, j] += wa0 * a1 + wb0 * b1
-            sums[2, j] += wa0 * a2 + wb0 * b2
-            sums[3, j] += wa1 * a1 + wb1 * b1
-            sums[4, j] += wa1 * a2 + wb1 * b2
-            sums[5, j] += wa2 * a2 + wb2 * b2
-            sums[6, j] += w1 * (r * a0 + s * b0)
-            sums[7, j] += w1 * (r * a1 + s * b1)
-            sums[8, j] += w1 * (r * a2 + s * b2)
-            sums[9, j] += w * (r * r + s * s)
-            sums[10, j] = min(sums[10, j], depth if w > 0.0 else math.inf)
+            depth, r, s = residual(rows, v, j, state[X, j], state[X + 1, j], state[X + 2, j])
+            add_view(rows, v, j, depth, r, s, weights[v, j], sums)
+            sums[TOTAL, j] += weights[v, j] * (r * r + s * s)
 
 
 @inline
@@ -231,9 +242,9 @@ def take_step(sums, state, lanes):
         )
         # The product of step and gradient is the squared step in units of the point's standard error.
         step_squared = sx * sx + sy * sy + sz * sz
-        depth = sums[_DEPTH, j]
+        depth = sums[DEPTH, j]
         small = (gx * sx + gy * sy + gz * sz < _SMALL_STEP) | (step_squared < _SMALLEST_STEP_SQUARED * depth * depth)
-        cost = sums[_COST, j]
+        cost = sums[TOTAL, j]
         best = state[COST, j]
         better = (depth > 0.0) & (cost <= best * (1.0 + 1e-12))
         scale = 1.0 if better else 0.5 * state[SCALE, j]
@@ -316,7 +327,7 @@ def judge_geometry(state, sums, status):
     ``sums``, of the last step, receives the covariances in its first six rows.
     """
     for j in range(BLOCK):
-        depth = sums[_DEPTH, j]
+        depth = sums[DEPTH, j]
         regular, xx, xy, xz, yy, yz, zz = invert_symmetric(
             state[INFORMATION, j],
             state[INFORMATION + 1, j],
@@ -340,7 +351,7 @@ def judge_geometry(state, sums, status):
 
 
 @inline
-def _store_points(state, covariances, status, places, points, covariance, out_status):
+def store_points(state, covariances, status, places, points, covariance, out_status):
     """Write positions and covariances of a block; NaN where the status says missing."""
     for j in range(BLOCK):
         n = places[0, j]
@@ -425,5 +436,5 @@ def triangulate_views(
         judge_geometry(state, sums, point_codes)
         reproject_block(cameras, pixels, state, errors)
         linear_errors(rows, weights, state, errors)
-        _store_points(state, sums, point_codes, places, points, covariance, status)
+        store_points(state, sums, point_codes, places, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px, mean_errors_px)

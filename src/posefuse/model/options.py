@@ -4,21 +4,126 @@ The text of each attribute is the help a user reads, in ``--help`` and in the fi
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.cameras import UpAxis
+from posefuse.model.cameras import UP_AXES, UpAxis
 
 People = Literal["one"]
 Pick = Literal["largest", "track-id"]
 ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
+ErrorUnit = Literal["px", "normalised"]
+RansacUnit = Literal["px", "m"]
 LayerName = Literal["measured", "solved", "model"]
 
 METHODS: dict[str, str] = {
+    "consensus": "the point most views agree on; wrong views are found, named and left out",
     "simple": "every valid view, maximum likelihood, nothing rejected (FreeMoCap's standard triangulation)",
+    "weighted_subsets": "the weighted mean over subsets of the cameras (FreeMoCap's outlier rejection)",
+    "percentile_filter": "the worst cameras dropped until errors are small (FreeMoCap's reprojection error filter)",
+    "ransac": "two views propose, the proposal that most views agree with is refined",
+    "irls": "every valid view, reweighted by Huber's law, from the linear start",
+    "midpoint": "where the rays come closest to each other, nothing rejected",
 }
 """Triangulation methods and their line in ``posefuse methods``; one file each under ``triangulation/``."""
+
+
+@dataclass(frozen=True)
+class ConsensusOptions:
+    """How the method `consensus` tells views that agree from views that do not, in units of a detection's noise.
+
+    Attributes:
+        bound_sigma: Searching: a view this far off says nothing more by being farther off.
+        full_sigma: Refining: a view no farther off counts whole.
+        none_sigma: Refining: a view farther off is rejected; between the two its weight falls smoothly.
+    """
+
+    bound_sigma: float = 4.0
+    full_sigma: float = 2.5
+    none_sigma: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not self.bound_sigma > 0:
+            raise OptionsError(f"triangulation.consensus.bound_sigma must be positive, got {self.bound_sigma}.")
+        if not 0 < self.full_sigma < self.none_sigma:
+            raise OptionsError(
+                "triangulation.consensus.full_sigma must be positive and less than none_sigma, got "
+                f"{self.full_sigma} and {self.none_sigma}."
+            )
+
+
+@dataclass(frozen=True)
+class WeightedSubsetsOptions:
+    """Of the method `weighted_subsets`.
+
+    Attributes:
+        target_reprojection_error: Points with a mean reprojection error above are tried with fewer cameras.
+        target_unit: What the target is in, px or shares of the focal length (as in FreeMoCap's program, 0.01 there).
+        max_cameras_to_drop: How many cameras at most are left out of a point.
+    """
+
+    target_reprojection_error: float = 10.0
+    target_unit: ErrorUnit = "px"
+    max_cameras_to_drop: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.target_reprojection_error > 0:
+            raise OptionsError(
+                "triangulation.weighted_subsets.target_reprojection_error must be positive, got "
+                f"{self.target_reprojection_error}."
+            )
+        if self.max_cameras_to_drop < 0:
+            raise OptionsError(
+                "triangulation.weighted_subsets.max_cameras_to_drop cannot be negative, got "
+                f"{self.max_cameras_to_drop}."
+            )
+
+
+@dataclass(frozen=True)
+class PercentileFilterOptions:
+    """Of the method `percentile_filter`.
+
+    Attributes:
+        percentile: Of all reprojection errors of a recording, in each view, those beyond this percentile are too large.
+        threshold_px: Too large is what exceeds this; by default what the percentile comes to.
+    """
+
+    percentile: float = 90.0
+    threshold_px: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.percentile <= 100:
+            raise OptionsError(
+                f"triangulation.percentile_filter.percentile must lie between 0 and 100, got {self.percentile}."
+            )
+
+
+@dataclass(frozen=True)
+class RansacOptions:
+    """Of the method `ransac`.
+
+    Attributes:
+        threshold: A view agrees with a point no farther off.
+        threshold_unit: What the threshold is in, px in the image or m between point and ray.
+        max_iterations: Beyond so many pairs of views, so many are drawn.
+        confidence: Drawing ends when a pair of agreeing views was drawn with this probability.
+        seed: Of the draws.
+    """
+
+    threshold: float = 15.0
+    threshold_unit: RansacUnit = "px"
+    max_iterations: int = 200
+    confidence: float = 0.999
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.threshold > 0:
+            raise OptionsError(f"triangulation.ransac.threshold must be positive, got {self.threshold}.")
+        if self.max_iterations < 1:
+            raise OptionsError(f"triangulation.ransac.max_iterations must be at least 1, got {self.max_iterations}.")
+        if not 0 < self.confidence < 1:
+            raise OptionsError(f"triangulation.ransac.confidence must lie between 0 and 1, got {self.confidence}.")
 
 
 @dataclass(frozen=True)
@@ -27,18 +132,26 @@ class TriangulationOptions:
 
     Attributes:
         method: One of the methods that `posefuse methods` lists.
-        min_views: Points with fewer valid views are missing; by default 3, or what the method says. Lowered to the
+        min_views: Points with fewer valid views are missing; by default what the method says, 2 or 3. Lowered to the
             number of cameras, with a warning, on a smaller rig.
         min_confidence: Detections below are not used.
         confidence_exponent: Trust a detection in proportion to its confidence to twice this power; 0 trusts all alike.
         flatten_single_view: With one camera, put the keypoints in the plane z = 0; if false, z is the detector's depth.
+        consensus: Of the method of that name.
+        weighted_subsets: Of the method of that name.
+        percentile_filter: Of the method of that name.
+        ransac: Of the method of that name.
     """
 
-    method: str = "simple"
+    method: str = "consensus"
     min_views: int | None = None
     min_confidence: float = 0.2
     confidence_exponent: float = 0.0
     flatten_single_view: bool = True
+    consensus: ConsensusOptions = field(default_factory=ConsensusOptions)
+    weighted_subsets: WeightedSubsetsOptions = field(default_factory=WeightedSubsetsOptions)
+    percentile_filter: PercentileFilterOptions = field(default_factory=PercentileFilterOptions)
+    ransac: RansacOptions = field(default_factory=RansacOptions)
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -70,7 +183,7 @@ class Options:
         exclude_camera: Leave these cameras out, by name.
         camera_order: Which camera each view belongs to, in the order of the views, where names do not tell.
         start_s: Leave out what comes before, in seconds.
-        end_s: Leave out what comes after, in seconds.
+        end_s: Leave out what comes from then on, in seconds.
         noise_scale_px: The standard deviation of a detection in px per axis; by default estimated from the recording.
         layer: Which layer exports and evaluation take; by default the best present.
         triangulation: How 3D points come from 2D detections.
@@ -99,6 +212,15 @@ class Options:
                 raise OptionsError(f"{name} must be positive, got {value}.")
         if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
             raise OptionsError(f"end_s ({self.end_s}) must come after start_s ({self.start_s}).")
+        for name in ("cameras", "exclude_camera", "camera_order"):
+            value = getattr(self, name)
+            if isinstance(value, str) or not all(isinstance(camera, str) for camera in value):
+                raise OptionsError(f"{name} is a tuple of camera names, got {value!r}.")
+            object.__setattr__(self, name, tuple(value))
+        for name, allowed in (("up", UP_AXES), ("pick", get_args(Pick)), ("layer", get_args(LayerName))):
+            value = getattr(self, name)
+            if value is not None and value not in allowed:
+                raise OptionsError(f"{name}: no {value!r}. {suggestion(str(value), allowed)}")
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:
             raise OptionsError(f"cameras and exclude_camera both name {choices(both)}.")

@@ -193,7 +193,11 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
     for key in ("name", "keypoints"):
         if key not in data:
             raise SkeletonError(f"{source}: a skeleton needs {key!r}; it has {choices(data)}.")
-    keypoints = _expand(data["keypoints"])
+    keypoints = _expand(_names(data["keypoints"], f"{source}: keypoints"))
+    for key in ("edges", "pairs"):
+        for row in data.get(key, []):
+            if len(_names(row, f"{source}: each of the {key}")) != 2 or row[0] == row[1]:
+                raise SkeletonError(f"{source}: each of the {key} is two different names, got {row}.")
     pairs = _pairs(data["pairs"]) if "pairs" in data else _pairs_by_name(keypoints)
     partner = dict(pairs)
     chains: dict[str, tuple[tuple[str, str], ...]] = {}
@@ -215,6 +219,12 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
     )
 
 
+def _names(value: object, where: str) -> list[str]:
+    if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
+        raise SkeletonError(f"{where}: expected a list of names, got {value!r}.")
+    return value
+
+
 def _expand(names: list[str]) -> tuple[str, ...]:
     """Names with ranges written out: ``"face_{00..67}"`` is 68 names, padded with zeros as the first number is."""
     out: list[str] = []
@@ -232,8 +242,6 @@ def _pairs(rows: list[list[str]]) -> tuple[tuple[str, str], ...]:
     """Rows of two names; a row ``["face_{00..02}", "face_{01..03}"]`` stands for three."""
     out: list[tuple[str, str]] = []
     for row in rows:
-        if len(row) != 2:
-            raise SkeletonError(f"A pair needs two names, got {row}.")
         out.extend(zip(_expand([row[0]]), _expand([row[1]]), strict=True))
     return tuple(out)
 

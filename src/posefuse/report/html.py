@@ -83,9 +83,9 @@ def _scene(result: Reconstruction, layer: LayerName, truth: Reconstruction | Non
         "sides": [_side(name) for name in result.skeleton.keypoints],
         "frames": result.frame_numbers[::stride].tolist(),
         "rate": (result.rate_hz or 30.0) / stride,
-        "up": result.rig.up_axis or "",
+        "up": (result.rig.up_axis or "") if result.unit == "m" else "-y",
         "unit": result.unit,
-        "cameras": [] if result.unit != "m" else [_frustum(camera) for camera in result.rig.cameras],
+        "cameras": [] if result.unit != "m" else _frusta(result),
         "truth": None,
     }
     if (
@@ -115,7 +115,14 @@ def _side(name: str) -> str:
     return "right" if "right" in name else "middle"
 
 
-def _frustum(camera: Camera, depth_m: float = 0.4) -> dict[str, Any]:
+def _frusta(result: Reconstruction) -> list[dict[str, Any]]:
+    """The cameras, drawn as large as suits how far apart they stand."""
+    centres = np.array([camera.centre_m for camera in result.rig.cameras])
+    spread = float(np.median(np.linalg.norm(centres - np.median(centres, axis=0), axis=-1)))
+    return [_frustum(camera, 0.1 * spread or 0.4) for camera in result.rig.cameras]
+
+
+def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:
     """A camera as a pyramid: its centre and the world points of the image's corners, a little in front of it."""
     width, height = camera.size_px
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
@@ -158,9 +165,10 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
     people = "1 person" if len(result.person_ids) == 1 else f"{len(result.person_ids)} people"
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
     there = summary.n_points - sum(n for code, n in summary.status_counts.items() if not code.has_point)
+    cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
     sentences = [
         f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
-        f"{len(result.rig)} cameras, method {result.options.triangulation.method}, layer {summary.layer}.",
+        f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
         f"{100 * there / max(summary.n_points, 1):.1f} % of the points have coordinates.",
     ]
     if summary.error_px.count:
@@ -170,7 +178,7 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
         )
     if result.unit == "m" and summary.sd_mm.count and result.noise is not None:
         sentences.append(
-            f"By its own account a typical point is known to {summary.sd_mm.median:.1f} mm per axis "
+            f"By its own account a typical point is known to {_length(summary.sd_mm.median)} per axis "
             f"(noise of a detection {result.noise.origin}: {float(np.median(result.noise.scale_px)):.1f} px)."
         )
     if accuracy is not None:
@@ -188,6 +196,11 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
     if stride > 1:
         sentences.append(f"The scene below shows every {stride}th frame of this long recording.")
     return "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+
+
+def _length(millimetres: float) -> str:
+    """A small length in a unit that shows it."""
+    return f"{millimetres:.1f} mm" if millimetres >= 0.5 else f"{1000 * millimetres:.1f} µm"
 
 
 def _accuracy_table(accuracy: Accuracy | None) -> str:

@@ -5,9 +5,10 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import ArraySource
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, Source
+from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
 
 
@@ -63,3 +64,98 @@ def rows_by_person_frame(tracks: Tracks, detections: Detections) -> np.ndarray:
     """Shape (frame * person, view), int64: rows of the detections, as kernels take them."""
     rows = tracks.rows(detections)
     return np.ascontiguousarray(rows.reshape(-1, rows.shape[-1]))
+
+
+@dataclass(frozen=True)
+class FlatLayer:
+    """A layer with its points in one row, for methods that go over some of them again.
+
+    Attributes:
+        layer: that it is of.
+        points_m: shape (point, 3).
+        covariance_m2: shape (point, 6).
+        status: shape (point,).
+        reprojection_error_px: shape (point,).
+        view_status: shape (point, view).
+        view_error_px: shape (point, view).
+    """
+
+    layer: Layer
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    status: np.ndarray
+    reprojection_error_px: np.ndarray
+    view_status: np.ndarray
+    view_error_px: np.ndarray
+
+    @classmethod
+    def of(cls, layer: Layer) -> Self:
+        """The layer's arrays, copied."""
+
+        def flat(source: ArraySource) -> np.ndarray:
+            array = np.array(source)
+            return array.reshape(-1, *array.shape[3:])
+
+        return cls(
+            layer=layer,
+            points_m=flat(layer.points_m),
+            covariance_m2=flat(layer.covariance_m2),
+            status=flat(layer.status),
+            reprojection_error_px=flat(layer.reprojection_error_px),
+            view_status=flat(layer.view_status),
+            view_error_px=flat(layer.view_error_px),
+        )
+
+    def replace(
+        self,
+        chosen: np.ndarray,
+        points_m: np.ndarray,
+        covariance_m2: np.ndarray,
+        accepted: np.ndarray,
+        error_px: np.ndarray,
+    ) -> None:
+        """Put other coordinates in place of some.
+
+        Args:
+            chosen: shape (some,): which points.
+            points_m: shape (some, 3).
+            covariance_m2: shape (some, 6).
+            accepted: shape (some, view), bool: the views the points rest on.
+            error_px: shape (some, view): distances from the new points.
+        """
+        self.points_m[chosen] = points_m
+        self.covariance_m2[chosen] = covariance_m2
+        self.status[chosen] = np.where(accepted.sum(axis=-1) > 2, PointStatus.OK, PointStatus.TWO_VIEWS)
+        self.view_error_px[chosen] = error_px
+        self.reprojection_error_px[chosen] = mean_over(accepted, error_px)
+        valid = np.isin(self.view_status[chosen], (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.NOT_USED))
+        judged = np.where(accepted, ViewStatus.USED, ViewStatus.OUTLIER)
+        self.view_status[chosen] = np.where(valid, judged, self.view_status[chosen])
+
+    def remove(self, chosen: np.ndarray, status: PointStatus) -> None:
+        """Leave some points without coordinates."""
+        for array in (self.points_m, self.covariance_m2, self.reprojection_error_px, self.view_error_px):
+            array[chosen] = np.nan
+        self.status[chosen] = status
+        valid = np.isin(self.view_status[chosen], (ViewStatus.USED, ViewStatus.OUTLIER))
+        self.view_status[chosen] = np.where(valid, ViewStatus.NOT_USED, self.view_status[chosen])
+
+    def finish(self) -> Layer:
+        """The layer as it is now."""
+        shape = self.layer.points_m.shape[:3]
+        status = self.status.reshape(shape)
+        return Layer(
+            points_m=self.points_m.reshape(*shape, 3),
+            covariance_m2=self.covariance_m2.reshape(*shape, 6),
+            status=status,
+            source=np.where(status < PointStatus.NOT_SEEN, Source.MEASURED, Source.NONE).astype(np.int8),
+            reprojection_error_px=self.reprojection_error_px.reshape(shape),
+            view_status=self.view_status.reshape(*shape, -1),
+            view_error_px=self.view_error_px.reshape(*shape, -1),
+        )
+
+
+def mean_over(kept: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Shape (point,): mean of the errors (point, view) over the kept views; NaN without any."""
+    with np.errstate(invalid="ignore"):
+        return np.where(kept, errors, 0.0).sum(axis=-1) / kept.sum(axis=-1)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from posefuse.association import one_subject
 from posefuse.association.one_subject import follow, longest_ids
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
@@ -36,10 +37,16 @@ def test_one_person_needs_no_choice():
 
 
 def test_several_people_need_one():
-    with pytest.raises(
-        DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*--pick largest or --pick track-id"
-    ):
+    with pytest.raises(DetectionsError, match=r"View 'b' shows 2 people in frame 1 .*with --pick largest, or remove"):
         chosen(crowd([[[5], [5]], [[5], [5, 6]]]), None)
+    with pytest.raises(DetectionsError, match="--pick largest or --pick track-id"):
+        chosen(crowd([[[5], [5]], [[5], [5, 6]]], [1, 1, 1, 1, 2]), None)
+
+
+def test_choosing_by_size_is_remarked_on():
+    alone, several = crowd([[[5], [5]]]), crowd([[[5], [5, 6]]])
+    assert one_subject.remarks(alone, "largest") == one_subject.remarks(several, "track-id") == ()
+    assert "may be another person" in one_subject.remarks(several, "largest")[0]
 
 
 def test_the_largest():

@@ -116,6 +116,12 @@ class TestOpenPose:
         with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, holds an infinite number"):
             read_detections(tmp_path)
 
+    def test_a_folder_is_no_frame(self, walk, tmp_path):
+        write_openpose(tmp_path / "pose", walk)
+        camera = next((tmp_path / "pose").iterdir())
+        (camera / "cam_000000000999_keypoints.json").mkdir()
+        assert read_detections(tmp_path / "pose").n_frames == walk.n_frames
+
     def test_names_without_numbers(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "extra.json").write_text('{"people": []}')
@@ -192,6 +198,32 @@ class TestArrays:
         assert found.view_names == ("a", "b", "c")
         assert found.rate_hz == 25.0
         assert (np.asarray(found.confidence) == 0.5).all()
+
+    @pytest.mark.parametrize(
+        ("extra", "words"),
+        [
+            ({"confidence": np.ones((2, 3))}, r"expected confidence \[camera, frame, keypoint\]"),
+            ({"rate_hz": np.array([30.0, 60.0])}, "rate_hz should be one number"),
+            ({"rate_hz": np.array("thirty")}, "rate_hz should be one number"),
+        ],
+    )
+    def test_npz_that_contradicts_itself(self, extra, words, pixels, tmp_path):
+        np.savez(tmp_path / "k.npz", keypoints=pixels, **extra)
+        with pytest.raises(FileError, match=words):
+            read_detections(tmp_path / "k.npz")
+
+    def test_zeros_are_what_detectors_write_for_missing(self, pixels, tmp_path):
+        spoilt = pixels.copy()
+        spoilt[0, 1, 2] = spoilt[1, 0, 4] = 0.0
+        np.save(tmp_path / "k.npy", spoilt)
+        found = read_detections(tmp_path / "k.npy")
+        assert np.isnan(found.dense()[0][1, 0, 2]).all()
+        assert "2 keypoints at exactly (0, 0)" in found.notes[-1]
+
+    def test_a_skeleton_of_another_size(self, pixels, tmp_path):
+        np.save(tmp_path / "k.npy", pixels)
+        with pytest.raises(FileError, match="26 keypoints, skeleton coco_17 has 17"):
+            read_detections(tmp_path / "k.npy", "coco_17")
 
     def test_half_a_keypoint_is_none(self, pixels, tmp_path):
         pixels[0, 0, 3, 1] = np.nan

@@ -19,13 +19,18 @@ def test_the_template_is_the_defaults(tmp_path):
 
 def test_the_template_names_and_explains_every_option():
     lines = options_template().splitlines()
-    for record in (Options, TriangulationOptions):
+
+    def check(record, lines):
         for field in fields(record):
-            if is_dataclass(getattr(Options(), field.name, None)):
+            if is_dataclass(getattr(record, field.name)):
+                start = next(i for i, line in enumerate(lines) if line.strip("[]").split(".")[-1] == field.name)
+                check(getattr(record, field.name), lines[start:])
                 continue
-            (place,) = [i for i, line in enumerate(lines) if line.removeprefix("# ").startswith(f"{field.name} = ")]
+            place = next(i for i, line in enumerate(lines) if line.removeprefix("# ").startswith(f"{field.name} = "))
             assert lines[place - 1].startswith("# ")
             assert len(lines[place - 1]) > 10
+
+    check(Options(), lines)
 
 
 def test_examples_in_the_template_are_valid():

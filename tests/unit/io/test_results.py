@@ -188,6 +188,10 @@ class TestTrc:
         [
             ("hello", "not a TRC file"),
             ("PathFileType\n\n\n\n\n", "DataRate and Units"),
+            (
+                "PathFileType\nDataRate\tUnits\tNumFrames\n60\tm\t3\nFrame#\tTime\ta\n\t\tX1\n1\t0\t1\t2\t3\n",
+                "has 1 rows, its header says 3 frames. Was it cut short",
+            ),
             ("PathFileType\nDataRate\tUnits\n60\tm\nFrame#\tTime\ta\n\t\tX1\n1\t0\t1\tx\t3\n", "line 6.*neither"),
         ],
     )

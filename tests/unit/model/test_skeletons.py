@@ -104,7 +104,9 @@ def test_an_animal_is_just_another_file(tmp_path):
         (("edges", "egdes"), "unknown table 'egdes'. Did you mean 'edges'"),
         (('head = ["earL"]', 'head = ["snout"]'), "the left of no pair"),
         (('name = "mouse"', ""), "needs 'name'"),
-        (('["snout", "earL"],', '["snout"],'), "two names"),
+        (('["snout", "earL"],', '["snout"],'), "two different names"),
+        (('["snout", "earL"],', "[0, 1],"), "expected a list of names"),
+        (('["snout", "earL"],', '["snout", "snout"],'), "two different names"),
         (("[chains]", "[chains"), "is not TOML"),
     ],
 )

@@ -48,7 +48,7 @@ def test_the_same_bytes_for_the_same_result(result):
 def test_it_says_what_came_out_in_words(scene, result):
     accuracy = evaluate(result, truth_from_result(result, scene.truth))
     page = render_report(result, scene.truth, accuracy)
-    for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras", "method simple",
+    for words in ("1 person, 26 keypoints (halpe_26), 60 frames (2.0 s at 30 Hz), 4 cameras", "method consensus",
                   "Against the truth: median error", "Inside their 68 / 95 % region", "cam_3"):  # fmt: skip
         assert words in page
 

@@ -38,6 +38,10 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
     if missing:
         raise FileError(f"{path}, table [{key}]: no {choices(missing)}; it has {choices(table)}.")
     name = str(table.get("name", key))
+    if not isinstance(table.get("fisheye", False), bool):
+        raise FileError(f"{path}, table [{key}]: fisheye is true or false, got {table['fisheye']!r}.")
+    if any(_has_bool(table[field]) for field in _NEEDED):
+        raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.")
     try:
         numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
     except (TypeError, ValueError):
@@ -59,6 +63,10 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
         )
     except CameraError as error:
         raise CameraError(f"{path}: {error}") from None
+
+
+def _has_bool(value: Any) -> bool:
+    return any(map(_has_bool, value)) if isinstance(value, list) else isinstance(value, bool)
 
 
 def largest_distance(tables: Mapping[str, Mapping[str, Any]]) -> float:

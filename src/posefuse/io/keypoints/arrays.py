@@ -39,7 +39,7 @@ def read(path: Path, request: Request) -> Detections:
         raise FileError(f"{path} holds {choices(content)}; the keypoint array must be called 'keypoints' or be alone.")
     n_cameras = keypoints.shape[0] if keypoints.ndim else 0
     names = [str(name) for name in content.get("names", range(n_cameras))]
-    rate = request.rate_hz or (float(content["rate_hz"]) if "rate_hz" in content else None)
+    rate = request.rate_hz or _rate(path, content.get("rate_hz"))
     return from_array(path, keypoints, names, rate, request, content.get("confidence"))
 
 
@@ -67,15 +67,29 @@ def from_array(
     frame_first = np.moveaxis(keypoints, 0, 1).astype(np.float64)
     third = _third_channel(path, frame_first, request.third_channel)
     if confidence is not None:
-        third["confidence"] = np.moveaxis(np.asarray(confidence, dtype=np.float64), 0, 1)
+        if confidence.shape != keypoints.shape[:3] or confidence.dtype.kind not in "fiu":
+            raise FileError(
+                f"{path}: expected confidence [camera, frame, keypoint] = {keypoints.shape[:3]}, got "
+                f"{confidence.dtype} of shape {confidence.shape}."
+            )
+        third["confidence"] = np.moveaxis(confidence.astype(np.float64), 0, 1)
     pixels = frame_first[..., :2]
     # A keypoint without both numbers is not one.
     pixels = np.where(np.isnan(pixels).any(axis=-1, keepdims=True), np.nan, pixels)
+    origin = (pixels == 0).all(axis=-1)
+    pixels = np.where(origin[..., None], np.nan, pixels)
     skeleton, notes = request.skeleton, ()
+    if skeleton is not None and len(skeleton) != pixels.shape[2]:
+        raise FileError(
+            f"{path} has {pixels.shape[2]} keypoints, skeleton {skeleton.name} has {len(skeleton)}. Choose another "
+            "with --skeleton, or leave it out to have it told from the file."
+        )
     if skeleton is None:
         rows = pixels.reshape(-1, *pixels.shape[2:])
         skeleton, notes = guess_skeleton(pixels.shape[2], rows, str(path))
     try:
+        if origin.any():
+            notes = (*notes, f"{int(origin.sum())} keypoints at exactly (0, 0) px are read as missing.")
         return Detections.from_dense(skeleton, view_names, pixels, rate_hz=rate_hz, notes=notes, **third)
     except DetectionsError as error:
         raise DetectionsError(f"{path}: {error}") from None
@@ -90,6 +104,14 @@ def _third_channel(path: Path, keypoints: np.ndarray, meaning: ThirdChannel | No
             "or --third-channel depth (MediaPipe's and FreeMoCap's is depth)."
         )
     return {meaning: keypoints[..., 2]}
+
+
+def _rate(path: Path, value: np.ndarray | None) -> float | None:
+    if value is None:
+        return None
+    if value.size != 1 or value.dtype.kind not in "fiu":
+        raise FileError(f"{path}: rate_hz should be one number, got {value.dtype} of shape {value.shape}.")
+    return float(value.reshape(()))
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ view: where a folder has such, the place in the list is the person's identity. O
 
 import json
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -55,7 +56,8 @@ def camera_folders(path: Path) -> list[Path]:
 
 def frame_files(folder: Path) -> list[Path]:
     """The JSON files of a camera."""
-    return sorted((entry for entry in folder.iterdir() if entry.suffix == ".json"), key=lambda e: natural_key(e.name))
+    found = (entry for entry in folder.iterdir() if entry.suffix == ".json" and entry.is_file())
+    return sorted(found, key=lambda entry: natural_key(entry.name))
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -125,12 +127,15 @@ def _read_view(folder: Path, files: list[Path], request: Request) -> _PeopleList
     if len(set(frames)) != len(frames):
         repeated = next(frame for frame in frames if frames.count(frame) > 1)
         raise FileError(f"{folder} has two files for frame {repeated}.")
-    lengths = {len(values) for *_, values in rows}
+    lengths = Counter(len(values) for *_, values in rows)
     if len(lengths) > 1:
+        usual = lengths.most_common(1)[0][0]
+        frame, place, *_, values = next(row for row in rows if len(row[-1]) != usual)
         raise FileError(
-            f"{folder}: people have {sorted(n // 3 for n in lengths)} keypoints; one recording has one skeleton."
+            f"{folder}, frame {frame}: person {place} has {len(values) // 3} keypoints, the others have {usual // 3}; "
+            "one recording has one skeleton. Was the file cut short?"
         )
-    n_keypoints = (lengths.pop() if lengths else 0) // 3
+    n_keypoints = next(iter(lengths), 0) // 3
     keypoints = np.array([values for *_, values in rows], dtype=np.float64).reshape(len(rows), n_keypoints, 3)
     missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
     keypoints[missing] = np.nan

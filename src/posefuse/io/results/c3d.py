@@ -65,6 +65,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         views += used.sum(axis=(0, 2))
         done += part.n_frames
     points[3] = 1.0
+    content["header"]["points"]["first_frame"] = _first_frame(result)
     content["data"]["points"] = points
     content["data"]["meta_points"] = {"residuals": residuals, "camera_masks": bits}
     content.add_parameter("POSEFUSE", "LAYER", [layer])
@@ -76,6 +77,12 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     with replacing(path) as temporary:
         content.write(str(temporary))
         _write_header_scale(temporary)
+
+
+def _first_frame(result: Reconstruction) -> int:
+    """The recording's own number of the first frame, where the header (16 bits) can hold it and the last."""
+    first = int(result.frame_numbers[0])
+    return first if first + result.n_frames < _FRAMES_OF_HEADER else 0
 
 
 def _residuals(layer: Layer, index: int) -> np.ndarray:

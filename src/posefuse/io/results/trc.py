@@ -54,7 +54,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         "\t\t" + "\t".join(f"{axis}{i}" for i in range(1, len(names) + 1) for axis in "XYZ"),
         "",
     ]
-    turn = y_up_from_world(result.rig.up_axis)
+    turn = y_up_from_world(result.rig.up_axis if result.unit == "m" else None)
     index = result.person_ids.index(person)
     empty = "\t" * (3 * len(names) - 1)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
@@ -92,6 +92,9 @@ def read(path: Path) -> Trajectories:
     names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
     width = 2 + 3 * len(names)
     rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
+    promised = header.get("NumFrames", "").strip()
+    if promised.isdigit() and int(promised) != len(rows):
+        raise FileError(f"{path} has {len(rows)} rows, its header says {promised} frames. Was it cut short?")
     table = np.full((len(rows), width), np.nan)
     for i, (number, line) in enumerate(rows):
         cells = line.split("\t")[:width]

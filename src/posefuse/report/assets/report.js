@@ -155,7 +155,10 @@
     if (event.key === "ArrowLeft") show(frame - 1);
   });
   const showTruth = element("show-truth");
-  if (truthTrace < 0) showTruth.parentElement.hidden = true;
+  if (truthTrace < 0) {
+    showTruth.parentElement.hidden = true;
+    element("truth-hint").hidden = true;
+  }
   showTruth.addEventListener("change", () => Plotly.restyle(plot, { visible: showTruth.checked }, [truthTrace]));
   const fit = element("fit");
   if (!scene.cameras.length) fit.hidden = true;
