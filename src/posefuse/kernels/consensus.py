@@ -9,7 +9,6 @@ import numpy as np
 
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, kernel
-from posefuse.kernels.lens import BLOCK, rows_block
 from posefuse.kernels.points import (
     ACTIVE,
     BEHIND,
@@ -32,6 +31,7 @@ from posefuse.kernels.points import (
     store_points,
     take_step,
 )
+from posefuse.kernels.rows import BLOCK, rows_block
 from posefuse.kernels.views import (
     linear_errors,
     load_block,

@@ -65,13 +65,9 @@ BEHIND = 2
 BEYOND = 3
 """Past the radius where the lens model folds over: no such pixel, or no such point."""
 
-BLOCK = 32
-"""Points are worked through in blocks of this many, so that the compiler can use vector instructions."""
-
 _MAX_NEWTON = 40
-_BLOCK_NEWTON = 8
 # Newton converges quadratically here: a step this small leaves an error far below a rounding error of a pixel.
-_SMALL_STEP_SQUARED = 1e-15
+SMALL_STEP_SQUARED = 1e-15
 
 
 @inline
@@ -108,7 +104,7 @@ def distort(cameras, v, x, y):
 
 
 @kernel
-def _fisheye_radius(cameras, v, theta):
+def fisheye_radius(cameras, v, theta):
     """The image radius of an angle from the axis, and its derivative."""
     k1 = cameras[v, K1]
     k2 = cameras[v, K2]
@@ -126,7 +122,7 @@ def _fisheye_jacobian(cameras, v, x, y, z):
     rho = math.sqrt(x * x + y * y)
     if rho < 1e-9 * abs(z):
         return 1.0 / z, 0.0, -x / (z * z), 0.0, 1.0 / z, -y / (z * z)
-    radius, slope = _fisheye_radius(cameras, v, math.atan2(rho, z))
+    radius, slope = fisheye_radius(cameras, v, math.atan2(rho, z))
     cos = x / rho
     sin = y / rho
     # Along the radius the angle changes by (z d_rho - rho dz) / norm^2; across it the point turns by d_across / rho.
@@ -169,7 +165,7 @@ def project_point(cameras, v, x, y, z):
         theta = math.atan2(rho, z)
         if theta > cameras[v, MAX_RADIUS]:
             return BEYOND, nan, nan
-        radius, _ = _fisheye_radius(cameras, v, theta)
+        radius, _ = fisheye_radius(cameras, v, theta)
         scale = radius / rho if rho > 0.0 else 0.0
         x_d = scale * x
         y_d = scale * y
@@ -238,7 +234,7 @@ def _newton_undistort(cameras, v, x_d, y_d, x, y):
         step_y = (a * r_y - c * r_x) * inverse
         x += step_x
         y += step_y
-        if step_x * step_x + step_y * step_y < _SMALL_STEP_SQUARED:
+        if step_x * step_x + step_y * step_y < SMALL_STEP_SQUARED:
             return True, x, y, a, b, c, d
     return False, x, y, a, b, c, d
 
@@ -297,16 +293,16 @@ def undistort_normalised(cameras, v, x_d, y_d):
 
 
 @kernel
-def _fisheye_angle(cameras, v, radius):
+def fisheye_angle(cameras, v, radius):
     """The angle from the axis of an image radius, by safeguarded Newton; NaN past the fold."""
     low = 0.0
     high = cameras[v, MAX_RADIUS]
-    top, _ = _fisheye_radius(cameras, v, high)
+    top, _ = fisheye_radius(cameras, v, high)
     if not radius <= top:
         return math.nan
     theta = min(radius, high)
     for _ in range(_MAX_NEWTON):
-        value, slope = _fisheye_radius(cameras, v, theta)
+        value, slope = fisheye_radius(cameras, v, theta)
         if value < radius:
             low = theta
         else:
@@ -316,13 +312,14 @@ def _fisheye_angle(cameras, v, radius):
             new = 0.5 * (low + high)
         change = new - theta
         theta = new
-        if change * change < _SMALL_STEP_SQUARED:
+        if change * change < SMALL_STEP_SQUARED:
             break
     return theta
 
 
 @inline
-def _angle_code(radius, theta):
+def angle_code(radius, theta):
+    """The status of a pixel of a fisheye, from its image radius and the angle found for it."""
     if not math.isfinite(radius):
         return MISSING
     return OK if math.isfinite(theta) else BEYOND
@@ -340,182 +337,14 @@ def pixel_to_ray(cameras, v, pixel_u, pixel_v):
     x_d = (pixel_u - cameras[v, CX] - cameras[v, SKEW] * y_d) / cameras[v, FX]
     if cameras[v, LENS] == FISHEYE:
         radius = math.sqrt(x_d * x_d + y_d * y_d)
-        theta = _fisheye_angle(cameras, v, radius)
-        status = _angle_code(radius, theta)
+        theta = fisheye_angle(cameras, v, radius)
+        status = angle_code(radius, theta)
         if status != OK:
             return status, nan, nan, nan
         scale = math.sin(theta) / radius if radius > 0.0 else 1.0
         return OK, scale * x_d, scale * y_d, math.cos(theta)
     status, x, y, _, _, _, _ = undistort_normalised(cameras, v, x_d, y_d)
     return status, x, y, 1.0 if status == OK else nan
-
-
-@inline
-def rows_block(cameras, v, pixels, codes, rows, scratch):
-    """Turn a block of pixels of one view into the rows that make reprojection linear: what all triangulation works on.
-
-    With ``g0, g1, c`` the rows (each of 4, acting on the homogeneous world point), the reprojection residual in true
-    pixels is ``(g0.X / c.X, g1.X / c.X)``: exact without distortion, and to first order in the residual with it, the
-    lens having been linearised once, at the observed pixel. ``c.X`` is the depth (for the fisheye: along the observed
-    ray), positive in front of the camera. See docs/methods.md, "Observation rows".
-
-    Args:
-        cameras: the camera array.
-        v: the view.
-        pixels: shape (view, 2, BLOCK).
-        codes: shape (view, BLOCK), written: the status of each pixel.
-        rows: shape (view, 12, BLOCK), written: g0, g1, c; where the status is not OK, rows that say nothing.
-        scratch: shape (6, BLOCK).
-    """
-    lens = cameras[v, LENS]
-    if lens == PINHOLE:
-        _pinhole_rows(cameras, v, pixels, codes, rows)
-        return
-    if lens == FISHEYE:
-        _fisheye_rows(cameras, v, pixels, codes, rows)
-        return
-    _undistort_block(cameras, v, pixels, codes, scratch)
-    for j in range(BLOCK):
-        x = scratch[0, j]
-        y = scratch[1, j]
-        a = scratch[2, j]
-        b = scratch[3, j]
-        c = scratch[4, j]
-        d = scratch[5, j]
-        _write_rows(cameras, v, a, b, -(a * x + b * y), c, d, -(c * x + d * y), 0.0, 0.0, 1.0, rows, j)
-    _silence(codes, v, rows)
-
-
-@inline
-def _silence(codes, v, rows):
-    """Rows that say nothing (residual 0 at depth 1) for pixels without a ray."""
-    for j in range(BLOCK):
-        if codes[v, j] != OK:
-            for i in range(11):
-                rows[v, i, j] = 0.0
-            rows[v, 11, j] = 1.0
-
-
-@inline
-def _pinhole_rows(cameras, v, pixels, codes, rows):
-    """Without distortion the rows are those of the projection matrix P: P0 - u P2, P1 - v P2, P2."""
-    for i in range(4):
-        p0 = cameras[v, PROJECTION + i]
-        p1 = cameras[v, PROJECTION + 4 + i]
-        p2 = cameras[v, ROTATION + 6 + i] if i < 3 else cameras[v, TRANSLATION + 2]
-        for j in range(BLOCK):
-            rows[v, i, j] = p0 - pixels[v, 0, j] * p2
-            rows[v, 4 + i, j] = p1 - pixels[v, 1, j] * p2
-            rows[v, 8 + i, j] = p2
-    missing = 0
-    for j in range(BLOCK):
-        code = OK if math.isfinite(pixels[v, 0, j] + pixels[v, 1, j]) else MISSING
-        codes[v, j] = code
-        missing += code
-    if missing > 0:
-        _silence(codes, v, rows)
-
-
-@inline
-def _fisheye_rows(cameras, v, pixels, codes, rows):
-    """Rows of a fisheye: the derivative at the observed angle, the depth along the observed ray."""
-    for j in range(BLOCK):
-        y_d = (pixels[v, 1, j] - cameras[v, CY]) / cameras[v, FY]
-        x_d = (pixels[v, 0, j] - cameras[v, CX] - cameras[v, SKEW] * y_d) / cameras[v, FX]
-        radius = math.sqrt(x_d * x_d + y_d * y_d)
-        theta = _fisheye_angle(cameras, v, radius)
-        codes[v, j] = _angle_code(radius, theta)
-        _, slope = _fisheye_radius(cameras, v, theta)
-        sin = math.sin(theta)
-        cos = math.cos(theta)
-        toward_x = 1.0
-        toward_y = 0.0
-        across = 1.0
-        if radius > 0.0:
-            toward_x = x_d / radius
-            toward_y = y_d / radius
-            across = radius / sin
-        # In the frame (outward, sideways, axis) the derivative is (slope cos, 0, -slope sin) and (0, across, 0).
-        outward = slope * cos
-        xx = toward_x * toward_x * outward + toward_y * toward_y * across
-        xy = toward_x * toward_y * (outward - across)
-        yy = toward_y * toward_y * outward + toward_x * toward_x * across
-        xz = -slope * sin * toward_x
-        yz = -slope * sin * toward_y
-        _write_rows(cameras, v, xx, xy, xz, xy, yy, yz, sin * toward_x, sin * toward_y, cos, rows, j)
-    _silence(codes, v, rows)
-
-
-@inline
-def _undistort_block(cameras, v, pixels, codes, scratch):
-    """Newton on a whole block at once; the few pixels it does not settle get the careful scalar search.
-
-    A settled lane stands still while others go on, so that a pixel's result does not depend on its neighbours.
-    """
-    for j in range(BLOCK):
-        y_d = (pixels[v, 1, j] - cameras[v, CY]) / cameras[v, FY]
-        x_d = (pixels[v, 0, j] - cameras[v, CX] - cameras[v, SKEW] * y_d) / cameras[v, FX]
-        scratch[0, j] = x_d
-        scratch[1, j] = y_d
-        scratch[2, j] = math.inf
-        scratch[4, j] = x_d
-        scratch[5, j] = y_d
-    for _ in range(_BLOCK_NEWTON):
-        for j in range(BLOCK):
-            x = scratch[0, j]
-            y = scratch[1, j]
-            last = scratch[2, j]
-            f_x, f_y, a, b, c, d = distort(cameras, v, x, y)
-            determinant = a * d - b * c
-            inverse = 1.0 / determinant
-            r_x = scratch[4, j] - f_x
-            r_y = scratch[5, j] - f_y
-            step_x = (d * r_x - b * r_y) * inverse
-            step_y = (a * r_y - c * r_x) * inverse
-            moving = last >= _SMALL_STEP_SQUARED
-            scratch[0, j] = x + step_x if moving else x
-            scratch[1, j] = y + step_y if moving else y
-            scratch[2, j] = step_x * step_x + step_y * step_y if moving else last
-            scratch[3, j] = determinant if moving else scratch[3, j]
-        worst = 0.0
-        for j in range(BLOCK):
-            worst = max(worst, scratch[2, j])
-        if worst < _SMALL_STEP_SQUARED:
-            break
-    limit = cameras[v, MAX_RADIUS] ** 2
-    for j in range(BLOCK):
-        x = scratch[0, j]
-        y = scratch[1, j]
-        x_d = scratch[4, j]
-        y_d = scratch[5, j]
-        if scratch[2, j] < _SMALL_STEP_SQUARED and scratch[3, j] > 0.0 and x * x + y * y <= limit:
-            codes[v, j] = OK
-            _, _, scratch[2, j], scratch[3, j], scratch[4, j], scratch[5, j] = distort(cameras, v, x, y)
-        else:
-            codes[v, j], scratch[0, j], scratch[1, j], scratch[2, j], scratch[3, j], scratch[4, j], scratch[5, j] = (
-                undistort_normalised(cameras, v, x_d, y_d)
-            )
-
-
-@inline
-def _write_rows(cameras, v, xx, xy, xz, yx, yy, yz, c_x, c_y, c_z, rows, j):
-    """Rows from the derivative of the distorted point and the depth direction, both in camera coordinates."""
-    fx = cameras[v, FX]
-    fy = cameras[v, FY]
-    skew = cameras[v, SKEW]
-    ux = fx * xx + skew * yx
-    uy = fx * xy + skew * yy
-    uz = fx * xz + skew * yz
-    vx = fy * yx
-    vy = fy * yy
-    vz = fy * yz
-    for i in range(4):
-        a = cameras[v, ROTATION + i] if i < 3 else cameras[v, TRANSLATION]
-        b = cameras[v, ROTATION + 3 + i] if i < 3 else cameras[v, TRANSLATION + 1]
-        d = cameras[v, ROTATION + 6 + i] if i < 3 else cameras[v, TRANSLATION + 2]
-        rows[v, i, j] = ux * a + uy * b + uz * d
-        rows[v, 4 + i, j] = vx * a + vy * b + vz * d
-        rows[v, 8 + i, j] = c_x * a + c_y * b + c_z * d
 
 
 @kernel

@@ -1,6 +1,6 @@
 """Points from observation rows: linear start, maximum-likelihood refinement, covariance.
 
-All of it works on the rows of :func:`posefuse.kernels.lens.rows_block`: per view ``g0, g1, c`` with residual
+All of it works on the rows of :func:`posefuse.kernels.rows.rows_block`: per view ``g0, g1, c`` with residual
 ``(g0.X, g1.X) / c.X`` in true pixels and depth ``c.X``. A view's weight is ``1 / sigma^2`` in 1/px^2; weight 0 leaves
 it out. Symmetric 3x3 matrices travel as six numbers: xx, xy, xz, yy, yz, zz.
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, kernel
-from posefuse.kernels.lens import BLOCK, rows_block
+from posefuse.kernels.rows import BLOCK, rows_block
 from posefuse.kernels.views import (
     linear_errors,
     load_block,

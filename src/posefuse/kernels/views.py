@@ -6,7 +6,6 @@ from posefuse.kernels import codes
 from posefuse.kernels.jit import inline
 from posefuse.kernels.lens import (
     BEYOND,
-    BLOCK,
     CX,
     CY,
     FISHEYE,
@@ -21,6 +20,7 @@ from posefuse.kernels.lens import (
     project_point,
     to_camera,
 )
+from posefuse.kernels.rows import BLOCK
 
 
 @inline

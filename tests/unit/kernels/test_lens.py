@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels import lens as kernels
+from posefuse.kernels.rows import BLOCK, rows_block
 from posefuse.model.cameras import Camera, LensModel
 from tests.reference import lens as naive
 from tests.scenes import LENSES, MATRIX, camera_with
@@ -106,12 +107,12 @@ def test_jacobian_of_undistortion_is_that_of_distortion_at_the_solution(lens, rn
 def test_rows_reproduce_the_residual_to_first_order(lens, rng):
     """The rows' residual equals observed minus projected, exactly for a pinhole, to first order with a lens."""
     camera = camera_with(lens)
-    points = points_in_view(camera, rng, kernels.BLOCK)
+    points = points_in_view(camera, rng, BLOCK)
     pixels = camera.project(points)[0]
     offset = 0.5 * rng.standard_normal(pixels.shape)
     observed = np.ascontiguousarray((pixels + offset).T)[None]
-    codes = np.empty((1, kernels.BLOCK), dtype=np.int64)
-    rows = np.empty((1, 12, kernels.BLOCK))
+    codes = np.empty((1, BLOCK), dtype=np.int64)
+    rows = np.empty((1, 12, BLOCK))
     rows_of(camera, observed, codes, rows)
     assert (codes == kernels.OK).all()
     homogeneous = np.concatenate([points, np.ones((len(points), 1))], axis=1)
@@ -123,7 +124,7 @@ def test_rows_reproduce_the_residual_to_first_order(lens, rng):
 
 
 def rows_of(camera: Camera, pixels: np.ndarray, codes: np.ndarray, rows: np.ndarray) -> None:
-    kernels.rows_block(camera.packed[None], 0, pixels, codes, rows, np.empty((6, kernels.BLOCK)))
+    rows_block(camera.packed[None], 0, pixels, codes, rows, np.empty((6, BLOCK)))
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -209,10 +210,10 @@ class TestFold:
 
     def test_blocks_and_single_pixels_agree_across_the_fold(self, rng):
         camera = camera_with("barrel")
-        pixels = rng.uniform([-600, -600], [2500, 1700], (kernels.BLOCK, 2))
+        pixels = rng.uniform([-600, -600], [2500, 1700], (BLOCK, 2))
         _, expected = camera.rays(pixels)
-        codes = np.empty((1, kernels.BLOCK), dtype=np.int64)
-        rows = np.empty((1, 12, kernels.BLOCK))
+        codes = np.empty((1, BLOCK), dtype=np.int64)
+        rows = np.empty((1, 12, BLOCK))
         rows_of(camera, np.ascontiguousarray(pixels.T)[None], codes, rows)
         assert set(expected) == {kernels.OK, kernels.BEYOND}
         np.testing.assert_array_equal(codes[0], expected)

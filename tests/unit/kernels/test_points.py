@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels import codes, points
-from posefuse.kernels.lens import BLOCK
+from posefuse.kernels.rows import BLOCK
 from posefuse.model.cameras import CameraRig
 from tests.reference import points as naive
 from tests.scenes import LENSES, body_points, build_rig, camera_with, ring
