@@ -16,7 +16,7 @@ group = CameraGroup.load(str(folder / "calibration.toml"))
 flat = points.reshape(cameras, frames * keypoints, 2)
 found = group.triangulate(flat)
 times = []
-for _ in range(7):
+for _ in range(3):
     start = time.process_time()
     found = group.triangulate(flat)
     times.append(time.process_time() - start)
