@@ -82,7 +82,7 @@ def spoken_warnings() -> Iterator[None]:
                 usual(message, category, *rest, **named)
             elif str(message) not in said:
                 said.add(str(message))
-                err.print(Text.assemble(("warning: ", "yellow"), str(message)))
+                warn(str(message))
 
         warnings.showwarning = show
         yield

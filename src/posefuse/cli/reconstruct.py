@@ -86,10 +86,9 @@ def describe(result: Reconstruction) -> None:
     for code, n in missing:
         say(f"missing: {n} points, {PointStatus(code).sentence}")
     if not there:
-        labels = [code.sentence for code in ViewStatus]
-        reasons = np.delete(summary.view_status_counts.sum(axis=0), list(ViewStatus).index(ViewStatus.USED))
-        main = [label for label in labels if label != ViewStatus.USED.sentence][int(np.argmax(reasons))]
-        warn(f"no point has coordinates. Most observations: {main}.")
+        totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)
+        _, cause = max((int(n), code) for n, code in totals if code is not ViewStatus.USED)
+        warn(f"no point has coordinates. Most observations: {cause.sentence}.")
     rows = []
     for v, camera in enumerate(result.rig.names):
         counts = summary.view_status_counts[v]

@@ -26,12 +26,11 @@ from posefuse.kernels.points import (
     clear_sums,
     judge_geometry,
     normal_equations,
-    residual,
     solve_symmetric,
     store_points,
     take_step,
 )
-from posefuse.kernels.rows import BLOCK, rows_block
+from posefuse.kernels.rows import BLOCK, residual, rows_block
 from posefuse.kernels.views import (
     linear_errors,
     load_block,

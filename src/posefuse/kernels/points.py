@@ -14,7 +14,7 @@ import numpy as np
 
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, kernel
-from posefuse.kernels.rows import BLOCK, rows_block
+from posefuse.kernels.rows import BLOCK, residual, rows_block
 from posefuse.kernels.views import (
     linear_errors,
     load_block,
@@ -153,16 +153,6 @@ def linear_start(rows, weights, sums, state, lanes):
         state[COST, j] = math.inf
         state[SCALE, j] = 1.0
         lanes[j] = SINGULAR if (lanes[j] == ACTIVE) & (not solved) else lanes[j]
-
-
-@inline
-def residual(rows, v, j, x, y, z):
-    """What view ``v`` of lane ``j`` says of a point: ``(depth, r, s)``, the residual in px (behind: meaningless)."""
-    depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
-    inverse = 1.0 / depth
-    r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) * inverse
-    s = (rows[v, 4, j] * x + rows[v, 5, j] * y + rows[v, 6, j] * z + rows[v, 7, j]) * inverse
-    return depth, r, s
 
 
 @inline
@@ -346,7 +336,7 @@ def judge_geometry(state, sums, status):
         code = status[j]
         weak = spread > _WEAK_SHARE * _WEAK_SHARE * depth * depth
         lost = (spread > _DEGENERATE_SHARE * _DEGENERATE_SHARE * depth * depth) | (not regular)
-        judged = codes.POINT_DEGENERATE if lost else (codes.POINT_WEAK_GEOMETRY if weak else code)
+        judged = codes.POINT_DEGENERATE if lost else (max(code, codes.POINT_WEAK_GEOMETRY) if weak else code)
         status[j] = judged if code < codes.POINT_MISSING else code
 
 

@@ -201,3 +201,13 @@ def _write_rows(cameras, v, xx, xy, xz, yx, yy, yz, c_x, c_y, c_z, rows, j):
         rows[v, i, j] = ux * a + uy * b + uz * d
         rows[v, 4 + i, j] = vx * a + vy * b + vz * d
         rows[v, 8 + i, j] = c_x * a + c_y * b + c_z * d
+
+
+@inline
+def residual(rows, v, j, x, y, z):
+    """What view ``v`` of lane ``j`` says of a point: ``(depth, r, s)``, the residual in px (behind: meaningless)."""
+    depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
+    inverse = 1.0 / depth
+    r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) * inverse
+    s = (rows[v, 4, j] * x + rows[v, 5, j] * y + rows[v, 6, j] * z + rows[v, 7, j]) * inverse
+    return depth, r, s

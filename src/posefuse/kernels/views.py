@@ -20,7 +20,7 @@ from posefuse.kernels.lens import (
     project_point,
     to_camera,
 )
-from posefuse.kernels.rows import BLOCK
+from posefuse.kernels.rows import BLOCK, residual
 
 
 @inline
@@ -169,12 +169,7 @@ def linear_errors(rows, weights, state, view_errors):
             continue
         for j in range(BLOCK):
             if weights[v, j] > 0.0 and view_errors[v, j] != view_errors[v, j]:
-                x = state[0, j]
-                y = state[1, j]
-                z = state[2, j]
-                depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
-                r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) / depth
-                s = (rows[v, 4, j] * x + rows[v, 5, j] * y + rows[v, 6, j] * z + rows[v, 7, j]) / depth
+                _, r, s = residual(rows, v, j, state[0, j], state[1, j], state[2, j])
                 view_errors[v, j] = math.sqrt(r * r + s * s)
 
 

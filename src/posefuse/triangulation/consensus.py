@@ -60,12 +60,7 @@ def solve(
         chosen.bound_sigma,
         chosen.full_sigma,
         chosen.none_sigma,
-        out.points_m,
-        out.covariance_m2,
-        out.status,
-        out.view_status,
-        out.view_error_px,
-        out.reprojection_error_px,
+        *out.arrays,
     )
     return out.finish()
 

@@ -39,6 +39,18 @@ class EmptyLayer:
             reprojection_error_px=np.empty((n, n_keypoints)),
         )
 
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """The arrays in the order in which kernels take them."""
+        return (
+            self.points_m,
+            self.covariance_m2,
+            self.status,
+            self.view_status,
+            self.view_error_px,
+            self.reprojection_error_px,
+        )
+
     def finish(self) -> Layer:
         """The layer, once everything is written: measured points; those of absent people marked so."""
         frames, people, _ = self.tracks.detection.shape

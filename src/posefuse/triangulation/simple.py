@@ -45,11 +45,6 @@ def solve(
         noise.exponent,
         options.min_confidence,
         options.min_views,
-        out.points_m,
-        out.covariance_m2,
-        out.status,
-        out.view_status,
-        out.view_error_px,
-        out.reprojection_error_px,
+        *out.arrays,
     )
     return out.finish()

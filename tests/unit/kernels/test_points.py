@@ -274,3 +274,14 @@ def test_symmetric_solver_and_inverse(rng):
     flat = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     with np.errstate(all="ignore"):
         assert not points.solve_symmetric(*flat, 1.0, 1.0, 1.0)[0]
+
+
+def test_weak_geometry_does_not_hide_a_graver_doubt():
+    state, sums = np.zeros((points.STATE_ROWS, BLOCK)), np.zeros((points.SUM_ROWS, BLOCK))
+    state[[points.INFORMATION, points.INFORMATION + 3, points.INFORMATION + 5]] = 100.0
+    sums[points.DEPTH] = 1.0
+    status = np.full(BLOCK, codes.POINT_OK)
+    status[1:4] = codes.POINT_TWO_VIEWS, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN
+    points.judge_geometry(state, sums, status)
+    weak = codes.POINT_WEAK_GEOMETRY
+    assert status[:4].tolist() == [weak, weak, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN]
