@@ -33,4 +33,4 @@ else
 fi
 
 # --inexact keeps uv itself, which the lock does not name.
-UV_PROJECT_ENVIRONMENT=.venv UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --locked --inexact --python .venv/bin/python "$@"
+UV_PROJECT_ENVIRONMENT=.venv UV_PYTHON_DOWNLOADS=never "$uv" sync --quiet --locked --inexact --compile-bytecode --python .venv/bin/python "$@"

@@ -5,10 +5,16 @@ import numpy as np
 import pytest
 
 from posefuse.kernels import lens as kernels
-from posefuse.kernels.rows import BLOCK, rows_block
+from posefuse.kernels.rows import BLOCK
+from posefuse.kernels.rows import rows_block as rows_step
 from posefuse.model.cameras import Camera, LensModel
+from tests.kernels import from_python
 from tests.reference import lens as naive
 from tests.scenes import LENSES, MATRIX, camera_with
+
+distort = from_python(kernels.distort)
+undistort_normalised = from_python(kernels.undistort_normalised)
+rows_block = from_python(rows_step)
 
 pytestmark = pytest.mark.no_jit
 
@@ -90,14 +96,13 @@ def test_jacobian_of_undistortion_is_that_of_distortion_at_the_solution(lens, rn
     camera = camera_with(lens)
     packed = camera.packed[None]
     for x, y in points_in_view(camera, rng, 40)[:, :2] / 8:
-        x_d, y_d, *_ = kernels.distort(packed, 0, x, y)
-        status, u, v, a, b, c, d = kernels.undistort_normalised(packed, 0, x_d, y_d)
+        x_d, y_d, *_ = distort(packed, 0, x, y)
+        status, u, v, a, b, c, d = undistort_normalised(packed, 0, x_d, y_d)
         assert status == kernels.OK
         np.testing.assert_allclose((u, v), (x, y), atol=1e-10)
         step = 1e-6
         columns = [
-            np.subtract(kernels.distort(packed, 0, x + dx, y + dy)[:2], kernels.distort(packed, 0, x - dx, y - dy)[:2])
-            / (2 * step)
+            np.subtract(distort(packed, 0, x + dx, y + dy)[:2], distort(packed, 0, x - dx, y - dy)[:2]) / (2 * step)
             for dx, dy in ((step, 0.0), (0.0, step))
         ]
         np.testing.assert_allclose([[a, b], [c, d]], np.transpose(columns), atol=1e-6)

@@ -6,8 +6,13 @@ import pytest
 from posefuse.kernels import codes, points
 from posefuse.kernels.rows import BLOCK
 from posefuse.model.cameras import CameraRig
+from tests.kernels import from_python
 from tests.reference import points as naive
 from tests.scenes import LENSES, body_points, build_rig, camera_with, ring
+
+solve_symmetric = from_python(points.solve_symmetric)
+invert_symmetric = from_python(points.invert_symmetric)
+judge_geometry = from_python(points.judge_geometry)
 
 pytestmark = pytest.mark.no_jit
 
@@ -265,15 +270,15 @@ def test_symmetric_solver_and_inverse(rng):
         matrix = a.T @ a
         packed = matrix[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
         right = rng.standard_normal(3)
-        solved, *x = points.solve_symmetric(*packed, *right)
+        solved, *x = solve_symmetric(*packed, *right)
         assert solved
         np.testing.assert_allclose(matrix @ x, right, atol=1e-9)
-        ok, *inverse = points.invert_symmetric(*packed)
+        ok, *inverse = invert_symmetric(*packed)
         assert ok
         np.testing.assert_allclose(np.array(inverse)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]] @ matrix, np.eye(3), atol=1e-8)
     flat = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     with np.errstate(all="ignore"):
-        assert not points.solve_symmetric(*flat, 1.0, 1.0, 1.0)[0]
+        assert not solve_symmetric(*flat, 1.0, 1.0, 1.0)[0]
 
 
 def test_weak_geometry_does_not_hide_a_graver_doubt():
@@ -282,6 +287,6 @@ def test_weak_geometry_does_not_hide_a_graver_doubt():
     sums[points.DEPTH] = 1.0
     status = np.full(BLOCK, codes.POINT_OK)
     status[1:4] = codes.POINT_TWO_VIEWS, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN
-    points.judge_geometry(state, sums, status)
+    judge_geometry(state, sums, status)
     weak = codes.POINT_WEAK_GEOMETRY
     assert status[:4].tolist() == [weak, weak, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN]

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from posefuse.kernels import points, rays
+from tests.kernels import from_python
 from tests.reference import points as naive
 from tests.scenes import body_points, ring
+
+point_ray_distance = from_python(rays.point_ray_distance)
+ray_ray_distance = from_python(rays.ray_ray_distance)
 
 pytestmark = pytest.mark.no_jit
 
@@ -56,13 +60,13 @@ def test_parallel_or_single_rays_fix_no_point():
 def test_distances(rng):
     d, e = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     s, t, p = rng.normal(size=(3, 3))
-    distance, along = rays.point_ray_distance(*p, *s, *d)
+    distance, along = point_ray_distance(*p, *s, *d)
     assert distance == pytest.approx(np.linalg.norm(np.cross(d, p - s)))
     assert along == pytest.approx(d @ (p - s))
-    distance, sine = rays.ray_ray_distance(*s, *d, *t, *e)
+    distance, sine = ray_ray_distance(*s, *d, *t, *e)
     normal = np.cross(d, e)
     assert sine == pytest.approx(np.linalg.norm(normal))
     assert distance == pytest.approx(abs((t - s) @ normal) / np.linalg.norm(normal))
-    distance, sine = rays.ray_ray_distance(*s, *d, *t, *d)
+    distance, sine = ray_ray_distance(*s, *d, *t, *d)
     assert sine == pytest.approx(0.0, abs=1e-12)
     assert distance == pytest.approx(np.linalg.norm(np.cross(d, t - s)))
