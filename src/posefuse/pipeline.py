@@ -131,7 +131,8 @@ def triangulate_layer(
     """Triangulate the people of the tracks by the chosen method; one camera is only flattened."""
     if len(rig) == 1:
         return single_view.solve(detections, tracks, noise, options)
-    return load_method(options.method).solve(rig, detections, tracks, noise, options)
+    layer = load_method(options.method).solve(rig, detections, tracks, noise, options)
+    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2)
 
 
 def match_views(
@@ -312,7 +313,11 @@ def find_noise(
     pieces, tracks = sampled(few=False)
     layers = agree(pieces, tracks, trial)
     progress.finish()
-    return noise_scale.estimate(rig, pieces, tracks, layers, trial) or otherwise, layers
+    noise = noise_scale.of_right_views(rig, pieces, tracks, layers, trial)
+    if noise is None:
+        return otherwise, layers
+    layers = agree(pieces, tracks, noise)
+    return replace(noise, spread=noise_scale.spread(rig, pieces, tracks, layers, noise)), layers
 
 
 def _sample(

@@ -11,7 +11,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.pipeline import match_views, plain_name, reconstruct, triangulate
-from tests.scenes import body_points, build_rig, ring, seen, skeleton_of
+from tests.scenes import body_points, ring, seen, skeleton_of
 
 
 def named(rig: CameraRig, *names: str) -> CameraRig:
@@ -173,61 +173,6 @@ class TestOneCamera:
         assert layer.status[0, 0, 5] == PointStatus.NOT_SEEN
         assert layer.view_status[0, 0, 5, 0] == ViewStatus.LOW_CONFIDENCE
         assert np.isnan(layer.points_m[0, 0, [2, 5]]).all()
-
-
-class TestNoise:
-    @pytest.mark.parametrize("sigma", [0.5, 2.0, 8.0])
-    @pytest.mark.parametrize("lens", ["pinhole", "barrel"])
-    def test_estimated_from_the_residuals(self, sigma, lens, rng):
-        rig = ring(4, lens)
-        result = reconstruct(rig, seen(rig, body_points(rng, 300), rng, sigma))
-        assert result.noise.origin == "estimated"
-        np.testing.assert_allclose(result.noise.scale_px, sigma, rtol=0.04)
-
-    def test_estimated_whatever_the_confidence_says(self, rng):
-        rig = ring(4)
-        truth = body_points(rng, 300)
-        confidence = rng.uniform(0.3, 1.0, (300, 4, 17))
-        pixels = np.moveaxis(rig.project(truth), 0, 1)
-        pixels = pixels + (3.0 / confidence)[..., None] * rng.standard_normal(pixels.shape)
-        detections = Detections.from_dense(skeleton_of(17), rig.names, pixels, confidence)
-        options = Options(triangulation=TriangulationOptions(confidence_exponent=1.0))
-        result = reconstruct(rig, detections, options)
-        np.testing.assert_allclose(result.noise.scale_px, 3.0, rtol=0.04)
-
-    @pytest.mark.parametrize(("views", "share", "most"), [(5, 0.05, 1.15), (8, 0.05, 1.15), (12, 0.1, 1.35)])
-    def test_outliers_move_it_little_with_any_number_of_views(self, views, share, most, rng):
-        rig = ring(views)
-        truth = body_points(rng, 300)
-        pixels = np.moveaxis(rig.project(truth), 0, 1) + 2.0 * rng.standard_normal((300, views, 17, 2))
-        wrong = rng.random(pixels.shape[:-1]) < share
-        angle = rng.uniform(0, 2 * np.pi, pixels.shape[:-1])
-        away = (wrong * rng.uniform(30, 300, wrong.shape))[..., None]
-        pixels += away * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        result = reconstruct(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels))
-        assert 0.96 < result.noise.scale_px[0] / 2.0 < most
-
-    def test_a_point_past_a_fold_is_no_reason_to_stop(self, rng):
-        rig = build_rig("ring", 4, "barrel")
-        pixels = np.moveaxis(rig.project(body_points(rng, 60)), 0, 1) + rng.standard_normal((60, 4, 17, 2))
-        pixels[7, :, 3] = [[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]]
-        result = reconstruct(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels))
-        layer = result.layers["measured"]
-        used = layer.view_status == ViewStatus.USED
-        assert np.isfinite(layer.view_error_px[used & layer.has_point[..., None]]).all()
-        np.testing.assert_allclose(result.noise.scale_px, 1.0, rtol=0.06)
-
-    def test_fixed_by_the_user(self, rng):
-        rig = ring(4)
-        result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), Options(noise_scale_px=7.0))
-        assert result.noise.origin == "fixed"
-        assert (result.noise.scale_px == 7.0).all()
-
-    def test_assumed_where_there_is_too_little_to_tell(self, rng):
-        rig = ring(4)
-        result = reconstruct(rig, seen(rig, body_points(rng, 1), rng))
-        assert result.noise.origin == "assumed"
-        np.testing.assert_allclose(result.noise.scale_px, 4.5 * 1.92)
 
 
 def test_long_recordings_are_worked_through_in_ranges(rng):

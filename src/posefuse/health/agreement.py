@@ -31,12 +31,13 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
     if not seen.any() or used + rejected == 0:
         return None
     share = rejected / (used + rejected)
+    error_px = noise.scale_px * noise.spread
     sides = np.array([max(camera.size_px) for camera in rig.cameras])
-    noisy = noise.origin == "estimated" and bool(np.median(noise.scale_px / sides) > _NOISE_SHARE)
+    noisy = noise.origin == "estimated" and bool(np.median(error_px / sides) > _NOISE_SHARE)
     if not noisy and share < _REJECTED_SHARE:
         return None
     what = (
-        f"detections lie {float(np.median(noise.scale_px)):.0f} px from where their points project"
+        f"detections lie {float(np.median(error_px)):.0f} px from where their points project"
         if noisy
         else f"{100 * share:.0f} % of the detections contradict the other views"
     )

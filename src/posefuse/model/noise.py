@@ -17,6 +17,8 @@ class NoiseModel:
         exponent: 0 where confidence says nothing about noise.
         origin: ``fixed`` by the user, ``estimated`` from this recording's residuals, or ``assumed``, where there were
             too few residuals to tell.
+        spread: how far accepted observations err in these units, 1 if as the law says. Covariances count with it, the
+            choice between right and wrong views does not.
 
     Raises:
         OptionsError: on a scale that is not positive or an exponent that is negative.
@@ -25,11 +27,14 @@ class NoiseModel:
     scale_px: np.ndarray
     exponent: float = 0.0
     origin: str = "fixed"
+    spread: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scale_px", frozen(np.atleast_1d(self.scale_px)))
         if not (np.all(np.isfinite(self.scale_px)) and np.all(self.scale_px > 0)):
             raise OptionsError(f"noise_scale_px must be positive px, got {self.scale_px.tolist()}.")
+        if not self.spread > 0:
+            raise OptionsError(f"The noise spread must be positive, got {self.spread}.")
         if not self.exponent >= 0:
             raise OptionsError(f"The noise exponent must be 0 or more, got {self.exponent}.")
 

@@ -1,5 +1,6 @@
 """How noisy the detections are, from how far they lie from the points they agree on."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,6 +13,9 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import Tracks
+from posefuse.triangulation.linear import LinearFit, LinearPoints
+from posefuse.triangulation.mixture import separate
+from posefuse.triangulation.observations import Observations
 
 MOST_ROUNDS = 16
 
@@ -26,6 +30,12 @@ _FINEST_PX_AT_1000 = 0.1
 _EXPLAINED = 1.1
 _STRIDE = 2.5
 _FINEST_PX = 1e-3
+_TOLD_POINTS = 2000
+_CAMERA_ROUNDS = 3
+_CHANCE = 2.0 / math.log(2.0) ** 2
+"""Twice the variance that chance gives the logarithm of a camera's median, times the number of pairs; up to so much
+cameras count as alike."""
+_LEAST_FACTOR, _MOST_FACTOR = 0.5, 4.0
 
 
 def sample(n_frames: int, *, few: bool = False) -> list[tuple[int, int]]:
@@ -97,12 +107,126 @@ def estimate(
     return NoiseModel(np.full(len(rig), scale), before.exponent, "estimated")
 
 
+def of_right_views(
+    rig: CameraRig,
+    pieces: Sequence[Detections],
+    tracks: Sequence[Tracks],
+    layers: Sequence[Layer],
+    before: NoiseModel,
+) -> NoiseModel | None:
+    """The noise of each camera's right observations, or None where too few points tell.
+
+    Views that are wrong, but not by enough to be rejected, make :func:`estimate` too large; here they are told apart
+    by what the other views of the point say. Arguments as of :func:`estimate`.
+    """
+    points, sigma = _told(rig, pieces, tracks, layers, before)
+    if len(sigma) < 2 * _FEWEST_POINTS:
+        return None
+    found = separate(points.fit(sigma))
+    factor = np.full(len(rig), found.scale)
+    # What is compared rests on the same views both times.
+    both = np.repeat(np.isfinite(sigma[0::2] + sigma[1::2]), 2, axis=0)
+    for _ in range(_CAMERA_ROUNDS):
+        factor *= _camera_factors(points.fit(np.where(both, sigma * factor, np.inf)))
+    factor *= separate(points.fit(sigma * factor), found).scale
+    return NoiseModel(np.maximum(before.scale_px * factor, _FINEST_PX), before.exponent, "estimated")
+
+
+def spread(
+    rig: CameraRig,
+    pieces: Sequence[Detections],
+    tracks: Sequence[Tracks],
+    layers: Sequence[Layer],
+    noise: NoiseModel,
+) -> float:
+    """How far the errors of accepted observations spread, in units of the noise; 1 where they are as Gaussian as it.
+
+    Heavy tails, and wrong views not told from right ones, lie in it: regions that are to hold what they say must be
+    larger by this factor. Arguments as of :func:`estimate`.
+    """
+    fit = LinearPoints.fit(*_told(rig, pieces, tracks, layers, noise))
+    freedom = fit.freedom.sum()
+    return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _FEWEST_POINTS else 1.0
+
+
+def _told(
+    rig: CameraRig,
+    pieces: Sequence[Detections],
+    tracks: Sequence[Tracks],
+    layers: Sequence[Layer],
+    noise: NoiseModel,
+) -> tuple[LinearPoints, np.ndarray]:
+    """Pairs of points from all pieces, and the standard deviation of each of their observations."""
+    most = _TOLD_POINTS // (2 * len(pieces)) + 1
+    parts = [
+        _pairs(rig, piece, people.rows(piece), layer, noise, most)
+        for layer, piece, people in zip(layers, pieces, tracks, strict=True)
+    ]
+    return LinearPoints.concatenate([points for points, _ in parts]), np.concatenate([sigma for _, sigma in parts])
+
+
+def _pairs(
+    rig: CameraRig, detections: Detections, rows: np.ndarray, layer: Layer, noise: NoiseModel, most: int
+) -> tuple[LinearPoints, np.ndarray]:
+    """Some points whose views check each other, each followed by itself one frame later, or if it is lost, at once.
+
+    Returns:
+        The points, and the standard deviation of each used observation, inf for the others.
+    """
+    used = np.asarray(layer.view_status) == ViewStatus.USED
+    telling = checked(np.asarray(layer.view_status))
+    later = np.zeros_like(telling)
+    later[:-1] = telling[1:]
+    first = np.flatnonzero(telling)
+    first = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
+    chosen = np.stack([first, np.where(later.ravel()[first], first + telling[0].size, first)], axis=-1).ravel()
+    observations = Observations.gather(rig, detections, rows.reshape(-1, rows.shape[-1]), noise, chosen)
+    points = LinearPoints.at(observations, np.asarray(layer.points_m).reshape(-1, 3)[chosen])
+    confidence = observations.confidence
+    trust = np.where(np.isfinite(confidence), confidence, 1.0) ** noise.exponent
+    with np.errstate(divide="ignore"):
+        return points, np.where(used.reshape(-1, used.shape[-1])[chosen], noise.scale_px / trust, np.inf)
+
+
+def _camera_factors(fit: LinearFit) -> np.ndarray:
+    """By how much each camera's noise differs from what is assumed, relative to the others, shape (view,).
+
+    From how residuals change from one frame to the next, squared, over the degrees of freedom that the points leave
+    a camera; the median, for the sake of wrong ones. What lasts, such as an error of the calibration, says of no camera
+    that it is the wrong one; believing the cameras that happen to agree would make them agree the more. Differences
+    hardly larger than chance would make them are drawn in (James & Stein 1961).
+
+    Args:
+        fit: of pairs of points, one after the other, seen by the same views.
+    """
+    squares = np.square(fit.residuals[1::2] - fit.residuals[0::2]).sum(axis=-1)
+    left = 2.0 - np.trace(fit.shares, axis1=-2, axis2=-1)
+    # A point that is not followed by another one has not changed.
+    used = fit.used[0::2] & (squares > 0.0)
+    pairs = used.sum(axis=0)
+    if pairs.min() < _FEWEST_POINTS:
+        return np.ones(len(pairs))
+    own = np.log(np.nanmedian(np.where(used, squares / (left[0::2] + left[1::2]), np.nan), axis=0))
+    own -= own.mean()
+    kept = max(0.0, 1.0 - _CHANCE * float((1.0 / pairs).mean()) / max(own.var(ddof=1), 1e-12))
+    return np.clip(np.exp(0.5 * kept * own), _LEAST_FACTOR, _MOST_FACTOR)
+
+
+def checked(view_status: np.ndarray) -> np.ndarray:
+    """Which points have views that check each other: two that are left of more were chosen because they agree.
+
+    Args:
+        view_status: shape (..., view).
+    """
+    n = (view_status == ViewStatus.USED).sum(axis=-1)
+    return (n > 2) | ((n == 2) & ~(view_status == ViewStatus.OUTLIER).any(axis=-1))
+
+
 def squared_scales(layer: Layer, detections: Detections, rows: np.ndarray, exponent: float) -> np.ndarray:
     """One estimate of the squared scale from each point whose views check each other.
 
     With n views a point's weighted squared residuals sum to the squared scale times a chi-square variable of
-    2 n - 3 degrees of freedom; dividing by its median gives numbers whose median is the squared scale. Two views that
-    are left of more were chosen because they agree, and say nothing.
+    2 n - 3 degrees of freedom; dividing by its median gives numbers whose median is the squared scale.
 
     Args:
         layer: triangulated, wrong views rejected.
@@ -120,7 +244,7 @@ def squared_scales(layer: Layer, detections: Detections, rows: np.ndarray, expon
         trust = np.moveaxis(np.asarray(detections.confidence)[np.maximum(rows, 0)], -1, -2)
         residual *= np.where(used & np.isfinite(trust), trust, 1.0) ** exponent
     n = used.sum(axis=-1)
-    telling = (n > 2) | ((n == 2) & ~(status == ViewStatus.OUTLIER).any(axis=-1))
+    telling = checked(status)
     total = (residual**2).sum(axis=-1)[telling]
     freedom = np.maximum(2 * np.arange(used.shape[-1] + 1) - 3, 1)
     medians = 2.0 * gammaincinv(freedom / 2.0, 0.5)

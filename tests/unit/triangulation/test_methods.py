@@ -85,7 +85,7 @@ class TestConsensus:
         assert named[wrong].mean() > 0.99
         assert named[data.inlier & judged[:, None]].mean() < 0.01
 
-    @pytest.mark.parametrize("size_px", [14.0, 20.0, 40.0, 100.0, 400.0])
+    @pytest.mark.parametrize("size_px", [5.0, 8.0, 10.0, 14.0, 20.0, 40.0, 100.0, 400.0])
     def test_no_size_of_one_wrong_view_is_a_blind_zone(self, size_px):
         """One bad camera of five at every point: the mean error stays within 1.3 times that of the four good ones."""
         data = walk(300)

@@ -99,6 +99,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
                 np.asarray(file.variables["noise_scale"][...]),
                 number_of(file, "noise_exponent"),
                 text_of(file, "noise_origin"),
+                number_of(file, "noise_spread"),
             )
     layers = {
         layer: Layer(**{f.name: StoredArray(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
@@ -150,6 +151,7 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
     if first.noise is not None:
         file.attrs["noise_exponent"] = float(first.noise.exponent)
         file.attrs["noise_origin"] = first.noise.origin
+        file.attrs["noise_spread"] = float(first.noise.spread)
         add_variable(file, "noise_scale", ("view",), first.noise.scale_px, units="px")
     _write_rig(file, first.rig)
 

@@ -1,0 +1,96 @@
+"""Points made linear: what any choice of views would say of them, and what each view adds to the others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from posefuse.kernels.linear import linearise
+from posefuse.triangulation.observations import Observations
+
+
+@dataclass(frozen=True)
+class LinearPoints:
+    """Observations, linear about a point each.
+
+    Attributes:
+        residuals_px: shape (point, view, 2), NaN where a view has no observation.
+        jacobians: shape (point, view, 2, 3), px per unit of the world.
+    """
+
+    residuals_px: np.ndarray
+    jacobians: np.ndarray
+
+    @classmethod
+    def at(cls, observations: Observations, points_m: np.ndarray) -> Self:
+        """Linear about given points, shape (point, 3), which should lie near where the views see them."""
+        shape = observations.pixels.shape
+        residuals, jacobians = np.empty(shape), np.empty((*shape, 3))
+        linearise(observations.rig.packed, points_m, observations.pixels, residuals, jacobians)
+        return cls(residuals, jacobians)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """One after the other."""
+        return cls(
+            np.concatenate([part.residuals_px for part in parts]), np.concatenate([part.jacobians for part in parts])
+        )
+
+    def fit(self, sigma_px: np.ndarray) -> "LinearFit":
+        """The maximum-likelihood point of each row.
+
+        Args:
+            sigma_px: shape (point, view): standard deviations of the observations, inf for those that do not count.
+        """
+        used = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
+        weight = np.where(used, 1.0 / sigma_px, 0.0)[..., None]
+        residual = np.where(used[..., None], self.residuals_px, 0.0) * weight
+        jacobian = np.where(used[..., None, None], self.jacobians, 0.0) * weight[..., None]
+        rows = jacobian.reshape(len(jacobian), -1, 3)
+        information = rows.transpose(0, 2, 1) @ rows
+        # The trace makes a matrix without any views invertible, and is nothing to one that has them.
+        trace = np.trace(information, axis1=1, axis2=2)
+        covariance = np.linalg.inv(information + (1e-12 * trace + 1e-300)[:, None, None] * np.eye(3))
+        shift = covariance @ (rows.transpose(0, 2, 1) @ residual.reshape(len(rows), -1, 1))
+        residual = residual - (jacobian @ shift[:, None])[..., 0]
+        share = jacobian @ covariance[:, None] @ np.swapaxes(jacobian, -1, -2)
+        return LinearFit(used, residual, share)
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Residuals at maximum-likelihood points, in units of each observation's standard deviation.
+
+    Attributes:
+        used: shape (point, view), bool.
+        residuals: shape (point, view, 2), 0 where not used.
+        shares: shape (point, view, 2, 2): the block of the hat matrix of each view, how far the point gives way to it.
+    """
+
+    used: np.ndarray
+    residuals: np.ndarray
+    shares: np.ndarray
+
+    @property
+    def squared(self) -> np.ndarray:
+        """Shape (point,): sum of the squared residuals."""
+        return np.square(self.residuals).sum(axis=(1, 2))
+
+    @property
+    def freedom(self) -> np.ndarray:
+        """Shape (point,): of how many degrees of freedom that sum is."""
+        return 2.0 * self.used.sum(axis=1) - 3.0
+
+    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """What each view says if the others alone make the point.
+
+        Returns:
+            Shape (point, view, 2): the residuals the view then has. Shape (point, view, 2, 2): the inverse of their
+            covariance. Both without meaning where a view is not used, or the others fix no point.
+        """
+        inverse = np.eye(2) - self.shares
+        determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
+        adjugate = np.trace(inverse, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - inverse
+        covariance = adjugate / np.maximum(determinant, 1e-9)[..., None, None]
+        return (covariance @ self.residuals[..., None])[..., 0], inverse
