@@ -84,14 +84,14 @@ def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
     }
 
 
-def run_peer(name: str, data: Path) -> dict[str, float]:
-    """Run a peer in its own locked environment, on one core."""
+def run_peer(name: str, data: Path, *arguments: str) -> dict[str, float]:
+    """Run a peer in its own locked environment, on one core, with its own arguments (``--mode``, ``--frames``)."""
     uv = shutil.which("uv") or str(Path(sys.executable).with_name("uv"))
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu"}
     environment.pop("VIRTUAL_ENV", None)
-    script = PEERS / name / "run.py"
+    project = PEERS / name
     done = subprocess.run(
-        [uv, "run", "--quiet", "--locked", "--project", str(PEERS / name), "python", str(script), str(data)],
+        [uv, "run", "--quiet", "--locked", "--project", project, "python", project / "run.py", data, *arguments],
         capture_output=True,
         text=True,
         env=environment,
