@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from posefuse.model.cameras import LensModel as LensModel
     from posefuse.model.detections import Detections as Detections
     from posefuse.model.noise import NoiseModel as NoiseModel
+    from posefuse.model.options import NoiseOptions as NoiseOptions
     from posefuse.model.options import Options as Options
     from posefuse.model.options import TriangulationOptions as TriangulationOptions
     from posefuse.model.reconstruction import Layer as Layer
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
     from posefuse.model.tracks import Tracks as Tracks
+    from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
     from posefuse.pipeline import triangulate as triangulate
     from posefuse.synthetic.options import SceneOptions as SceneOptions
@@ -52,12 +54,12 @@ _PLACES = {
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
     "model.noise": ("NoiseModel",),
-    "model.options": ("Options", "TriangulationOptions"),
+    "model.options": ("NoiseOptions", "Options", "TriangulationOptions"),
     "model.reconstruction": ("Layer", "Reconstruction"),
     "model.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.tracks": ("Tracks",),
-    "pipeline": ("reconstruct", "triangulate"),
+    "pipeline": ("calibrate_noise", "reconstruct", "triangulate"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
 }

@@ -1,18 +1,16 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.metadata import version
 from platform import python_version
 
 import numpy as np
 
+from posefuse import survey
 from posefuse.association import one_subject
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
-from posefuse.health.agreement import agreement_finding, coincidence_finding
-from posefuse.health.scale import scale_finding
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.noise import NoiseModel
@@ -20,8 +18,7 @@ from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
-from posefuse.triangulation import consensus, single_view
-from posefuse.triangulation import noise as noise_scale
+from posefuse.triangulation import single_view
 from posefuse.triangulation.registry import load_method
 
 
@@ -86,7 +83,7 @@ def prepare(rig: CameraRig, detections: Detections, options: Options, progress: 
     options, warning = settle_min_views(options, len(rig))
     subject_ids = one_subject.longest_ids(detections)
     notes = (*notes, *one_subject.remarks(detections, options.pick))
-    noise, findings = survey(rig, detections, options, subject_ids, progress)
+    noise, findings = survey.survey(rig, detections, options, subject_ids, progress)
     options, remarks = settle_method(rig, detections, options, subject_ids, noise)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
@@ -133,6 +130,30 @@ def triangulate_layer(
         return single_view.solve(detections, tracks, noise, options)
     layer = load_method(options.method).solve(rig, detections, tracks, noise, options)
     return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2)
+
+
+def calibrate_noise(
+    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
+) -> NoiseModel:
+    """The law of a recording's detection errors, by leaving views out; see docs/methods.md, "Calibrating the noise".
+
+    Args:
+        rig: calibrated cameras.
+        detections: 2D keypoints, with confidences if errors are to fall with them.
+        options: as of :func:`reconstruct`; what they say of the noise does not count.
+        progress: told how far the work is.
+
+    Returns:
+        Each camera's scale, the exponent of the confidence, the spread of accepted errors, and the tails.
+
+    Raises:
+        MatchError: if views and cameras do not belong together.
+        DetectionsError: if too few points are seen by three views that agree.
+    """
+    options = options or Options()
+    rig, detections, _ = match_views(rig, detections, options)
+    detections = cut_time(detections, options)
+    return survey.find_law(rig, detections, options, one_subject.longest_ids(detections), progress or Silent())
 
 
 def match_views(
@@ -255,83 +276,3 @@ def settle_method(
     pieces = ((chunk, one_subject.follow(chunk, options.pick, subject_ids)) for chunk in detections.chunks())
     settled, notes = settle(rig, pieces, noise, options.triangulation)
     return replace(options, triangulation=settled), notes
-
-
-def survey(
-    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
-) -> tuple[NoiseModel, tuple[str, ...]]:
-    """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
-    chosen = options.triangulation
-    exponent = chosen.confidence_exponent
-    noise = noise_scale.assumed(rig, exponent)
-    if options.noise_scale_px is not None:
-        noise = NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
-    if len(rig) == 1:
-        return noise, ()
-    sampled = partial(_sample, detections, options, subject_ids)
-    agree = partial(_agree, rig, replace(chosen, min_views=2))
-    if noise.origin == "fixed":
-        layers = agree(*sampled(few=True), noise)
-    else:
-        noise, layers = find_noise(rig, sampled, agree, noise, progress)
-    points = [np.asarray(layer.points_m) for layer in layers]
-    findings = (
-        coincidence_finding(rig),
-        agreement_finding(layers, rig, noise),
-        scale_finding(points, detections.skeleton, rig.metres_per_unit),
-    )
-    said = tuple(finding for finding in findings if finding is not None)
-    for finding in said:
-        warnings.warn(finding, PosefuseWarning, stacklevel=4)
-    return noise, said
-
-
-def find_noise(
-    rig: CameraRig,
-    sampled: Callable[..., tuple[list[Detections], list[Tracks]]],
-    agree: Callable[[list[Detections], list[Tracks], NoiseModel], list[Layer]],
-    otherwise: NoiseModel,
-    progress: Progress,
-) -> tuple[NoiseModel, list[Layer]]:
-    """The noise of a recording: from below up to the first that explains itself, see docs/methods.md, "Noise".
-
-    Returns:
-        The noise, or ``otherwise`` where the recording tells too little; and the sample as it was triangulated.
-    """
-    pieces, tracks = sampled(few=True)
-    trial = noise_scale.finest(rig, otherwise.exponent)
-    progress.start("surveying", noise_scale.MOST_ROUNDS)
-    for _ in range(noise_scale.MOST_ROUNDS):
-        found = noise_scale.estimate(rig, pieces, tracks, agree(pieces, tracks, trial), trial)
-        progress.advance(1)
-        following = noise_scale.coarser(trial, found)
-        if following is None:
-            break
-        trial = following
-    else:
-        trial = otherwise
-    pieces, tracks = sampled(few=False)
-    layers = agree(pieces, tracks, trial)
-    progress.finish()
-    noise = noise_scale.of_right_views(rig, pieces, tracks, layers, trial)
-    if noise is None:
-        return otherwise, layers
-    layers = agree(pieces, tracks, noise)
-    return replace(noise, spread=noise_scale.spread(rig, pieces, tracks, layers, noise)), layers
-
-
-def _sample(
-    detections: Detections, options: Options, subject_ids: np.ndarray, *, few: bool
-) -> tuple[list[Detections], list[Tracks]]:
-    pieces = [detections.frames(*span) for span in noise_scale.sample(detections.n_frames, few=few)]
-    return pieces, [one_subject.follow(piece, options.pick, subject_ids) for piece in pieces]
-
-
-def _agree(
-    rig: CameraRig,
-    options: TriangulationOptions,
-    pieces: list[Detections],
-    tracks: list[Tracks],
-    noise: NoiseModel,
-) -> list[Layer]:
-    return [consensus.solve(rig, *pair, noise, options) for pair in zip(pieces, tracks, strict=True)]

@@ -33,6 +33,7 @@ COMMANDS = {
     "inspect": "Say what is in a recording's folder.",
     "simulate": "Simulate a recording with known truth.",
     "evaluate": "Compare a result with the truth.",
+    "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
     "report": "Write a result's report, one HTML page.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented file of every option.",
@@ -40,7 +41,8 @@ COMMANDS = {
     "formats": "List the file formats.",
 }
 for name, help_text in COMMANDS.items():
-    app.command(f"posefuse.cli.{name}:{name}", name=name, help=help_text)
+    module = name.replace("-", "_")
+    app.command(f"posefuse.cli.{module}:{module}", name=name, help=help_text)
 
 
 @app.meta.default

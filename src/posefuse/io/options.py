@@ -1,6 +1,7 @@
 """Options as TOML: the same record as the command line's flags, one table a stage."""
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -11,6 +12,7 @@ from docstring_parser import parse
 
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.io.files import must_exist, read_toml
+from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 
 T = TypeVar("T")
@@ -39,6 +41,26 @@ def options_from_dict(data: Mapping[str, Any], source: str) -> Options:
 def options_to_toml(options: Options) -> str:
     """Options as TOML; what is not set is left out."""
     return tomli_w.dumps(_without_none(dataclasses.asdict(options)))
+
+
+def noise_to_toml(noise: NoiseModel, cameras: tuple[str, ...]) -> str:
+    """The options that make a reconstruction use a noise found before, as TOML.
+
+    Args:
+        noise: with a scale for each camera.
+        cameras: their names, in the same order.
+    """
+    rounded = [float(f"{scale:.4g}") for scale in noise.scale_px]
+    tables = {
+        "triangulation": {"confidence_exponent": round(noise.exponent, 3)},
+        "noise": {
+            "cameras": list(cameras),
+            "scale_px": rounded,
+            "spread": round(noise.spread, 3),
+            **({"nu": round(noise.nu, 2)} if math.isfinite(noise.nu) else {}),
+        },
+    }
+    return tomli_w.dumps(tables)
 
 
 def options_template() -> str:
@@ -115,6 +137,8 @@ def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
         return f'"{allowed[0]}"'
     kinds = get_args(hint)
     if float in kinds:
+        if get_origin(hint) is tuple:
+            return "[2.0, 2.5]"
         return "60.0" if name == "rate_hz" else "1.0"
     if int in kinds:
         return "3"

@@ -1,5 +1,6 @@
 """How noisy the detections are."""
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -15,10 +16,11 @@ class NoiseModel:
     Attributes:
         scale_px: shape (view,).
         exponent: 0 where confidence says nothing about noise.
-        origin: ``fixed`` by the user, ``estimated`` from this recording's residuals, or ``assumed``, where there were
-            too few residuals to tell.
+        origin: ``fixed`` by the user, ``calibrated`` before, ``estimated`` from this recording's residuals, or
+            ``assumed``, where there were too few of them to tell.
         spread: how far accepted observations err in these units, 1 if as the law says. Covariances count with it, the
             choice between right and wrong views does not.
+        nu: degrees of freedom of the errors' Student t, NaN where it is not known.
 
     Raises:
         OptionsError: on a scale that is not positive or an exponent that is negative.
@@ -28,6 +30,7 @@ class NoiseModel:
     exponent: float = 0.0
     origin: str = "fixed"
     spread: float = 1.0
+    nu: float = math.nan
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scale_px", frozen(np.atleast_1d(self.scale_px)))

@@ -167,6 +167,39 @@ class TriangulationOptions:
 
 
 @dataclass(frozen=True)
+class NoiseOptions:
+    """The noise of a detector, as `posefuse calibrate-noise` writes it; what is not set is estimated.
+
+    Attributes:
+        cameras: Which cameras the scales are of, by name.
+        scale_px: The standard deviation of each one's detections at a confidence of 1, in px per axis.
+        spread: How far accepted detections err in these units; covariances are larger by its square.
+        nu: Degrees of freedom of the errors' tails; kept with the result.
+    """
+
+    cameras: tuple[str, ...] = ()
+    scale_px: tuple[float, ...] = ()
+    spread: float = 1.0
+    nu: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("cameras", "scale_px"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        if len(self.cameras) != len(self.scale_px):
+            raise OptionsError(
+                f"noise.scale_px holds one number for each of noise.cameras: expected {len(self.cameras)}, got "
+                f"{len(self.scale_px)}."
+            )
+        for name, value in (
+            *((f"scale_px of {c}", s) for c, s in zip(self.cameras, self.scale_px, strict=True)),
+            ("spread", self.spread),
+            ("nu", self.nu),
+        ):
+            if value is not None and not value > 0:
+                raise OptionsError(f"noise.{name} must be positive, got {value}.")
+
+
+@dataclass(frozen=True)
 class Options:
     """Everything a user can choose about a reconstruction.
 
@@ -184,9 +217,11 @@ class Options:
         camera_order: Which camera each view belongs to, in the order of the views, where names do not tell.
         start_s: Leave out what comes before, in seconds.
         end_s: Leave out what comes from then on, in seconds.
-        noise_scale_px: The standard deviation of a detection in px per axis; by default estimated from the recording.
+        noise_scale_px: The standard deviation of every detection in px per axis; by default estimated from the
+            recording.
         layer: Which layer exports and evaluation take; by default the best present.
         triangulation: How 3D points come from 2D detections.
+        noise: The noise of each camera's detections, from a file.
     """
 
     people: People = "one"
@@ -204,6 +239,7 @@ class Options:
     noise_scale_px: float | None = None
     layer: LayerName | None = None
     triangulation: TriangulationOptions = field(default_factory=TriangulationOptions)
+    noise: NoiseOptions = field(default_factory=NoiseOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):

@@ -37,17 +37,19 @@ class LinearPoints:
             np.concatenate([part.residuals_px for part in parts]), np.concatenate([part.jacobians for part in parts])
         )
 
-    def fit(self, sigma_px: np.ndarray) -> "LinearFit":
+    def fit(self, sigma_px: np.ndarray, used: np.ndarray | None = None) -> "LinearFit":
         """The maximum-likelihood point of each row.
 
         Args:
             sigma_px: shape (point, view): standard deviations of the observations, inf for those that do not count.
+            used: shape (point, view), bool: which observations make the points; by default all that count.
         """
-        used = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
-        weight = np.where(used, 1.0 / sigma_px, 0.0)[..., None]
-        residual = np.where(used[..., None], self.residuals_px, 0.0) * weight
-        jacobian = np.where(used[..., None, None], self.jacobians, 0.0) * weight[..., None]
-        rows = jacobian.reshape(len(jacobian), -1, 3)
+        counts = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
+        used = counts if used is None else counts & used
+        weight = np.where(counts, 1.0 / sigma_px, 0.0)[..., None]
+        residual = np.where(counts[..., None], self.residuals_px, 0.0) * weight
+        jacobian = np.where(counts[..., None, None], self.jacobians, 0.0) * weight[..., None]
+        rows = np.where(used[..., None, None], jacobian, 0.0).reshape(len(jacobian), -1, 3)
         information = rows.transpose(0, 2, 1) @ rows
         # The trace makes a matrix without any views invertible, and is nothing to one that has them.
         trace = np.trace(information, axis1=1, axis2=2)
@@ -64,8 +66,9 @@ class LinearFit:
 
     Attributes:
         used: shape (point, view), bool.
-        residuals: shape (point, view, 2), 0 where not used.
-        shares: shape (point, view, 2, 2): the block of the hat matrix of each view, how far the point gives way to it.
+        residuals: shape (point, view, 2), 0 where a view has none that counts.
+        shares: shape (point, view, 2, 2): the covariance of where the view sees the point; of a used view, its block
+            of the hat matrix, how far the point gives way to it.
     """
 
     used: np.ndarray
@@ -74,8 +77,8 @@ class LinearFit:
 
     @property
     def squared(self) -> np.ndarray:
-        """Shape (point,): sum of the squared residuals."""
-        return np.square(self.residuals).sum(axis=(1, 2))
+        """Shape (point,): sum of the used squared residuals."""
+        return (np.square(self.residuals).sum(axis=-1) * self.used).sum(axis=-1)
 
     @property
     def freedom(self) -> np.ndarray:
@@ -87,10 +90,16 @@ class LinearFit:
 
         Returns:
             Shape (point, view, 2): the residuals the view then has. Shape (point, view, 2, 2): the inverse of their
-            covariance. Both without meaning where a view is not used, or the others fix no point.
+            covariance. Both without meaning where the others fix no point.
         """
-        inverse = np.eye(2) - self.shares
-        determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
-        adjugate = np.trace(inverse, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - inverse
-        covariance = adjugate / np.maximum(determinant, 1e-9)[..., None, None]
-        return (covariance @ self.residuals[..., None])[..., 0], inverse
+        used = self.used[..., None, None]
+        inverse = np.where(used, np.eye(2) - self.shares, _inverse(np.eye(2) + self.shares))
+        residuals = (_inverse(inverse) @ self.residuals[..., None])[..., 0]
+        return np.where(self.used[..., None], residuals, self.residuals), inverse
+
+
+def _inverse(symmetric: np.ndarray) -> np.ndarray:
+    """Inverses of symmetric 2x2 matrices; large ones of singular ones."""
+    determinant = symmetric[..., 0, 0] * symmetric[..., 1, 1] - symmetric[..., 0, 1] ** 2
+    adjugate = np.trace(symmetric, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - symmetric
+    return adjugate / np.maximum(determinant, 1e-9)[..., None, None]

@@ -13,9 +13,9 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.linear import LinearFit, LinearPoints
+from posefuse.triangulation.linear import LinearFit
 from posefuse.triangulation.mixture import separate
-from posefuse.triangulation.observations import Observations
+from posefuse.triangulation.told import checked, gather
 
 MOST_ROUNDS = 16
 
@@ -30,7 +30,6 @@ _FINEST_PX_AT_1000 = 0.1
 _EXPLAINED = 1.1
 _STRIDE = 2.5
 _FINEST_PX = 1e-3
-_TOLD_POINTS = 2000
 _CAMERA_ROUNDS = 3
 _CHANCE = 2.0 / math.log(2.0) ** 2
 """Twice the variance that chance gives the logarithm of a camera's median, times the number of pairs; up to so much
@@ -119,7 +118,8 @@ def of_right_views(
     Views that are wrong, but not by enough to be rejected, make :func:`estimate` too large; here they are told apart
     by what the other views of the point say. Arguments as of :func:`estimate`.
     """
-    points, sigma = _told(rig, pieces, tracks, layers, before)
+    told = gather(rig, pieces, tracks, layers, before)
+    points, sigma = told.points, np.where(told.used, told.sigma_px, np.inf)
     if len(sigma) < 2 * _FEWEST_POINTS:
         return None
     found = separate(points.fit(sigma))
@@ -144,48 +144,10 @@ def spread(
     Heavy tails, and wrong views not told from right ones, lie in it: regions that are to hold what they say must be
     larger by this factor. Arguments as of :func:`estimate`.
     """
-    fit = LinearPoints.fit(*_told(rig, pieces, tracks, layers, noise))
+    told = gather(rig, pieces, tracks, layers, noise)
+    fit = told.points.fit(told.sigma_px, told.used)
     freedom = fit.freedom.sum()
     return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _FEWEST_POINTS else 1.0
-
-
-def _told(
-    rig: CameraRig,
-    pieces: Sequence[Detections],
-    tracks: Sequence[Tracks],
-    layers: Sequence[Layer],
-    noise: NoiseModel,
-) -> tuple[LinearPoints, np.ndarray]:
-    """Pairs of points from all pieces, and the standard deviation of each of their observations."""
-    most = _TOLD_POINTS // (2 * len(pieces)) + 1
-    parts = [
-        _pairs(rig, piece, people.rows(piece), layer, noise, most)
-        for layer, piece, people in zip(layers, pieces, tracks, strict=True)
-    ]
-    return LinearPoints.concatenate([points for points, _ in parts]), np.concatenate([sigma for _, sigma in parts])
-
-
-def _pairs(
-    rig: CameraRig, detections: Detections, rows: np.ndarray, layer: Layer, noise: NoiseModel, most: int
-) -> tuple[LinearPoints, np.ndarray]:
-    """Some points whose views check each other, each followed by itself one frame later, or if it is lost, at once.
-
-    Returns:
-        The points, and the standard deviation of each used observation, inf for the others.
-    """
-    used = np.asarray(layer.view_status) == ViewStatus.USED
-    telling = checked(np.asarray(layer.view_status))
-    later = np.zeros_like(telling)
-    later[:-1] = telling[1:]
-    first = np.flatnonzero(telling)
-    first = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
-    chosen = np.stack([first, np.where(later.ravel()[first], first + telling[0].size, first)], axis=-1).ravel()
-    observations = Observations.gather(rig, detections, rows.reshape(-1, rows.shape[-1]), noise, chosen)
-    points = LinearPoints.at(observations, np.asarray(layer.points_m).reshape(-1, 3)[chosen])
-    confidence = observations.confidence
-    trust = np.where(np.isfinite(confidence), confidence, 1.0) ** noise.exponent
-    with np.errstate(divide="ignore"):
-        return points, np.where(used.reshape(-1, used.shape[-1])[chosen], noise.scale_px / trust, np.inf)
 
 
 def _camera_factors(fit: LinearFit) -> np.ndarray:
@@ -210,16 +172,6 @@ def _camera_factors(fit: LinearFit) -> np.ndarray:
     own -= own.mean()
     kept = max(0.0, 1.0 - _CHANCE * float((1.0 / pairs).mean()) / max(own.var(ddof=1), 1e-12))
     return np.clip(np.exp(0.5 * kept * own), _LEAST_FACTOR, _MOST_FACTOR)
-
-
-def checked(view_status: np.ndarray) -> np.ndarray:
-    """Which points have views that check each other: two that are left of more were chosen because they agree.
-
-    Args:
-        view_status: shape (..., view).
-    """
-    n = (view_status == ViewStatus.USED).sum(axis=-1)
-    return (n > 2) | ((n == 2) & ~(view_status == ViewStatus.OUTLIER).any(axis=-1))
 
 
 def squared_scales(layer: Layer, detections: Detections, rows: np.ndarray, exponent: float) -> np.ndarray:

@@ -100,6 +100,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
                 number_of(file, "noise_exponent"),
                 text_of(file, "noise_origin"),
                 number_of(file, "noise_spread"),
+                number_of(file, "noise_nu"),
             )
     layers = {
         layer: Layer(**{f.name: StoredArray(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
@@ -152,6 +153,7 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         file.attrs["noise_exponent"] = float(first.noise.exponent)
         file.attrs["noise_origin"] = first.noise.origin
         file.attrs["noise_spread"] = float(first.noise.spread)
+        file.attrs["noise_nu"] = float(first.noise.nu)
         add_variable(file, "noise_scale", ("view",), first.noise.scale_px, units="px")
     _write_rig(file, first.rig)
 

@@ -1,0 +1,159 @@
+"""A look at a sample of a recording before it is reconstructed: how noisy it is, and whether its parts fit together."""
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from posefuse.association import one_subject
+from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choices
+from posefuse.health.agreement import agreement_finding, coincidence_finding
+from posefuse.health.scale import scale_finding
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Layer
+from posefuse.model.tracks import Tracks
+from posefuse.progress import Progress
+from posefuse.triangulation import consensus, told
+from posefuse.triangulation import noise as noise_scale
+from posefuse.triangulation.noise_law import fit_law
+
+_LAW_ROUNDS = 4
+_SAME_EXPONENT = 0.03
+
+
+def survey(
+    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
+) -> tuple[NoiseModel, tuple[str, ...]]:
+    """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
+    noise = known_noise(rig, options) or noise_scale.assumed(rig, options.triangulation.confidence_exponent)
+    if len(rig) == 1:
+        return noise, ()
+    sampled = partial(_sample, detections, options, subject_ids)
+    agree = partial(_agree, rig, _agreeing(options))
+    if noise.origin != "assumed":
+        layers = agree(*sampled(few=True), noise)
+    else:
+        noise, layers = find_noise(rig, sampled, agree, noise, progress)
+    points = [np.asarray(layer.points_m) for layer in layers]
+    findings = (
+        coincidence_finding(rig),
+        agreement_finding(layers, rig, noise),
+        scale_finding(points, detections.skeleton, rig.metres_per_unit),
+    )
+    said = tuple(finding for finding in findings if finding is not None)
+    for finding in said:
+        warnings.warn(finding, PosefuseWarning, stacklevel=4)
+    return noise, said
+
+
+def known_noise(rig: CameraRig, options: Options) -> NoiseModel | None:
+    """The noise that the options fix, if they do.
+
+    Raises:
+        OptionsError: if they fix it for other cameras.
+    """
+    exponent, noise = options.triangulation.confidence_exponent, options.noise
+    if options.noise_scale_px is not None:
+        return NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
+    if not noise.cameras:
+        return None
+    scale_of = dict(zip(noise.cameras, noise.scale_px, strict=True))
+    missing = [name for name in rig.names if name not in scale_of]
+    if missing:
+        raise OptionsError(
+            f"noise.cameras has no scale for {choices(missing)}; it names {choices(noise.cameras)}. Calibrate the "
+            "noise with this rig, or leave the table [noise] out."
+        )
+    scales = np.array([scale_of[name] for name in rig.names])
+    return NoiseModel(scales, exponent, "calibrated", noise.spread, math.nan if noise.nu is None else noise.nu)
+
+
+def find_law(
+    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
+) -> NoiseModel:
+    """The noise with all that a recording tells of its law.
+
+    The exponent of the confidence weighs the views that make the points that tell the exponent, so it is sought anew
+    until it stays.
+
+    Raises:
+        DetectionsError: if too few points are seen by three views that agree.
+    """
+    sampled = partial(_sample, detections, options, subject_ids)
+    agree = partial(_agree, rig, _agreeing(options))
+    exponent = 0.0
+    for _ in range(_LAW_ROUNDS):
+        noise, layers = find_noise(rig, sampled, agree, noise_scale.assumed(rig, exponent), progress)
+        law = fit_law(told.gather(rig, *sampled(few=False), layers, noise), exponent)
+        if law is None or noise.origin == "assumed":
+            raise DetectionsError(
+                "Too few points are seen by three views that agree: a detector's noise cannot be told from them. "
+                "Longer recordings, or more cameras, tell more."
+            )
+        noise = replace(noise, origin="calibrated", nu=law.nu)
+        if abs(law.exponent - exponent) < _SAME_EXPONENT:
+            break
+        exponent = law.exponent
+    return noise
+
+
+def _agreeing(options: Options) -> TriangulationOptions:
+    """How a sample is triangulated to see what agrees."""
+    return replace(options.triangulation, min_views=2)
+
+
+def find_noise(
+    rig: CameraRig,
+    sampled: Callable[..., tuple[list[Detections], list[Tracks]]],
+    agree: Callable[[list[Detections], list[Tracks], NoiseModel], list[Layer]],
+    otherwise: NoiseModel,
+    progress: Progress,
+) -> tuple[NoiseModel, list[Layer]]:
+    """The noise of a recording: from below up to the first that explains itself, see docs/methods.md, "Noise".
+
+    Returns:
+        The noise, or ``otherwise`` where the recording tells too little; and the sample as it was triangulated.
+    """
+    pieces, tracks = sampled(few=True)
+    trial = noise_scale.finest(rig, otherwise.exponent)
+    progress.start("surveying", noise_scale.MOST_ROUNDS)
+    for _ in range(noise_scale.MOST_ROUNDS):
+        found = noise_scale.estimate(rig, pieces, tracks, agree(pieces, tracks, trial), trial)
+        progress.advance(1)
+        following = noise_scale.coarser(trial, found)
+        if following is None:
+            break
+        trial = following
+    else:
+        trial = otherwise
+    pieces, tracks = sampled(few=False)
+    layers = agree(pieces, tracks, trial)
+    progress.finish()
+    noise = noise_scale.of_right_views(rig, pieces, tracks, layers, trial)
+    if noise is None:
+        return otherwise, layers
+    layers = agree(pieces, tracks, noise)
+    return replace(noise, spread=noise_scale.spread(rig, pieces, tracks, layers, noise)), layers
+
+
+def _sample(
+    detections: Detections, options: Options, subject_ids: np.ndarray, *, few: bool
+) -> tuple[list[Detections], list[Tracks]]:
+    pieces = [detections.frames(*span) for span in noise_scale.sample(detections.n_frames, few=few)]
+    return pieces, [one_subject.follow(piece, options.pick, subject_ids) for piece in pieces]
+
+
+def _agree(
+    rig: CameraRig,
+    options: TriangulationOptions,
+    pieces: list[Detections],
+    tracks: list[Tracks],
+    noise: NoiseModel,
+) -> list[Layer]:
+    return [consensus.solve(rig, *pair, noise, options) for pair in zip(pieces, tracks, strict=True)]
