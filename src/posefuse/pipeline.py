@@ -1,16 +1,19 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from platform import python_version
+from time import process_time
 
 import numpy as np
 
 from posefuse.association import one_subject
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
+from posefuse.evaluation.accuracy import Truth
+from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
 from posefuse.health.agreement import agreement_finding, coincidence_finding
 from posefuse.health.scale import scale_finding
 from posefuse.model.cameras import CameraRig
@@ -23,6 +26,9 @@ from posefuse.progress import Progress, Silent, watched
 from posefuse.triangulation import consensus, single_view
 from posefuse.triangulation import noise as noise_scale
 from posefuse.triangulation.registry import load_method
+
+_FEWEST_TURNS, _MOST_TURNS, _ENOUGH_S = 3, 20, 0.2
+"""How often a method is timed: until this much CPU time went by."""
 
 
 @dataclass(frozen=True)
@@ -78,21 +84,44 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, who the subject is, and the noise."""
+    """Settle everything that needs the whole recording: views, frames, who the subject is, the noise, the method."""
+    return settle(examine(rig, detections, options, progress))
+
+
+def examine(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
+    """Settle what does not depend on the method: views, frames, who the subject is, and the noise.
+
+    Returns:
+        A plan that :func:`settle` has to complete before anything is measured.
+    """
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    options, warning = settle_min_views(options, len(rig))
     subject_ids = one_subject.longest_ids(detections)
     notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, findings = survey(rig, detections, options, subject_ids, progress)
-    options, remarks = settle_method(rig, detections, options, subject_ids, noise)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes, *warning, *findings, *remarks),
+        notes=(*rig.notes, *detections.notes, *notes, *findings),
     )
     return Plan(rig, detections, options, subject_ids, noise, provenance)
+
+
+def settle(plan: Plan, method: str | None = None) -> Plan:
+    """Settle what depends on the method: how many views a point needs, and what it has to see the recording for.
+
+    Args:
+        plan: what was examined.
+        method: another than the options name.
+    """
+    options = plan.options
+    if method is not None:
+        options = replace(options, triangulation=replace(options.triangulation, method=method))
+    options, warning = settle_min_views(options, len(plan.rig))
+    options, remarks = settle_method(plan.rig, plan.detections, options, plan.subject_ids, plan.noise)
+    notes = (*plan.provenance.notes, *warning, *remarks)
+    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes))
 
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
@@ -132,6 +161,79 @@ def triangulate_layer(
     if len(rig) == 1:
         return single_view.solve(detections, tracks, noise, options)
     return load_method(options.method).solve(rig, detections, tracks, noise, options)
+
+
+def compare_methods(
+    rig: CameraRig,
+    detections: Detections,
+    methods: Sequence[str],
+    options: Options | None = None,
+    *,
+    truth_of: Callable[[Reconstruction], Truth] | None = None,
+    timed: bool = True,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Measure a recording by several methods, all else alike, and put what came out side by side.
+
+    The recording is examined once: all methods get the same views, frames and noise. One method's result is in memory
+    at a time.
+
+    Args:
+        rig: calibrated cameras, as :func:`reconstruct` takes them.
+        detections: 2D keypoints.
+        methods: which, each one of :data:`posefuse.model.options.METHODS`.
+        options: of every method; the method they name is not looked at.
+        truth_of: known positions of the frames of a result, where they are known.
+        timed: whether to take the time; it is the only number that differs from run to run.
+        progress: told how far the work is.
+
+    Raises:
+        MatchError: if views and cameras do not belong together.
+        DetectionsError: if the detections do not allow what the options ask for, or are of one camera.
+        OptionsError: if there is no such method.
+        ResultError: if a result cannot be compared with the truth.
+    """
+    progress = progress or Silent()
+    examined = examine(rig, detections, replace(options or Options(), layer="measured"), progress)
+    if len(examined.rig) == 1:
+        raise DetectionsError("There is one camera, so no method triangulates; a comparison needs two or more.")
+    plans = [settle(examined, method) for method in methods]
+    notes = [note for plan in plans for note in plan.provenance.notes]
+    return Comparison(
+        methods=tuple(_numbers(plan, truth_of, timed, progress) for plan in plans),
+        n_frames=examined.detections.n_frames,
+        n_views=len(examined.rig),
+        n_keypoints=len(examined.detections.skeleton),
+        rate_hz=examined.detections.rate_hz,
+        noise=examined.noise,
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _numbers(
+    plan: Plan, truth_of: Callable[[Reconstruction], Truth] | None, timed: bool, progress: Progress
+) -> MethodNumbers:
+    result = Reconstruction.concatenate(list(reconstruct_chunks(plan, progress)))
+    truth = None if truth_of is None else truth_of(result)
+    return method_numbers(result, truth, triangulation_cpu_s(plan) if timed else None)
+
+
+def triangulation_cpu_s(plan: Plan) -> float:
+    """CPU time a frame of triangulation alone, in s: everything read, compiled and settled.
+
+    The fastest of several turns over the first frames, after one that is not counted: what else the machine does
+    makes a turn slower, never faster.
+    """
+    chunk = next(plan.detections.chunks())
+    tracks = one_subject.follow(chunk, plan.options.pick, plan.subject_ids)
+    turns: list[float] = []
+    for _ in range(1 + _MOST_TURNS):
+        start_s = process_time()
+        triangulate_layer(plan.rig, chunk, tracks, plan.noise, plan.options.triangulation)
+        turns.append(process_time() - start_s)
+        if len(turns) > _FEWEST_TURNS and sum(turns[1:]) > _ENOUGH_S:
+            break
+    return min(turns[1:]) / chunk.n_frames
 
 
 def match_views(
@@ -239,7 +341,7 @@ def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[s
     notes: tuple[str, ...] = ()
     if settled < wanted and n_cameras > 1:
         notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
-        warnings.warn(notes[0], PosefuseWarning, stacklevel=4)
+        warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
     return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
 
 
@@ -281,7 +383,7 @@ def survey(
     )
     said = tuple(finding for finding in findings if finding is not None)
     for finding in said:
-        warnings.warn(finding, PosefuseWarning, stacklevel=4)
+        warnings.warn(finding, PosefuseWarning, stacklevel=5)
     return noise, said
 
 

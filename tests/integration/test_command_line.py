@@ -5,52 +5,16 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import ezc3d
 import numpy as np
 import pytest
 
 import posefuse
-from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.results import trc
-from posefuse.synthetic.options import CLEAN, SceneOptions
-from posefuse.synthetic.scenes import simulate
 from tests.files import anipose_toml, write_openpose
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command; returns exit code, stdout and stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = stop.code if isinstance(stop.code, int) else 1
-        captured = capsys.readouterr()
-        return code, captured.out, re.sub(r"\s+", " ", captured.err)
-
-    return call
-
-
-@pytest.fixture(scope="module")
-def clean_scene():
-    return simulate(SceneOptions(duration_s=1, cameras=4, detector=CLEAN))
-
-
-@pytest.fixture
-def recording(tmp_path, clean_scene) -> Path:
-    folder = tmp_path / "recording"
-    folder.mkdir()
-    anipose.write(clean_scene.rig, folder / "calibration.toml")
-    native.write(clean_scene.detections, folder / "keypoints.nc")
-    posefuse.write(clean_scene.truth, tmp_path / "truth.nc")
-    return folder
-
 
 OUTPUTS = ["keypoints.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html"]
 

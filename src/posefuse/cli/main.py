@@ -33,6 +33,7 @@ COMMANDS = {
     "inspect": "Say what is in a recording's folder.",
     "simulate": "Simulate a recording with known truth.",
     "evaluate": "Compare a result with the truth.",
+    "compare": "Compare triangulation methods on one recording.",
     "report": "Write a result's report, one HTML page.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented file of every option.",
