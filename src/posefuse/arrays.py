@@ -7,6 +7,7 @@ A noun's array may be a NumPy array or anything that reads itself by ranges of i
 or HDF5 variable. Then ``noun.frames(start, stop)`` brings a range into memory, and nothing else does.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
@@ -64,10 +65,12 @@ def ranges(length: int, size: int) -> Iterator[tuple[int, int]]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equality of two field values, arrays by content with NaN equal to NaN."""
+    """Equality of two field values, NaN equal to NaN and arrays by content."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a), np.asarray(b)
         return a.shape == b.shape and bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f"))
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, float) and isinstance(b, float) and math.isnan(a):
+        return math.isnan(b)
     return bool(a == b)

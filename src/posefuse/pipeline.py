@@ -75,21 +75,44 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, who the subject is, and the noise."""
+    """Settle everything that needs the whole recording: views, frames, who the subject is, the noise, the method."""
+    return settle(examine(rig, detections, options, progress))
+
+
+def examine(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
+    """Settle what does not depend on the method: views, frames, who the subject is, and the noise.
+
+    Returns:
+        A plan that :func:`settle` has to complete before anything is measured.
+    """
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    options, warning = settle_min_views(options, len(rig))
     subject_ids = one_subject.longest_ids(detections)
     notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, findings = survey.survey(rig, detections, options, subject_ids, progress)
-    options, remarks = settle_method(rig, detections, options, subject_ids, noise)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes, *warning, *findings, *remarks),
+        notes=(*rig.notes, *detections.notes, *notes, *findings),
     )
     return Plan(rig, detections, options, subject_ids, noise, provenance)
+
+
+def settle(plan: Plan, method: str | None = None) -> Plan:
+    """Settle what depends on the method: how many views a point needs, and what it has to see the recording for.
+
+    Args:
+        plan: what was examined.
+        method: another than the options name.
+    """
+    options = plan.options
+    if method is not None:
+        options = replace(options, triangulation=replace(options.triangulation, method=method))
+    options, warning = settle_min_views(options, len(plan.rig))
+    options, remarks = settle_method(plan.rig, plan.detections, options, plan.subject_ids, plan.noise)
+    notes = (*plan.provenance.notes, *warning, *remarks)
+    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes))
 
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
@@ -261,7 +284,7 @@ def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[s
     notes: tuple[str, ...] = ()
     if settled < wanted and n_cameras > 1:
         notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
-        warnings.warn(notes[0], PosefuseWarning, stacklevel=4)
+        warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
     return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
 
 

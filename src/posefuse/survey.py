@@ -48,7 +48,7 @@ def survey(
     )
     said = tuple(finding for finding in findings if finding is not None)
     for finding in said:
-        warnings.warn(finding, PosefuseWarning, stacklevel=4)
+        warnings.warn(finding, PosefuseWarning, stacklevel=5)
     return noise, said
 
 
@@ -88,7 +88,8 @@ def find_law(
     sampled = partial(_sample, detections, options, subject_ids)
     agree = partial(_agree, rig, _agreeing(options))
     exponent = 0.0
-    for _ in range(_LAW_ROUNDS):
+    rounds = 0
+    while True:
         noise, layers = find_noise(rig, sampled, agree, noise_scale.assumed(rig, exponent), progress)
         law = fit_law(told.gather(rig, *sampled(few=False), layers, noise), exponent)
         if law is None or noise.origin == "assumed":
@@ -96,11 +97,10 @@ def find_law(
                 "Too few points are seen by three views that agree: a detector's noise cannot be told from them. "
                 "Longer recordings, or more cameras, tell more."
             )
-        noise = replace(noise, origin="calibrated", nu=law.nu)
-        if abs(law.exponent - exponent) < _SAME_EXPONENT:
-            break
+        rounds += 1
+        if abs(law.exponent - exponent) < _SAME_EXPONENT or rounds == _LAW_ROUNDS:
+            return replace(noise, origin="calibrated", nu=law.nu)
         exponent = law.exponent
-    return noise
 
 
 def _agreeing(options: Options) -> TriangulationOptions:

@@ -5,52 +5,16 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import ezc3d
 import numpy as np
 import pytest
 
 import posefuse
-from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.results import trc
-from posefuse.synthetic.options import CLEAN, SceneOptions
-from posefuse.synthetic.scenes import simulate
 from tests.files import anipose_toml, write_openpose
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command; returns exit code, stdout and stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = 0
-        try:
-            main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            code = stop.code if isinstance(stop.code, int) else 1
-        captured = capsys.readouterr()
-        return code, captured.out, re.sub(r"\s+", " ", captured.err)
-
-    return call
-
-
-@pytest.fixture(scope="module")
-def clean_scene():
-    return simulate(SceneOptions(duration_s=1, cameras=4, detector=CLEAN))
-
-
-@pytest.fixture
-def recording(tmp_path, clean_scene) -> Path:
-    folder = tmp_path / "recording"
-    folder.mkdir()
-    anipose.write(clean_scene.rig, folder / "calibration.toml")
-    native.write(clean_scene.detections, folder / "keypoints.nc")
-    posefuse.write(clean_scene.truth, tmp_path / "truth.nc")
-    return folder
-
 
 OUTPUTS = ["keypoints.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html"]
 
@@ -120,6 +84,21 @@ def test_choosing_cameras(run, recording, tmp_path):
     assert posefuse.read_reconstruction(tmp_path / "a" / "reconstruction.nc").rig.names == ("cam_3", "cam_0", "cam_1")
     assert run("reconstruct", recording, "-o", tmp_path / "b", "--exclude-camera", "cam_2")[0] == 0
     assert posefuse.read_reconstruction(tmp_path / "b" / "reconstruction.nc").rig.names == ("cam_0", "cam_1", "cam_3")
+
+
+def test_calibrated_noise_is_used(run, recording, tmp_path):
+    code, out, _ = run("calibrate-noise", recording, "-o", tmp_path / "noise.toml")
+    assert code == 0
+    assert "cam_3" in out
+    assert "Student t" in out
+    code, _, _ = run("--options", tmp_path / "noise.toml", "reconstruct", recording, "--output", tmp_path / "out")
+    assert code == 0
+    noise = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc").noise
+    written = posefuse.read_options(tmp_path / "noise.toml")
+    assert noise.origin == "calibrated"
+    assert tuple(noise.scale_px) == written.noise.scale_px
+    assert noise.exponent == written.triangulation.confidence_exponent
+    assert (noise.spread, noise.nu) == (written.noise.spread, written.noise.nu)
 
 
 def test_init_writes_every_option_once(run, tmp_path):

@@ -1,5 +1,6 @@
 """A real recording: four cameras, OpenPose, one person balancing; another tool's result as reference."""
 
+import csv
 import json
 
 import ezc3d
@@ -90,3 +91,23 @@ def test_two_people_are_told_by_their_place_in_the_list(shared_data):
     detections = posefuse.read_detections(shared_data("pose2sim") / "two_people" / "pose-associated")
     assert set(np.asarray(detections.track_ids).tolist()) == {0, 1}
     assert detections.people_counts.max() == 2
+
+
+def test_methods_side_by_side(shared_data, trial, tmp_path):
+    """Views are noisy but right: consensus leaves little out, and the methods that need three views miss a tenth."""
+    main(
+        [
+            "compare", str(trial), "--output", str(tmp_path / "out"), "--rate-hz", "60",
+            "--calibration", str(shared_data("pose2sim") / "calibration" / "Calib.qca.txt"),
+            "--keypoints", str(trial / "pose-associated"),
+            "--methods", "consensus,simple", "--no-timing",
+        ]
+    )  # fmt: skip
+    with (tmp_path / "out" / "comparison.csv").open(encoding="utf-8", newline="") as file:
+        consensus, simple = csv.DictReader(file)
+    assert float(consensus["missing_points_percent"]) < 1
+    assert float(consensus["rejected_observations_percent"]) < 1
+    assert float(simple["missing_points_percent"]) > 8
+    for row in (consensus, simple):
+        assert float(row["used_views_median_reprojection_error_px"]) < 14
+        assert float(row["all_detections_median_reprojection_error_px"]) < 15

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from benchmarks.walking import walk
 
+from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options import NoiseOptions, Options, TriangulationOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline import calibrate_noise, reconstruct
 from tests.scenes import body_points, build_rig, ring, seen, skeleton_of
 
 
@@ -109,3 +110,36 @@ def test_assumed_where_there_is_too_little_to_tell(rng):
     result = reconstruct(rig, seen(rig, body_points(rng, 1), rng))
     assert result.noise.origin == "assumed"
     np.testing.assert_allclose(result.noise.scale_px, 4.5 * 1.92)
+
+
+@pytest.mark.parametrize(("exponent", "nu"), [(0.0, 100.0), (1.0, 3.0), (0.5, 6.0)])
+def test_the_law_is_found_by_leaving_views_out(exponent, nu, rng):
+    rig = ring(5)
+    truth = body_points(rng, 300)
+    confidence = rng.uniform(0.3, 1.0, (300, 5, 17))
+    error = rng.standard_normal((300, 5, 17, 2)) / np.sqrt(rng.chisquare(nu, confidence.shape) / nu)[..., None]
+    pixels = np.moveaxis(rig.project(truth), 0, 1) + (3.0 / confidence**exponent)[..., None] * error
+    noise = calibrate_noise(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels, confidence))
+    assert noise.origin == "calibrated"
+    assert noise.exponent == pytest.approx(exponent, abs=0.1)
+    assert 1.0 / noise.nu == pytest.approx(1.0 / nu, abs=0.05)
+    assert 3.0 * 0.95 < noise.scale_px[0] < 3.0 * 1.25
+
+
+def test_the_law_of_too_little_is_an_error(rng):
+    rig = ring(4)
+    with pytest.raises(DetectionsError, match="seen by three views that agree"):
+        calibrate_noise(rig, seen(rig, body_points(rng, 1), rng))
+
+
+def test_a_calibrated_noise_is_used_by_camera_name(rng):
+    rig = ring(4)
+    detections = seen(rig, body_points(rng, 20), rng)
+    noise = NoiseOptions(("cam_3", "cam_1", "cam_0", "cam_2", "spare"), (4.0, 2.0, 1.0, 3.0, 9.0), 1.5, 3.0)
+    found = reconstruct(rig, detections, Options(noise=noise)).noise
+    assert found.scale_px.tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert (found.origin, found.spread, found.nu) == ("calibrated", 1.5, 3.0)
+    with pytest.raises(OptionsError, match="no scale for cam_3"):
+        reconstruct(rig, detections, Options(noise=NoiseOptions(("cam_0", "cam_1", "cam_2"), (1.0, 1.0, 1.0))))
+    with pytest.raises(OptionsError, match="expected 2, got 1"):
+        NoiseOptions(("cam_0", "cam_1"), (1.0,))

@@ -1,6 +1,7 @@
 """``posefuse evaluate``."""
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
@@ -8,8 +9,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, percent, say, table
-from posefuse.evaluation.accuracy import Accuracy
+from posefuse.evaluation.accuracy import Accuracy, Truth
 from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
 
 
 def evaluate(
@@ -35,23 +37,33 @@ def evaluate(
 
 def compare(result: Path, truth: Path, layer: LayerName | None) -> tuple[Path, Accuracy]:
     """The accuracy of a result against a truth file, and the file the result is in."""
+    from posefuse.cli.results import open_result
+    from posefuse.evaluation import accuracy
+
+    path, reconstruction = open_result(result)
+    reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
+    return path, accuracy.evaluate(reconstruction, truth_finder(truth)(reconstruction))
+
+
+def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
+    """Read a truth file; what comes back finds its positions at the frames of a result."""
     import numpy as np
 
-    from posefuse.cli.results import open_result
     from posefuse.evaluation import accuracy
     from posefuse.io.results import netcdf, trc
     from posefuse.io.results.axes import y_up_from_world
 
-    path, reconstruction = open_result(result)
-    reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
-    if truth.suffix.lower() == ".trc":
-        known = trc.read(truth)
-        world_from_file = np.asarray(y_up_from_world(reconstruction.rig.up_axis)).T
-        points = known.points_m @ world_from_file.T
-        expected = accuracy.truth_from_trajectories(reconstruction, known.names, known.time_s, points)
-    else:
-        expected = accuracy.truth_from_result(reconstruction, netcdf.read_reconstruction(truth))
-    return path, accuracy.evaluate(reconstruction, expected)
+    if path.suffix.lower() != ".trc":
+        known = netcdf.read_reconstruction(path)
+        return lambda result: accuracy.truth_from_result(result, known)
+    tracks = trc.read(path)
+
+    def found(result: Reconstruction) -> Truth:
+        world_from_file = np.asarray(y_up_from_world(result.rig.up_axis)).T
+        points = tracks.points_m @ world_from_file.T
+        return accuracy.truth_from_trajectories(result, tracks.names, tracks.time_s, points)
+
+    return found
 
 
 def show(accuracy: Accuracy) -> None:

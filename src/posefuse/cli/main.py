@@ -33,6 +33,7 @@ COMMANDS = {
     "inspect": "Say what is in a recording's folder.",
     "simulate": "Simulate a recording with known truth.",
     "evaluate": "Compare a result with the truth.",
+    "compare": "Compare triangulation methods on one recording.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
     "report": "Write a result's report, one HTML page.",
     "demo": "Simulate, reconstruct, evaluate and report.",

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from posefuse.cli.reading import must_have_rate, read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
+
+if TYPE_CHECKING:
+    from posefuse.pipeline import Plan
+
+FILTER_FIGURE = "debug/percentile_filter.png"
 
 
 def reconstruct(
@@ -22,7 +28,8 @@ def reconstruct(
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
-    Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html.
+    Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
+    with the method percentile_filter also debug/percentile_filter.png.
     """
     from posefuse.io.files import replacing_folder
 
@@ -59,7 +66,29 @@ def reconstruct_into(
     files, layer = write_folder(result, folder, progress)
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
-    return ["reconstruction.nc", *files, "report.html"], layer
+    return ["reconstruction.nc", *files, "report.html", *write_debug(plan, result, folder, progress)], layer
+
+
+def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Bars) -> list[str]:
+    """Write the figures that show what a method did, for the methods that have one.
+
+    Returns:
+        The names of what was written.
+    """
+    from posefuse.triangulation import percentile_filter
+
+    triangulation = plan.options.triangulation
+    if triangulation.method != "percentile_filter" or not percentile_filter.runs(plan.rig, triangulation):
+        return []
+    from posefuse.evaluation.filtering import error_profile
+    from posefuse.pipeline import reconstruct_chunks, settle
+    from posefuse.report.percentile_filter import filter_picture
+
+    before = error_profile(reconstruct_chunks(settle(plan, "simple"), progress))
+    picture = filter_picture(before, error_profile(result.chunks()), result)
+    (folder / FILTER_FIGURE).parent.mkdir()
+    (folder / FILTER_FIGURE).write_bytes(picture.png)
+    return [FILTER_FIGURE]
 
 
 def describe(result: Reconstruction) -> None:

@@ -83,7 +83,7 @@ def _writable(path: Path) -> Iterator[None]:
         raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another place.") from None
 
 
-RESULT_FILES = ("reconstruction.nc", "*.csv", "*.trc", "*.c3d", "report.html", "evaluation.json")
+RESULT_FILES = ("reconstruction.nc", "*.csv", "*.trc", "*.c3d", "report.html", "evaluation.json", "debug/*.png")
 
 
 @contextlib.contextmanager
@@ -116,7 +116,11 @@ def replacing_folder(
             for pattern in owned:
                 for stale in folder.glob(pattern):
                     stale.unlink()
-            for entry in sorted(staging.iterdir()):
-                os.replace(entry, folder / entry.name)
+                    if stale.parent != folder and not any(stale.parent.iterdir()):
+                        stale.parent.rmdir()
+            for entry in sorted(entry for entry in staging.rglob("*") if entry.is_file()):
+                target = folder / entry.relative_to(staging)
+                target.parent.mkdir(exist_ok=True)
+                os.replace(entry, target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)

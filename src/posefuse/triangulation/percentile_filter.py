@@ -23,6 +23,12 @@ from posefuse.triangulation.results import FlatLayer, rows_by_person_frame
 DEFAULT_MIN_VIEWS = 3
 
 
+def runs(rig: CameraRig, options: TriangulationOptions) -> bool:
+    """Whether anything is filtered: a threshold is known, and there are cameras to drop. Options must be settled."""
+    assert options.min_views is not None
+    return options.percentile_filter.threshold_px is not None and options.min_views < len(rig)
+
+
 def settle(
     rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
 ) -> tuple[TriangulationOptions, tuple[str, ...]]:
@@ -70,7 +76,7 @@ def solve(
     assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
     threshold = options.percentile_filter.threshold_px
-    if threshold is None or options.min_views >= len(rig):
+    if threshold is None or not runs(rig, options):
         return layer
     flat = FlatLayer.of(layer)
     used = flat.view_status == ViewStatus.USED

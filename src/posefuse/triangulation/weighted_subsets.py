@@ -4,6 +4,7 @@ Source: FreeMoCap's documentation, "Reprojection Error Outlier Rejection" (in it
 is a check box). Its words are followed where the program differs; docs/methods.md, "weighted_subsets", says where.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -23,6 +24,23 @@ from posefuse.triangulation.results import FlatLayer, mean_over, rows_by_person_
 DEFAULT_MIN_VIEWS = 3
 
 _SHARPNESS = 5.0
+
+
+def settle(
+    rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
+) -> tuple[TriangulationOptions, tuple[str, ...]]:
+    """Say where the rig leaves no camera to drop; nothing is looked at or changed.
+
+    Returns:
+        The options as they are, and what is worth saying.
+    """
+    assert options.min_views is not None
+    if options.min_views < len(rig):
+        return options, ()
+    return options, (
+        f"weighted_subsets drops no camera: min_views is {options.min_views} and the rig has {len(rig)} cameras, so "
+        "the result is that of simple.",
+    )
 
 
 def solve(

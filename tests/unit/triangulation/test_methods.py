@@ -194,6 +194,39 @@ class TestPercentileFilter:
         assert any("does not run" in note for note in result.provenance.notes)
 
 
+WORDS = {"weighted_subsets": "weighted_subsets drops no camera", "percentile_filter": "does not run"}
+
+
+class TestNothingToDrop:
+    """As many cameras as a point needs: said once, in the result, and the points are those of simple."""
+
+    @pytest.mark.filterwarnings("ignore:min_views lowered")
+    @pytest.mark.parametrize(("cameras", "min_views"), [(2, None), (3, None), (3, 5), (4, 4)])
+    @pytest.mark.parametrize("method", WORDS)
+    def test_it_is_said_once(self, method, cameras, min_views):
+        data = walk(20, cameras, outlier_share=0.05)
+        threshold = PercentileFilterOptions(threshold_px=10.0)
+        chosen = TriangulationOptions(method=method, min_views=min_views, percentile_filter=threshold)
+        result = triangulate(data.rig, data.detections, Options(triangulation=chosen))
+        assert sum(WORDS[method] in note for note in result.provenance.notes) == 1
+        assert result.layers["measured"] == solved(data, "simple", min_views=min_views)
+
+    @pytest.mark.parametrize(("cameras", "min_views"), [(4, None), (3, 2)])
+    @pytest.mark.parametrize("method", WORDS)
+    def test_it_is_not_said_where_there_is(self, method, cameras, min_views):
+        data = walk(20, cameras)
+        chosen = TriangulationOptions(method=method, min_views=min_views)
+        result = triangulate(data.rig, data.detections, Options(triangulation=chosen))
+        assert not any(WORDS[method] in note for note in result.provenance.notes)
+
+    @pytest.mark.parametrize("method", WORDS)
+    def test_one_camera_is_another_matter(self, method):
+        data = walk(5, 3)
+        chosen = Options(cameras=(data.rig.names[0],), triangulation=TriangulationOptions(method=method))
+        result = triangulate(data.rig, data.detections, chosen)
+        assert not any(WORDS[method] in note for note in result.provenance.notes)
+
+
 class TestRansac:
     def test_metres_do_as_pixels_do(self):
         data = walk(60, 6, outlier_share=0.1)

@@ -1,0 +1,156 @@
+"""``posefuse compare``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from posefuse.cli.console import Bars, count, note, say, table
+from posefuse.cli.reading import read_inputs
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.model.options import METHODS, Options
+
+if TYPE_CHECKING:
+    from posefuse.evaluation.comparison import Comparison
+
+TABLE, PNG, SVG = "comparison.csv", "comparison.png", "comparison.svg"
+
+
+def compare(
+    recording: Recording,
+    *,
+    output: Output,
+    methods: Annotated[
+        tuple[str, ...], Parameter(help="Names with commas between, of those `posefuse methods` lists; by default all.")
+    ] = (),
+    calibration: CalibrationPath = None,
+    keypoints: KeypointsPath = None,
+    truth: Annotated[
+        Path | None, Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
+    ] = None,
+    timing: Annotated[
+        bool, Parameter(help="Measure CPU time, the only number that differs from run to run.", negative="--no-timing")
+    ] = True,
+    options: OptionFlags = Options(),  # noqa: B008
+) -> None:
+    """Triangulate a recording by several methods, all else alike: a table, comparison.csv, and a figure.
+
+    --triangulation.method is not looked at; every other option holds for all methods.
+    """
+    chosen = chosen_methods(methods)
+
+    from posefuse.cli.evaluate import truth_finder
+    from posefuse.io.files import must_exist, replacing_folder
+    from posefuse.io.results.comparison import write
+    from posefuse.report.comparison import comparison_picture
+    from posefuse.side_by_side import compare_methods
+
+    truth_of = None if truth is None else truth_finder(must_exist(truth, "truth"))
+    progress = Bars()
+    inputs = read_inputs(recording, calibration, keypoints, options, progress)
+    with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
+        found = compare_methods(
+            inputs.rig, inputs.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
+        )
+        write(found, staging / TABLE)
+        picture = comparison_picture(found)
+        (staging / PNG).write_bytes(picture.png)
+        (staging / SVG).write_bytes(picture.svg)
+    show(found)
+    say(f"Wrote {TABLE}, {PNG}, {SVG} to {output}")
+
+
+def chosen_methods(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The methods to compare, each once: names as given, together or apart; without any, all there are.
+
+    Raises:
+        OptionsError: if there is no such method.
+    """
+    names = [name.strip() for part in given for name in part.split(",")]
+    for name in names:
+        if name not in METHODS:
+            hint = suggestion(name, METHODS)
+            listed = f" There are: {choices(METHODS)}." if hint.startswith("Did") else ""
+            raise OptionsError(f"--methods: no method {name!r}. {hint}{listed}")
+    return tuple(dict.fromkeys(names)) or tuple(METHODS)
+
+
+def show(found: "Comparison") -> None:
+    """Print the comparison."""
+    rate = f" at {found.rate_hz:g} Hz" if found.rate_hz else ""
+    scale = float(np.median(found.noise.scale_px))
+    say(
+        f"{count(found.n_frames, 'frame')}{rate}, {count(found.n_views, 'camera')}, "
+        f"{count(found.n_keypoints, 'keypoint')}"
+    )
+    note(
+        f"The same for all methods: views, frames, and the noise of a detection, {scale:.1f} px ({found.noise.origin})."
+    )
+    for remark in found.notes:
+        note(f"note: {remark}")
+    say("")
+    table(None, *agreement_columns(found))
+    say("")
+    if found.methods[0].truth_median_mm is not None:
+        table("Against the truth", *truth_columns(found))
+        say("")
+    for line in explanations(found):
+        note(line)
+
+
+def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of what needs no truth."""
+    from posefuse.report.numbers import three_digits
+
+    heads = ["\n\nmethod", "used\nmedian\npx", "used\n95 %\npx", "all\nmedian\npx", "views\na\npoint",
+             "points\nmissing\n%", "views\nleft\nout, %"]  # fmt: skip
+    rows = [
+        [row.method, *map(three_digits, (
+            row.used_error.median_px, row.used_error.p95_px, row.all_error.median_px, row.mean_views_used,
+            100.0 * row.missing_share, 100.0 * row.rejected_share,
+        ))]
+        for row in found.methods
+    ]  # fmt: skip
+    optional = {
+        "jitter\nmedian\nm/s²": [row.acceleration_m_s2 for row in found.methods],
+        "CPU\nms a\nframe": [row.cpu_ms_per_frame for row in found.methods],
+    }
+    for head, values in optional.items():
+        if values[0] is not None:
+            heads.append(head)
+            for row, value in zip(rows, values, strict=True):
+                row.append("-" if value is None else three_digits(value))
+    return heads, rows
+
+
+def truth_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of the errors in 3D."""
+    from posefuse.report.numbers import three_digits
+
+    def shown(value: float | None) -> str:
+        return "-" if value is None else three_digits(value)
+
+    rows = [[row.method, shown(row.truth_median_mm), shown(row.truth_p99_mm)] for row in found.methods]
+    return ["method", "median mm", "99 % mm"], rows
+
+
+def explanations(found: "Comparison") -> list[str]:
+    """What the columns mean, and what they hide."""
+    by_need: dict[int, list[str]] = {}
+    for row in found.methods:
+        by_need.setdefault(row.min_views, []).append(row.method)
+    needs = "; ".join(f"{n} views for {', '.join(names)}" for n, names in sorted(by_need.items()))
+    lines = [
+        "used: reprojection error over the views a method used. It flatters a method that drops views.",
+        "all: over every detection; those of a point that a method leaves out count as infinitely far off.",
+        f"missing: no coordinates. A point needs {needs}; --triangulation.min-views sets it.",
+    ]
+    if found.rate_hz is not None:
+        lines.append("jitter: acceleration from frame to frame; the movement itself is in it, alike for all.")
+    if found.methods[0].truth_median_mm is not None:
+        lines.append("Against the truth: over the points a method has; what it leaves out costs it nothing there.")
+    if found.methods[0].cpu_ms_per_frame is not None:
+        lines.append("CPU: triangulation alone, compiled and warmed up; without reading, noise survey and writing.")
+    return lines

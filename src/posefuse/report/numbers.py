@@ -1,0 +1,14 @@
+"""Numbers as tables and figures show them."""
+
+import math
+
+
+def three_digits(value: float) -> str:
+    """A number as short as it can be compared: about three digits, a dash where there is none."""
+    if not math.isfinite(value):
+        return "-" if math.isnan(value) else "inf"
+    size = abs(value)
+    if size == 0:
+        return "0"
+    decimals = 3 if size < 0.0995 else 2 if size < 9.995 else 1 if size < 99.95 else 0
+    return f"{value:.{decimals}f}"

@@ -1,0 +1,92 @@
+"""Several triangulation methods on one recording, side by side."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from time import process_time
+
+from posefuse.association import one_subject
+from posefuse.errors import DetectionsError
+from posefuse.evaluation.accuracy import Truth
+from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options import Options
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline import Plan, examine, reconstruct_chunks, settle, triangulate_layer
+from posefuse.progress import Progress, Silent
+
+_FEWEST_TURNS, _MOST_TURNS, _ENOUGH_S = 3, 20, 0.2
+"""How often a method is timed: until this much CPU time went by."""
+
+
+def compare_methods(
+    rig: CameraRig,
+    detections: Detections,
+    methods: Sequence[str],
+    options: Options | None = None,
+    *,
+    truth_of: Callable[[Reconstruction], Truth] | None = None,
+    timed: bool = True,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Measure a recording by several methods, all else alike, and put what came out side by side.
+
+    The recording is examined once: all methods get the same views, frames and noise. One method's result is in memory
+    at a time.
+
+    Args:
+        rig: calibrated cameras, as :func:`reconstruct` takes them.
+        detections: 2D keypoints.
+        methods: which, each one of :data:`posefuse.model.options.METHODS`.
+        options: of every method; the method they name is not looked at.
+        truth_of: known positions of the frames of a result, where they are known.
+        timed: whether to take the time; it is the only number that differs from run to run.
+        progress: told how far the work is.
+
+    Raises:
+        MatchError: if views and cameras do not belong together.
+        DetectionsError: if the detections do not allow what the options ask for, or are of one camera.
+        OptionsError: if there is no such method.
+        ResultError: if a result cannot be compared with the truth.
+    """
+    progress = progress or Silent()
+    examined = examine(rig, detections, replace(options or Options(), layer="measured"), progress)
+    if len(examined.rig) == 1:
+        raise DetectionsError("There is one camera, so no method triangulates; a comparison needs two or more.")
+    plans = [settle(examined, method) for method in methods]
+    notes = [note for plan in plans for note in plan.provenance.notes]
+    return Comparison(
+        methods=tuple(_numbers(plan, truth_of, timed, progress) for plan in plans),
+        n_frames=examined.detections.n_frames,
+        n_views=len(examined.rig),
+        n_keypoints=len(examined.detections.skeleton),
+        rate_hz=examined.detections.rate_hz,
+        noise=examined.noise,
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _numbers(
+    plan: Plan, truth_of: Callable[[Reconstruction], Truth] | None, timed: bool, progress: Progress
+) -> MethodNumbers:
+    result = Reconstruction.concatenate(list(reconstruct_chunks(plan, progress)))
+    truth = None if truth_of is None else truth_of(result)
+    return method_numbers(result, truth, triangulation_cpu_s(plan) if timed else None)
+
+
+def triangulation_cpu_s(plan: Plan) -> float:
+    """CPU time a frame of triangulation alone, in s: everything read, compiled and settled.
+
+    The fastest of several turns over the first frames, after one that is not counted: what else the machine does
+    makes a turn slower, never faster.
+    """
+    chunk = next(plan.detections.chunks())
+    tracks = one_subject.follow(chunk, plan.options.pick, plan.subject_ids)
+    turns: list[float] = []
+    for _ in range(1 + _MOST_TURNS):
+        start_s = process_time()
+        triangulate_layer(plan.rig, chunk, tracks, plan.noise, plan.options.triangulation)
+        turns.append(process_time() - start_s)
+        if len(turns) > _FEWEST_TURNS and sum(turns[1:]) > _ENOUGH_S:
+            break
+    return min(turns[1:]) / chunk.n_frames

@@ -1,0 +1,99 @@
+"""Figures: the same bytes, hostile names and empty numbers harmless, the user's own settings without effect."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+
+from posefuse.evaluation.filtering import error_profile
+from posefuse.model.options import METHODS, Options, TriangulationOptions
+from posefuse.pipeline import reconstruct
+from posefuse.report.comparison import comparison_picture
+from posefuse.report.numbers import three_digits
+from posefuse.report.percentile_filter import filter_picture
+from posefuse.side_by_side import compare_methods
+from tests.scenes import body_points, ring, seen
+
+
+@pytest.fixture(scope="module")
+def detections():
+    rng = np.random.default_rng(6)
+    return seen(ring(5), body_points(rng, 20), rng)
+
+
+@pytest.fixture(scope="module")
+def compared(detections):
+    return compare_methods(ring(5), detections, list(METHODS), Options(noise_scale_px=2.0), timed=False)
+
+
+@pytest.fixture(scope="module")
+def filtered(detections):
+    chosen = TriangulationOptions(method="percentile_filter")
+    return reconstruct(ring(5), detections, Options(noise_scale_px=2.0, triangulation=chosen))
+
+
+def test_the_same_bytes_for_the_same_numbers(compared):
+    one = comparison_picture(compared)
+    others = [comparison_picture(compared) for _ in range(4)]  # the layout's solver is not the same every time
+    assert [other == one for other in others] == [True] * 4
+    with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "red", "svg.hashsalt": "other"}):
+        two = comparison_picture(compared)
+    assert one == two
+    assert one.png.startswith(b"\x89PNG")
+    for word in (b"<dc:date>", b"tEXtSoftware"):
+        assert word not in one.png + one.svg
+    assert ElementTree.fromstring(one.svg).tag.endswith("svg")
+
+
+def test_drawing_leaves_the_users_settings_alone(compared):
+    before = dict(matplotlib.rcParams)
+    comparison_picture(compared)
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("n", [1, 5])
+def test_any_number_of_methods(n, compared):
+    assert comparison_picture(replace(compared, methods=compared.methods[:n])).png
+
+
+def test_a_method_without_a_point(compared):
+    nothing = replace(compared.methods[0].used_error, median_px=np.nan, at_shares_px=(np.nan,) * 401)
+    never = replace(nothing, median_px=np.inf, at_shares_px=(np.inf,) * 401)
+    row = replace(compared.methods[0], used_error=nothing, all_error=never, missing_share=1.0, truth_median_mm=np.nan)
+    assert comparison_picture(replace(compared, methods=(row,))).png
+    assert comparison_picture(replace(compared, methods=(row, compared.methods[1]))).png
+
+
+def test_the_filter_before_and_after(detections, filtered):
+    plain = reconstruct(
+        ring(5), detections, Options(noise_scale_px=2.0, triangulation=TriangulationOptions(method="simple"))
+    )
+    before, after = error_profile([plain]), error_profile([filtered])
+    assert filter_picture(before, after, filtered) == filter_picture(before, after, filtered)
+    assert (after.view_p95_px < before.view_p95_px).all()
+
+
+def test_names_from_files_are_only_names(filtered):
+    names = ("$\\frac{1}$", "a_b^c$", "<b>&", "骨", "")
+    cameras = tuple(replace(camera, name=name or "x") for camera, name in zip(filtered.rig.cameras, names, strict=True))
+    hostile = replace(filtered, rig=replace(filtered.rig, cameras=cameras))
+    profile = error_profile([hostile])
+    assert filter_picture(profile, profile, hostile).png
+
+
+def test_a_frame_alone_and_frames_apart(detections):
+    chosen = TriangulationOptions(method="percentile_filter")
+    options = Options(noise_scale_px=2.0, triangulation=chosen)
+    one = reconstruct(ring(5), detections.frames(0, 1), options)
+    assert filter_picture(error_profile([one]), error_profile([one]), one).png
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.0, "0"), (0.01234, "0.012"), (0.5, "0.50"), (9.996, "10.0"), (12.34, "12.3"), (99.96, "100"), (1234.5, "1234"),
+     (float("nan"), "-"), (float("inf"), "inf")],
+)  # fmt: skip
+def test_three_digits(value, shown):
+    assert three_digits(value) == shown
