@@ -21,7 +21,6 @@ from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.triangulation import consensus, told
 from posefuse.triangulation import noise as noise_scale
-from posefuse.triangulation.noise_law import fit_law
 
 _LAW_ROUNDS = 4
 _SAME_EXPONENT = 0.03
@@ -85,6 +84,9 @@ def find_law(
     Raises:
         DetectionsError: if too few points are seen by three views that agree.
     """
+    # SciPy's optimisation and statistics take a second to load, and reconstructions need neither.
+    from posefuse.triangulation.noise_law import fit_law
+
     sampled = partial(_sample, detections, options, subject_ids)
     agree = partial(_agree, rig, _agreeing(options))
     exponent = 0.0

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from posefuse.kernels import codes
-from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.jit import inline, kernel, step
 from posefuse.kernels.points import (
     ACTIVE,
     BEHIND,
@@ -275,7 +275,7 @@ def _mark_outliers(accepted, status, view_codes):
             view_codes[v, j] = codes.VIEW_OUTLIER if rejected else view_codes[v, j]
 
 
-@kernel
+@step
 def _rival(rows, weights, accepted, j, bound):
     """The cost of the best two-view point of lane ``j`` that rests on a view which was not accepted."""
     n_views = weights.shape[0]

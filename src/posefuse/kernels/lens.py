@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.jit import inline, kernel, step
 
 PINHOLE = 0
 BROWN = 1
@@ -103,7 +103,7 @@ def distort(cameras, v, x, y):
     return x_d, y_d, a, cross, cross, d
 
 
-@kernel
+@step
 def fisheye_radius(cameras, v, theta):
     """The image radius of an angle from the axis, and its derivative."""
     k1 = cameras[v, K1]
@@ -116,7 +116,7 @@ def fisheye_radius(cameras, v, theta):
     return radius, slope
 
 
-@kernel
+@step
 def _fisheye_jacobian(cameras, v, x, y, z):
     """Derivative of the distorted point with respect to the point in camera coordinates, row by row."""
     rho = math.sqrt(x * x + y * y)
@@ -186,7 +186,7 @@ def project_point(cameras, v, x, y, z):
     )
 
 
-@kernel
+@step
 def project_jacobian(cameras, v, x, y, z):
     """The derivative of the pixel with respect to the point in camera coordinates.
 
@@ -215,7 +215,7 @@ def project_jacobian(cameras, v, x, y, z):
     return status, fx * xx + skew * yx, fx * xy + skew * yy, fx * xz + skew * yz, fy * yx, fy * yy, fy * yz
 
 
-@kernel
+@step
 def _newton_undistort(cameras, v, x_d, y_d, x, y):
     """Solve distort(x, y) = (x_d, y_d) from a start. Returns (converged, x, y, and the derivative there)."""
     a = 1.0
@@ -239,7 +239,7 @@ def _newton_undistort(cameras, v, x_d, y_d, x, y):
     return False, x, y, a, b, c, d
 
 
-@kernel
+@step
 def _radial_image(cameras, v, radius):
     """The image radius of a radius in the plane z = 1, tangential terms left out."""
     s = radius * radius
@@ -249,7 +249,7 @@ def _radial_image(cameras, v, radius):
     return radius * radial
 
 
-@kernel
+@step
 def _radial_start(cameras, v, r_d):
     """The radius in the plane z = 1 of an image radius, by bisection; the fold where there is none."""
     low = 0.0
@@ -292,7 +292,7 @@ def undistort_normalised(cameras, v, x_d, y_d):
     return OK, x, y, a, b, c, d
 
 
-@kernel
+@step
 def fisheye_angle(cameras, v, radius):
     """The angle from the axis of an image radius, by safeguarded Newton; NaN past the fold."""
     low = 0.0
@@ -325,7 +325,7 @@ def angle_code(radius, theta):
     return OK if math.isfinite(theta) else BEYOND
 
 
-@kernel
+@step
 def pixel_to_ray(cameras, v, pixel_u, pixel_v):
     """The viewing direction of a pixel, in camera coordinates.
 
