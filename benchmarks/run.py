@@ -5,8 +5,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, speed
+from benchmarks import accuracy, rejection, speed
 
 failed = accuracy.main()
 speed.main()
+rejection.main()
 sys.exit(failed)

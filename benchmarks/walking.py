@@ -1,6 +1,6 @@
-"""The data all benchmarks share: a walking figure of 26 keypoints in a ring of cameras."""
+"""The data all benchmarks share: a walking figure in a ring of cameras."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Walk:
         pixels: shape (frame, view, keypoint, 2), as detected.
         confidence: shape (frame, view, keypoint), saying nothing about the noise.
         inlier: shape (frame, view, keypoint), bool: not a gross outlier, not missing.
+        skeleton: the keypoints, by name.
     """
 
     rig: CameraRig
@@ -33,11 +34,12 @@ class Walk:
     pixels: np.ndarray
     confidence: np.ndarray
     inlier: np.ndarray
+    skeleton: str = "halpe_26"
 
     @property
     def detections(self) -> Detections:
         """What posefuse is given."""
-        skeleton = find_skeleton("halpe_26")
+        skeleton = find_skeleton(self.skeleton)
         return Detections.from_dense(skeleton, self.rig.names, self.pixels, self.confidence, rate_hz=RATE_HZ)
 
 
@@ -47,23 +49,54 @@ def walk(
     lens: LensKind = "pinhole",
     *,
     outlier_share: float = 0.0,
+    outlier_px: tuple[float, float] = (30.0, 300.0),
     missing_share: float = 0.0,
     sigma_px: float = SIGMA_PX,
+    skeleton: str = "halpe_26",
+    rig: CameraRig | None = None,
     seed: int = 0,
 ) -> Walk:
-    """White Gaussian noise, gross outliers of 30 to 300 px, keypoints missing at random."""
+    """White Gaussian noise, gross outliers in a random direction, keypoints missing at random."""
     rng = np.random.default_rng(seed)
-    skeleton = find_skeleton("halpe_26")
+    keypoints = find_skeleton(skeleton)
     figure = human(1.75)
     motion = HumanMotion.random(("walk",), rng)
-    points = motion.positions(figure, np.arange(frames) / RATE_HZ)[:, figure.columns(skeleton)]
-    rig = build_rig("ring", cameras, lens)
+    points = motion.positions(figure, np.arange(frames) / RATE_HZ)[:, figure.columns(keypoints)]
+    rig = rig or build_rig("ring", cameras, lens)
     pixels = np.moveaxis(rig.project(points), 0, 1)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     shape = pixels.shape[:-1]
     outlier = rng.random(shape) < outlier_share
-    direction, distance = rng.uniform(0, 2 * np.pi, shape), rng.uniform(30, 300, shape)
+    direction, distance = rng.uniform(0, 2 * np.pi, shape), rng.uniform(*outlier_px, shape)
     pixels += (outlier * distance)[..., None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
     missing = rng.random(shape) < missing_share
     pixels[missing] = np.nan
-    return Walk(rig, points, pixels, rng.uniform(0.35, 0.9, shape), ~outlier & ~missing)
+    return Walk(rig, points, pixels, rng.uniform(0.35, 0.9, shape), ~outlier & ~missing, skeleton)
+
+
+def with_one_wrong_view(data: Walk, size_px: float, seed: int = 1) -> Walk:
+    """The same with one observation of every point moved by so much in a random direction."""
+    rng = np.random.default_rng(seed)
+    frames, views, keypoints, _ = data.pixels.shape
+    view = rng.integers(0, views, (frames, keypoints))
+    angle = rng.uniform(0, 2 * np.pi, view.shape)
+    f, k = np.indices(view.shape)
+    pixels, inlier = data.pixels.copy(), data.inlier.copy()
+    pixels[f, view, k] += size_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    inlier[f, view, k] = False
+    return replace(data, pixels=pixels, inlier=inlier)
+
+
+def with_swapped_sides(data: Walk, run: int = 30, seed: int = 2) -> Walk:
+    """The same with the body's left and right exchanged in one view at a time, half of the time, for so many frames."""
+    rng = np.random.default_rng(seed)
+    skeleton = find_skeleton(data.skeleton)
+    pixels, inlier = data.pixels.copy(), data.inlier.copy()
+    pairs = [pair for pair in skeleton.pairs if not any(part in pair[0] for part in ("eye", "ear", "mouth"))]
+    left, right = (np.array([skeleton.keypoints.index(pair[side]) for pair in pairs]) for side in (0, 1))
+    for start in range(0, len(pixels), 2 * run):
+        view, span = rng.integers(pixels.shape[1]), slice(start, start + run)
+        before = pixels[span, view].copy()
+        pixels[span, view, left], pixels[span, view, right] = before[:, right], before[:, left]
+        inlier[span, view, left] = inlier[span, view, right] = False
+    return replace(data, pixels=pixels, inlier=inlier)

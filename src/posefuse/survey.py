@@ -147,7 +147,7 @@ def find_noise(
 def _sample(
     detections: Detections, options: Options, subject_ids: np.ndarray, *, few: bool
 ) -> tuple[list[Detections], list[Tracks]]:
-    pieces = [detections.frames(*span) for span in noise_scale.sample(detections.n_frames, few=few)]
+    pieces = [detections.frames(*span) for span in noise_scale.sample(detections, few=few)]
     return pieces, [one_subject.follow(piece, options.pick, subject_ids) for piece in pieces]
 
 

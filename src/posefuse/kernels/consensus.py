@@ -205,16 +205,16 @@ def robust_equations(rows, weights, state, full, none, sums):
 def refine(rows, weights, full, none, sums, state, lanes):
     """Robust points of the lanes that come in ACTIVE, from the points in ``state``: first generously, then strictly."""
     # One loop for both, so that its body is compiled once.
-    for step in range(_GENEROUS_ROUNDS + MAX_ITERATIONS):
-        if step == _GENEROUS_ROUNDS:
+    for turn in range(_GENEROUS_ROUNDS + MAX_ITERATIONS):
+        if turn == _GENEROUS_ROUNDS:
             for j in range(BLOCK):
                 lanes[j] = ACTIVE if lanes[j] == OK else lanes[j]
                 state[COST, j] = math.inf
                 state[SCALE, j] = 1.0
-        widening = 4.0 if step < _GENEROUS_ROUNDS else 1.0
+        widening = 4.0 if turn < _GENEROUS_ROUNDS else 1.0
         robust_equations(rows, weights, state, widening * full, widening * none, sums)
         active = take_step(sums, state, lanes)
-        if (active == 0) & (step >= _GENEROUS_ROUNDS):
+        if (active == 0) & (turn >= _GENEROUS_ROUNDS):
             break
     # Weights that change with the point make the last steps slow or vain; each that was taken lowered the cost, so
     # where there is a cost there is a point.

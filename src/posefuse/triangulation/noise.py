@@ -19,11 +19,11 @@ from posefuse.triangulation.told import checked, gather
 
 MOST_ROUNDS = 16
 
-_SAMPLE_FRAMES = 300
-"""So many frames, spread evenly over the recording, tell the scale to a few per cent."""
+_SAMPLE = 39_000
+"""So many observations, spread evenly over the recording, tell the scale to a per cent."""
 
-_FEW_FRAMES = 60
-_PIECE_FRAMES = 30
+_FEW = 7_800
+_PIECES = 10
 _FEWEST_POINTS = 30
 _ASSUMED_PX_AT_1000 = 4.5
 _FINEST_PX_AT_1000 = 0.1
@@ -37,13 +37,16 @@ cameras count as alike."""
 _LEAST_FACTOR, _MOST_FACTOR = 0.5, 4.0
 
 
-def sample(n_frames: int, *, few: bool = False) -> list[tuple[int, int]]:
+def sample(detections: Detections, *, few: bool = False) -> list[tuple[int, int]]:
     """Ranges of frames that represent a recording: all of a short one, evenly spread pieces of a long one."""
-    most = _FEW_FRAMES if few else _SAMPLE_FRAMES
+    n_frames = detections.n_frames
+    per_frame = len(detections.skeleton) * detections.n_views
+    most = min(max((_FEW if few else _SAMPLE) // per_frame, 2 * _PIECES), 60 if few else 300)
     if n_frames <= most:
         return [(0, n_frames)]
-    starts = np.linspace(0, n_frames - _PIECE_FRAMES, most // _PIECE_FRAMES).astype(int)
-    return [(int(start), int(start) + _PIECE_FRAMES) for start in starts]
+    length = most // _PIECES
+    starts = np.linspace(0, n_frames - length, _PIECES).astype(int)
+    return [(int(start), int(start) + length) for start in starts]
 
 
 def assumed(rig: CameraRig, exponent: float) -> NoiseModel:

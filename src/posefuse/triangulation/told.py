@@ -14,7 +14,10 @@ from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import LinearPoints
 from posefuse.triangulation.observations import Observations
 
-_MOST_POINTS = 2000
+_FREEDOM = 14_000
+"""So many degrees of freedom tell a scale to half a per cent."""
+
+_FEWEST_POINTS, _MOST_POINTS = 600, 2400
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,8 @@ def gather(
     tracks: Sequence[Tracks],
     layers: Sequence[Layer],
     noise: NoiseModel,
-    most: int = _MOST_POINTS,
 ) -> Told:
-    """At most so many points, spread evenly over the pieces of a recording.
+    """Points enough, spread evenly over the pieces of a recording.
 
     Args:
         rig: the cameras.
@@ -50,8 +52,8 @@ def gather(
         tracks: whose detection is whose, in each piece.
         layers: the pieces as the method ``consensus`` triangulates them.
         noise: they were triangulated with.
-        most: how many points.
     """
+    most = min(max(_FREEDOM // (2 * len(rig) - 3), _FEWEST_POINTS), _MOST_POINTS)
     each = most // (2 * len(pieces)) + 1
     parts = [
         _pairs(rig, piece, people.rows(piece), layer, noise, each)

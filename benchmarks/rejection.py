@@ -1,0 +1,296 @@
+"""Wrong views: our methods and the peers' on the same walking figure, accuracy beside the oracle's, and CPU time.
+
+``python -m benchmarks.rejection [--frames N] [--only NAME,...]``. The oracle is the maximum-likelihood point of the
+true inliers with the true noise; ours get neither. Points are scored that at least three true inlier views see and a
+method returned; the others are reported apart. Every peer runs in its own locked environment, on one core, between two
+runs of ours.
+"""
+
+import argparse
+import os
+import statistics
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.speed import median_cpu_s, run_peer
+from benchmarks.walking import SIGMA_PX, Walk, walk, with_one_wrong_view, with_swapped_sides
+from posefuse.io.calibration import anipose
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Layer, unpack_covariance
+from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.pipeline import triangulate
+from posefuse.synthetic.rigs import build_rig, look_at
+
+FRAMES = 7700
+"""200,200 points of 26 keypoints."""
+FAR_M = 0.05
+REGION_68, REGION_95 = 3.5059, 7.8147
+FLAGS = (PointStatus.AMBIGUOUS, PointStatus.TWO_VIEWS)
+SIZES_PX = (0, 5, 8, 10, 14, 20, 30, 40, 60, 100, 200, 400)
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far a method's points lie from the truth, where three inlier views or more see them.
+
+    Attributes:
+        mean_mm, rmse_mm, median_mm, p99_mm: of the distances.
+        far: share beyond 5 cm.
+        missing: share of these points that was not returned.
+    """
+
+    mean_mm: float
+    rmse_mm: float
+    median_mm: float
+    p99_mm: float
+    far: float
+    missing: float
+
+    @classmethod
+    def of(cls, points_m: np.ndarray, data: Walk, judged: np.ndarray) -> "Score":
+        """Of points (frame, keypoint, 3), where ``judged`` (frame, keypoint) says so."""
+        error = np.linalg.norm(points_m - data.points_m[: len(points_m)], axis=-1)[judged[: len(points_m)]]
+        there = error[np.isfinite(error)]
+        return cls(
+            1000 * float(there.mean()),
+            1000 * float(np.sqrt(np.square(there).mean())),
+            1000 * float(np.median(there)),
+            1000 * float(np.percentile(there, 99)),
+            float((there > FAR_M).mean()),
+            1.0 - len(there) / len(error),
+        )
+
+
+def options_of(method: str = "consensus", **given: object) -> Options:
+    """Everything else as it is by default."""
+    return Options(triangulation=TriangulationOptions(method=method), **given)  # type: ignore[arg-type]
+
+
+def measured(data: Walk, options: Options) -> Layer:
+    """The measured layer."""
+    return triangulate(data.rig, data.detections, options).layers["measured"]
+
+
+def oracle(data: Walk) -> np.ndarray:
+    """Shape (frame, keypoint, 3): all true inliers, the true noise."""
+    pixels = np.where(data.inlier[..., None], data.pixels, np.nan)
+    given = Options(noise_scale_px=SIGMA_PX, triangulation=TriangulationOptions("simple", min_views=2))
+    return measured(replace(data, pixels=pixels), given).points_m[:, 0]
+
+
+def covered(layer: Layer, data: Walk, judged: np.ndarray) -> tuple[float, float]:
+    """Share of points inside their 68 and 95 % regions."""
+    judged = judged & layer.has_point[:, 0]
+    offset = (layer.points_m[:, 0] - data.points_m)[judged]
+    inverse = np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])[judged])
+    squared = np.einsum("ni,nij,nj->n", offset, inverse, offset)
+    return float((squared < REGION_68).mean()), float((squared < REGION_95).mean())
+
+
+def flagged(layer: Layer, data: Walk, judged: np.ndarray) -> tuple[int, int]:
+    """Of the points too few inlier views see: how many are wrong (beyond 5 cm), and how many of those say so."""
+    error = np.linalg.norm(layer.points_m[:, 0] - data.points_m, axis=-1)
+    wrong = ~judged & (error > FAR_M)
+    return int(wrong.sum()), int((wrong & np.isin(layer.status[:, 0], FLAGS)).sum())
+
+
+def line(name: str, data: Walk, options: Options) -> str:
+    """A set's figures on one line."""
+    judged = data.inlier.sum(axis=1) >= 3
+    layer = measured(data, options)
+    ours, best = Score.of(layer.points_m[:, 0], data, judged), Score.of(oracle(data), data, judged)
+    low, high = covered(layer, data, judged)
+    wrong, said = flagged(layer, data, judged)
+    spent = 1000 * median_cpu_s(lambda: measured(data, options), 3) / len(data.pixels)
+    return (
+        f"{name:24}{best.median_mm:6.2f}{ours.median_mm / best.median_mm:7.3f}{best.p99_mm:7.1f}"
+        f"{ours.p99_mm / best.p99_mm:7.3f}{ours.rmse_mm / best.rmse_mm:7.3f}{100 * best.far:7.3f}{100 * ours.far:7.3f}"
+        f"{100 * ours.missing:7.3f}{100 * low:6.1f}{100 * high:6.1f}{wrong:6d}{said:6d}{spent:8.3f}"
+    )
+
+
+HEADING = (
+    f"{'':24}{'oracle':>6}{'ours':>7}{'oracle':>7}{'ours':>7}{'ours':>7}{'oracle':>7}{'ours':>7}{'ours':>7}"
+    f"{'inside':>12}{'< 3 inliers':>12}{'CPU ms':>8}\n"
+    f"{'':24}{'median':>6}{'median':>7}{'p99':>7}{'p99':>7}{'rmse':>7}{'>5 cm':>7}{'>5 cm':>7}{'miss.':>7}"
+    f"{'68 %':>6}{'95 %':>6}{'wrong':>6}{'said':>6}{'/frame':>8}\n"
+    f"{'':24}{'mm':>6}{'ratio':>7}{'mm':>7}{'ratio':>7}{'ratio':>7}{'%':>7}{'%':>7}{'%':>7}{'%':>6}{'%':>6}"
+)
+
+
+def ring_of_table(cameras: int) -> CameraRig:
+    """The rig of the table of FreeMoCap's accuracies: radius 4 m, heights 1.5 and 2 m, f 1100 px, k1 -0.05."""
+    rig = build_rig("ring", cameras, "barrel", focal_px=1100.0)
+    angle = 2 * np.pi * np.arange(cameras) / cameras
+    centres = np.stack([4 * np.cos(angle), 4 * np.sin(angle), np.where(np.arange(cameras) % 2, 2.0, 1.5)], axis=1)
+    return CameraRig(
+        tuple(
+            replace(camera, camera_from_world=look_at(centre, np.array([0, 0, 0.9])), distortion=(-0.05, 0, 0, 0, 0))
+            for camera, centre in zip(rig.cameras, centres, strict=True)
+        ),
+        up_axis="z",
+    )
+
+
+def table_rows(frames: int) -> Iterator[tuple[str, Walk]]:
+    """The rows of that table."""
+
+    def case(cameras: int, share: float = 0.0, px: tuple[float, float] = (50.0, 400.0), missing: float = 0.0) -> Walk:
+        return walk(
+            frames, rig=ring_of_table(cameras), outlier_share=share, outlier_px=px, missing_share=missing,
+            skeleton="mediapipe_33",
+        )  # fmt: skip
+
+    for cameras, share in ((4, 0.05), (5, 0.05), (6, 0.05), (6, 0.1)):
+        yield f"{cameras} cameras, {100 * share:.0f} %", case(cameras, share)
+    yield "5, 5 %, 10 % missing", case(5, 0.05, missing=0.1)
+    yield "5, sides swapped", with_swapped_sides(case(5))
+    yield "5, 5 % of 10-40 px", case(5, 0.05, (10.0, 40.0))
+    yield "5, clean", case(5)
+    yield "4, clean", case(4)
+
+
+def sets(frames: int) -> None:
+    """Gross outliers: few and many, lenses, missing keypoints."""
+    print(f"\nGross outliers of 30 to 300 px, 26 keypoints, {frames} frames\n{HEADING}")
+    print(line("5 cameras, clean", walk(frames), options_of()), flush=True)
+    for lens in ("pinhole", "barrel", "fisheye"):
+        print(line(f"5 cameras, 5 %, {lens}", walk(frames, 5, lens, outlier_share=0.05), options_of()), flush=True)
+    for cameras in (5, 8, 12, 16, 32):
+        data = walk(frames, cameras, outlier_share=0.4)
+        print(line(f"{cameras} cameras, 40 %", data, options_of()), flush=True)
+    data = walk(frames, 3, missing_share=0.2)
+    print(line("3 cameras, 20 % missing", data, options_of()), flush=True)
+    seen = data.inlier.sum(axis=1)
+    layer = measured(data, options_of())
+    print(
+        f"   points with coordinates though fewer than 2 views see them: {int(layer.has_point[:, 0][seen < 2].sum())}"
+    )
+
+
+def table(frames: int) -> None:
+    """FreeMoCap's table: 33 keypoints."""
+    print(f"\n33 keypoints, 4 m, f 1100 px, outliers of 50 to 400 px, {frames} frames\n{HEADING}")
+    for name, data in table_rows(frames):
+        print(line(name, data, options_of()), flush=True)
+
+
+def sizes(frames: int) -> None:
+    """One wrong view of five at every point."""
+    data = walk(frames, rig=build_rig("ring", 5, focal_px=1100.0))
+    print(f"\nOne wrong view of five at every point, f 1100 px, {frames} frames: mean error as a share of the floor's")
+    print(f"{'size px':>10}{'floor mm':>10}{'consensus':>11}{'named %':>9}{'simple':>9}{'noise px':>10}")
+    for size in SIZES_PX:
+        moved = with_one_wrong_view(data, size) if size else data
+        judged = np.ones(moved.inlier.shape[::2], dtype=bool)
+        floor = Score.of(oracle(moved), moved, judged).mean_mm
+        result = triangulate(moved.rig, moved.detections, options_of())
+        layer = result.layers["measured"]
+        simple = Score.of(measured(moved, options_of("simple")).points_m[:, 0], moved, judged).mean_mm
+        ours = Score.of(layer.points_m[:, 0], moved, judged).mean_mm
+        outlier = np.moveaxis(layer.view_status[:, 0] == ViewStatus.OUTLIER, -1, 1)
+        named = 100 * outlier[~moved.inlier].mean() if size else np.nan
+        print(
+            f"{size:10}{floor:10.2f}{ours / floor:11.3f}{named:9.1f}{simple / floor:9.2f}"
+            f"{float(np.median(result.noise.scale_px)):10.2f}",
+            flush=True,
+        )
+
+
+PEERS: tuple[tuple[str, str, tuple[str, ...], int], ...] = (
+    ("FreeMoCap 1.8.2, rejection", "freemocap", ("--mode", "rejection"), 300),
+    ("FreeMoCap 1.8.2, simple", "freemocap", ("--mode", "simple"), 1000),
+    ("Pose2Sim 0.10.49", "pose2sim", (), 100),
+    ("aniposelib 0.8", "aniposelib", (), 7700),
+    ("aniposelib 0.8, ransac", "aniposelib", ("--mode", "ransac"), 2),
+)
+
+
+def beside_peers(frames: int) -> None:
+    """Five cameras, 5 % gross outliers: everyone on the same data."""
+    data = walk(frames, outlier_share=0.05)
+    judged = data.inlier.sum(axis=1) >= 3
+    methods = ("consensus", "weighted_subsets", "percentile_filter", "ransac", "irls", "simple", "midpoint")
+    print(f"\n5 cameras, 5 %: everyone on the same data, up to {frames} frames, CPU ms a frame of 26 keypoints")
+    print(
+        f"{'':28}{'median mm':>10}{'p99 mm':>9}{'>5 cm %':>9}{'missing %':>11}{'CPU ms':>10}{'/ ours':>9}{'/ w.s.':>9}"
+    )
+
+    def show(name: str, score: Score, spent: float, *ratios: float) -> None:
+        print(
+            f"{name:28}{score.median_mm:10.2f}{score.p99_mm:9.1f}{100 * score.far:9.3f}{100 * score.missing:11.3f}"
+            f"{spent:10.4f}" + "".join(f"{ratio:9.0f}" for ratio in ratios),
+            flush=True,
+        )
+
+    show("oracle", Score.of(oracle(data), data, judged), np.nan)
+    for method in methods:
+        options = options_of(method)
+        layer = measured(data, options)
+        show(method, Score.of(layer.points_m[:, 0], data, judged), spent_ms(data, options))
+    with tempfile.TemporaryDirectory() as folder:
+        write_inputs(data, Path(folder))
+        for name, peer, arguments, most in PEERS:
+            few = ("--frames", str(min(most, frames)))
+            ours, theirs, subsets = [], [], []
+            for _ in range(3 if most > 2 else 1):
+                before = [spent_ms(data, options_of(method), 1) for method in ("consensus", "weighted_subsets")]
+                theirs.append(run_peer(peer, Path(folder), *arguments, *few)["ms_per_frame"])
+                after = [spent_ms(data, options_of(method), 1) for method in ("consensus", "weighted_subsets")]
+                ours.append(theirs[-1] / (0.5 * (before[0] + after[0])))
+                subsets.append(theirs[-1] / (0.5 * (before[1] + after[1])))
+            points = np.load(Path(folder) / f"{peer}.npy")
+            ratios = statistics.median(ours), statistics.median(subsets)
+            show(name, Score.of(points, data, judged), statistics.median(theirs), *ratios)
+
+
+def spent_ms(data: Walk, options: Options, runs: int = 3) -> float:
+    """CPU ms a frame, the survey included."""
+    return 1000 * median_cpu_s(lambda: measured(data, options), runs) / len(data.pixels)
+
+
+def write_inputs(data: Walk, folder: Path) -> None:
+    """What the peers read."""
+    anipose.write(data.rig, folder / "calibration.toml")
+    np.save(folder / "points.npy", np.moveaxis(data.pixels, 1, 0))
+    np.save(folder / "confidence.npy", np.moveaxis(data.confidence, 1, 0))
+
+
+def rates(frames: int) -> None:
+    """Frames a second at 33 and at 553 keypoints, five cameras, 5 % outliers."""
+    print("\nFrames a second, 5 cameras, 5 %, the survey included")
+    few = walk(frames, rig=ring_of_table(5), outlier_share=0.05, outlier_px=(50.0, 400.0), skeleton="mediapipe_33")
+    print(f"  33 keypoints: {1000 / spent_ms(few, options_of()):.0f}", flush=True)
+    many = walk(max(frames // 17, 200), rig=few.rig, outlier_share=0.05, outlier_px=(50.0, 400.0), skeleton=MANY)
+    print(f"  553 keypoints: {1000 / spent_ms(many, options_of()):.0f}", flush=True)
+
+
+MANY = "mediapipe_holistic_553"
+PARTS: dict[str, Callable[[int], None]] = {
+    "sets": sets,
+    "table": lambda frames: table(frames * 26 // 33 + 1),
+    "sizes": lambda frames: sizes(min(frames, 1000)),
+    "rates": lambda frames: rates(min(frames, 3000)),
+    "peers": beside_peers,
+}
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=FRAMES, help="of 26 keypoints")
+    parser.add_argument("--only", default=",".join(PARTS), help=f"some of {', '.join(PARTS)}")
+    given = parser.parse_args()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    for part in given.only.split(","):
+        PARTS[part](given.frames)
+
+
+if __name__ == "__main__":
+    main()
