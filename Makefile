@@ -14,6 +14,7 @@ test: .venv/.installed-dev
 
 test-long: .venv/.installed-dev
 	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 tests/laws
+	$(PYTEST) -n 2 -m long
 
 check: lint types borders
 

@@ -194,6 +194,38 @@ class TestPercentileFilter:
         assert any("does not run" in note for note in result.provenance.notes)
 
 
+@pytest.mark.long
+class TestTwins:
+    """Ten thousand points each; frames of 26 keypoints, 4 to 6 views, some missing."""
+
+    CASES = ((4, 0.1, 0.0, 3, 1), (5, 0.1, 0.1, 3, 1), (5, 0.15, 0.0, 2, 2), (6, 0.1, 0.2, 3, 2))
+
+    @pytest.mark.parametrize(("cameras", "share", "missing", "min_views", "max_drop"), CASES)
+    def test_weighted_subsets(self, cameras, share, missing, min_views, max_drop):
+        data = walk(97, cameras, outlier_share=share, missing_share=missing, seed=cameras)
+        options = WeightedSubsetsOptions(max_cameras_to_drop=max_drop)
+        layer = solved(data, "weighted_subsets", min_views=min_views, weighted_subsets=options)
+        compare_with_twin(
+            data, layer, lambda pixels: rejection.weighted_subsets(data.rig, pixels, 10.0, max_drop, min_views)
+        )
+
+    @pytest.mark.parametrize(("cameras", "share", "missing", "min_views", "max_drop"), CASES)
+    def test_percentile_filter(self, cameras, share, missing, min_views, max_drop):
+        data = walk(97, cameras, outlier_share=share, missing_share=missing, seed=cameras)
+        options = PercentileFilterOptions(threshold_px=9.0)
+        layer = solved(data, "percentile_filter", min_views=min_views, percentile_filter=options)
+        compare_with_twin(data, layer, lambda pixels: rejection.percentile_filter(data.rig, pixels, 9.0, min_views))
+
+
+def compare_with_twin(data, layer, twin):
+    frames = len(data.pixels)
+    expected = np.array([[twin(data.pixels[f, :, k]) for k in range(26)] for f in range(frames)])
+    found = layer.points_m[:, 0]
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    # The solvers stop within a hundredth of a standard error of each other.
+    np.testing.assert_allclose(found, expected, atol=2e-4)
+
+
 WORDS = {"weighted_subsets": "weighted_subsets drops no camera", "percentile_filter": "does not run"}
 
 
