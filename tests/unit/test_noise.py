@@ -49,6 +49,7 @@ def test_outliers_move_it_little_with_any_number_of_views(views, share, most, rn
     assert 0.96 < result.noise.scale_px[0] / 2.0 < most
 
 
+@pytest.mark.filterwarnings("ignore:The views do not agree")
 @pytest.mark.parametrize(("views", "share"), [(8, 0.4), (16, 0.4)])
 def test_many_outliers_move_it_little(views, share):
     data = walk(60, views, outlier_share=share)

@@ -25,12 +25,13 @@ from posefuse.kernels.points import (
     add_view,
     clear_sums,
     judge_geometry,
+    linear_start,
     normal_equations,
-    solve_symmetric,
     store_points,
     take_step,
 )
 from posefuse.kernels.rows import BLOCK, residual, rows_block
+from posefuse.kernels.search import rank_views, search, two_view_point
 from posefuse.kernels.views import (
     linear_errors,
     load_block,
@@ -43,139 +44,14 @@ from posefuse.kernels.views import (
 _GENEROUS_ROUNDS = 2
 # A rival explanation must cost more than the best by this share of what a disagreeing view costs.
 _CLEAR_LEAD = 0.5
-
-
-@inline
-def rank_views(trust, weights, ranks, used):
-    """Order each lane's views by confidence, best first; views that are not used come last.
-
-    Args:
-        trust: shape (view, BLOCK).
-        weights: shape (view, BLOCK); 0 is not used.
-        ranks: shape (view, BLOCK), int64, written: the view of each rank.
-        used: shape (BLOCK,), int64, written: how many are used.
-    """
-    n_views = weights.shape[0]
-    for j in range(BLOCK):
-        count = 0
-        for v in range(n_views):
-            if weights[v, j] > 0.0:
-                place = count
-                while place > 0 and trust[ranks[place - 1, j], j] < trust[v, j]:
-                    ranks[place, j] = ranks[place - 1, j]
-                    place -= 1
-                ranks[place, j] = v
-                count += 1
-        used[j] = count
-        for place in range(count, n_views):
-            ranks[place, j] = 0
-
-
-@inline
-def two_view_point(rows, weights, j, a, b):
-    """The algebraic point of views ``a`` and ``b`` of lane ``j``.
-
-    Returns:
-        ``(found, x, y, z)``, found 1.0 where there is one in front of both, else 0.0.
-    """
-    u = weights[a, j]
-    w = weights[b, j]
-    g0 = rows[a, 0, j]
-    g1 = rows[a, 1, j]
-    g2 = rows[a, 2, j]
-    g3 = rows[a, 3, j]
-    h0 = rows[a, 4, j]
-    h1 = rows[a, 5, j]
-    h2 = rows[a, 6, j]
-    h3 = rows[a, 7, j]
-    k0 = rows[b, 0, j]
-    k1 = rows[b, 1, j]
-    k2 = rows[b, 2, j]
-    k3 = rows[b, 3, j]
-    l0 = rows[b, 4, j]
-    l1 = rows[b, 5, j]
-    l2 = rows[b, 6, j]
-    l3 = rows[b, 7, j]
-    solved, x, y, z = solve_symmetric(
-        u * (g0 * g0 + h0 * h0) + w * (k0 * k0 + l0 * l0),
-        u * (g0 * g1 + h0 * h1) + w * (k0 * k1 + l0 * l1),
-        u * (g0 * g2 + h0 * h2) + w * (k0 * k2 + l0 * l2),
-        u * (g1 * g1 + h1 * h1) + w * (k1 * k1 + l1 * l1),
-        u * (g1 * g2 + h1 * h2) + w * (k1 * k2 + l1 * l2),
-        u * (g2 * g2 + h2 * h2) + w * (k2 * k2 + l2 * l2),
-        -u * (g0 * g3 + h0 * h3) - w * (k0 * k3 + l0 * l3),
-        -u * (g1 * g3 + h1 * h3) - w * (k1 * k3 + l1 * l3),
-        -u * (g2 * g3 + h2 * h3) - w * (k2 * k3 + l2 * l3),
-    )
-    depth_a = rows[a, 8, j] * x + rows[a, 9, j] * y + rows[a, 10, j] * z + rows[a, 11, j]
-    depth_b = rows[b, 8, j] * x + rows[b, 9, j] * y + rows[b, 10, j] * z + rows[b, 11, j]
-    return 1.0 if solved & (depth_a > 0.0) & (depth_b > 0.0) else 0.0, x, y, z
-
-
-@inline
-def _score(rows, weights, bound, trial):
-    """Sum over views of the squared residual in sigma units, each at most ``bound``; and how many lie below it.
-
-    Rows 4 and 5 of ``trial`` receive them.
-    """
-    for j in range(BLOCK):
-        trial[4, j] = 0.0
-        trial[5, j] = 0.0
-    for v in range(weights.shape[0]):
-        for j in range(BLOCK):
-            w = weights[v, j]
-            depth, r, s = residual(rows, v, j, trial[0, j], trial[1, j], trial[2, j])
-            squared = w * (r * r + s * s)
-            near = (squared < bound) & (depth > 0.0)
-            trial[4, j] += squared if near else (bound if w > 0.0 else 0.0)
-            trial[5, j] += 1.0 if near & (w > 0.0) else 0.0
-
-
-@inline
-def search(rows, weights, ranks, used, pairs, enough, bound, trial, best):
-    """The best-scoring two-view point of each lane.
-
-    Args:
-        rows: shape (view, 12, BLOCK).
-        weights: shape (view, BLOCK).
-        ranks: views by rank, from :func:`rank_views`.
-        used: shape (BLOCK,), how many views each lane has.
-        pairs: shape (pair, 2), int64: ranks to try together, the most promising first.
-        enough: shape (view + 1, view + 1), int64: with so many views, of which so many agree, after how many tried
-            pairs a better point is no longer to be expected.
-        bound: what a view that disagrees costs, in squared sigma units.
-        trial: shape (6, BLOCK), scratch.
-        best: shape (7, BLOCK), written: point, pairs tried, cost, views that agree, pairs to try.
-    """
-    for j in range(BLOCK):
-        best[3, j] = 0.0
-        best[4, j] = math.inf
-        best[5, j] = 0.0
-        best[6, j] = enough[used[j], 0]
-    for p in range(pairs.shape[0]):
-        first = pairs[p, 0]
-        second = pairs[p, 1]
-        for j in range(BLOCK):
-            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(
-                rows, weights, j, ranks[first, j], ranks[second, j]
-            )
-        _score(rows, weights, bound, trial)
-        for j in range(BLOCK):
-            # A lane that has tried enough takes no notice of what its neighbours still try.
-            there = (second < used[j]) & (best[3, j] < best[6, j])
-            better = there & (trial[3, j] > 0.0) & (trial[4, j] < best[4, j])
-            best[0, j] = trial[0, j] if better else best[0, j]
-            best[1, j] = trial[1, j] if better else best[1, j]
-            best[2, j] = trial[2, j] if better else best[2, j]
-            best[3, j] += 1.0 if there else 0.0
-            best[4, j] = trial[4, j] if better else best[4, j]
-            best[5, j] = trial[5, j] if better else best[5, j]
-        waiting = 0
-        for j in range(BLOCK):
-            best[6, j] = enough[used[j], int(best[5, j])]
-            waiting += 1 if best[3, j] < best[6, j] else 0
-        if waiting == 0:
-            break
+# So near there is no telling which of the two is right; they are two if they lie so many standard errors apart.
+_TIE = 0.1
+_APART_SQUARED = 36.0
+# With more views than this some are nearly always wrong, and asking whether none is would be vain.
+_QUICK_UP_TO = 8
+_QUICK_ROUNDS = 4
+# Far from the algebraic point of all views a cost does not fall to a tenth in the rounds that follow.
+_HOPELESS = 10.0
 
 
 @inline
@@ -202,17 +78,37 @@ def robust_equations(rows, weights, state, full, none, sums):
 
 
 @inline
-def refine(rows, weights, full, none, sums, state, lanes):
-    """Robust points of the lanes that come in ACTIVE, from the points in ``state``: first generously, then strictly."""
-    # One loop for both, so that its body is compiled once.
-    for turn in range(_GENEROUS_ROUNDS + MAX_ITERATIONS):
+def refine(rows, weights, thorough, full, none, used, sums, state, lanes):
+    """Points of the lanes that come in ACTIVE, from the points in ``state``.
+
+    Args:
+        rows: shape (view, 12, BLOCK).
+        weights: shape (view, BLOCK).
+        thorough: if so, robust points, sought first generously, then strictly; else points of all views, given up
+            where those can hardly agree.
+        full: a view within so many squared sigmas counts whole.
+        none: beyond so many not at all.
+        used: shape (BLOCK,), how many views each lane has.
+        sums: shape (SUM_ROWS, BLOCK), scratch.
+        state: shape (STATE_ROWS, BLOCK).
+        lanes: shape (BLOCK,).
+    """
+    begin = 0 if thorough else _GENEROUS_ROUNDS
+    end = _GENEROUS_ROUNDS + (MAX_ITERATIONS if thorough else _QUICK_ROUNDS)
+    # One loop for all, so that its body is compiled once.
+    for turn in range(begin, end):
         if turn == _GENEROUS_ROUNDS:
             for j in range(BLOCK):
                 lanes[j] = ACTIVE if lanes[j] == OK else lanes[j]
                 state[COST, j] = math.inf
                 state[SCALE, j] = 1.0
         widening = 4.0 if turn < _GENEROUS_ROUNDS else 1.0
+        widening = widening if thorough else 1e6
         robust_equations(rows, weights, state, widening * full, widening * none, sums)
+        if not thorough:
+            for j in range(BLOCK):
+                hopeless = not sums[TOTAL, j] < _HOPELESS * full * used[j]
+                lanes[j] = SINGULAR if hopeless & (lanes[j] == ACTIVE) else lanes[j]
         active = take_step(sums, state, lanes)
         if (active == 0) & (turn >= _GENEROUS_ROUNDS):
             break
@@ -220,7 +116,7 @@ def refine(rows, weights, full, none, sums, state, lanes):
     # where there is a cost there is a point.
     for j in range(BLOCK):
         stuck = (lanes[j] == ACTIVE) | (lanes[j] == BEHIND)
-        lanes[j] = OK if stuck & (state[COST, j] < math.inf) else lanes[j]
+        lanes[j] = OK if thorough & stuck & (state[COST, j] < math.inf) else lanes[j]
 
 
 @inline
@@ -258,11 +154,79 @@ def _start(best, min_views, used, state, lanes):
 
 
 @inline
-def _keep_information(sums, state):
-    """What the accepted views tell, each at its full weight."""
+def _start_quickly(rows, weights, min_views, sums, state, used, lanes):
+    """Begin with the algebraic points of all views."""
+    for j in range(BLOCK):
+        used[j] = 0
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            used[j] += 1 if weights[v, j] > 0.0 else 0
+    for j in range(BLOCK):
+        lanes[j] = OK if used[j] < min_views else ACTIVE
+    linear_start(rows, weights, sums, state, lanes)
+    for j in range(BLOCK):
+        lanes[j] = SINGULAR if used[j] < min_views else lanes[j]
+
+
+@inline
+def _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting):
+    """Leave lanes whose views do not all agree to the thorough way.
+
+    Args:
+        places: shape (2, BLOCK): of the lanes; -1 where one is put off.
+        n_keypoints: of a person.
+        min_views: points with fewer views are done with.
+        used: shape (BLOCK,), views there are.
+        agreeing: shape (BLOCK,), views that agree with the point of all.
+        lanes: shape (BLOCK,).
+        best: shape (7, BLOCK), written: no proposal was needed.
+        pending: shape (point,), int64: numbers of the points put off.
+        waiting: how many there are.
+
+    Returns:
+        How many there are now.
+    """
+    for j in range(BLOCK):
+        best[4, j] = 0.0
+        done = (used[j] < min_views) | ((lanes[j] == OK) & (agreeing[j] == used[j]))
+        if (not done) and places[0, j] >= 0:
+            pending[waiting] = places[0, j] * n_keypoints + places[1, j]
+            waiting += 1
+            places[0, j] = -1
+        if not done:
+            used[j] = 0
+            agreeing[j] = 0
+    return waiting
+
+
+@inline
+def _next_block(first, total, n_views, n_keypoints, pending, waiting, places):
+    """What is worked on next: new points, or as soon as they fill a block, those that were put off.
+
+    Returns:
+        ``(thorough, first, waiting)``: whether the block is sought thoroughly; the next new point; how many wait on.
+    """
+    many = n_views > _QUICK_UP_TO
+    if first < total and (many or waiting < BLOCK):
+        locate_lanes(first, total, n_keypoints, places)
+        return many, first + BLOCK, waiting
+    taken = min(waiting, BLOCK)
+    for j in range(BLOCK):
+        places[0, j] = pending[j] // n_keypoints if j < taken else -1
+        places[1, j] = pending[j] % n_keypoints if j < taken else 0
+    for i in range(taken, waiting):
+        pending[i - taken] = pending[i]
+    return True, first, waiting - taken
+
+
+@inline
+def _spread(rows, accepted, sums, state, status):
+    """Covariances from what the accepted views tell, each at its full weight, into the first six rows of ``sums``."""
+    normal_equations(rows, accepted, state, sums)
     for i in range(6):
         for j in range(BLOCK):
             state[INFORMATION + i, j] = sums[i, j]
+    judge_geometry(state, sums, status)
 
 
 @inline
@@ -277,9 +241,12 @@ def _mark_outliers(accepted, status, view_codes):
 
 @step
 def _rival(rows, weights, accepted, j, bound):
-    """The cost of the best two-view point of lane ``j`` that rests on a view which was not accepted."""
+    """The best two-view point of lane ``j`` that rests on a view which was not accepted: ``(cost, x, y, z)``."""
     n_views = weights.shape[0]
     lowest = math.inf
+    best_x = math.nan
+    best_y = math.nan
+    best_z = math.nan
     for a in range(n_views):
         for b in range(a):
             if weights[a, j] == 0.0 or weights[b, j] == 0.0 or (accepted[a, j] > 0.0 and accepted[b, j] > 0.0):
@@ -293,12 +260,32 @@ def _rival(rows, weights, accepted, j, bound):
                     depth, r, s = residual(rows, v, j, x, y, z)
                     squared = weights[v, j] * (r * r + s * s)
                     cost += squared if depth > 0.0 and squared < bound else bound
-            lowest = min(lowest, cost)
-    return lowest
+            if cost < lowest:
+                lowest = cost
+                best_x = x
+                best_y = y
+                best_z = z
+    return lowest, best_x, best_y, best_z
+
+
+@step
+def _doubt(rows, weights, accepted, state, j, cost, bound):
+    """What to say of a point that hardly more views agree on than disagree: its code if it has a rival, else OK."""
+    rival, x, y, z = _rival(rows, weights, accepted, j, bound)
+    if rival >= cost + _CLEAR_LEAD * bound:
+        return codes.POINT_OK
+    x -= state[X, j]
+    y -= state[X + 1, j]
+    z -= state[X + 2, j]
+    i = INFORMATION
+    apart = x * (state[i, j] * x + 2.0 * (state[i + 1, j] * y + state[i + 2, j] * z))
+    apart += y * (state[i + 3, j] * y + 2.0 * state[i + 4, j] * z) + z * z * state[i + 5, j]
+    tie = rival < cost + _TIE * bound and apart > _APART_SQUARED
+    return codes.POINT_UNDECIDED if tie else codes.POINT_AMBIGUOUS
 
 
 @inline
-def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, lanes, status):
+def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, status):
     """From what came of the search to point codes."""
     for j in range(BLOCK):
         code = codes.POINT_OK if agreeing[j] > 2 else codes.POINT_TWO_VIEWS
@@ -313,8 +300,7 @@ def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, lane
         elif lanes[j] == SINGULAR:
             code = codes.POINT_DEGENERATE
         elif agreeing[j] < used[j] and (agreeing[j] <= 3 or 2 * agreeing[j] <= used[j] + 1):
-            rival = _rival(rows, weights, accepted, j, bound)
-            code = codes.POINT_AMBIGUOUS if rival < best[4, j] + _CLEAR_LEAD * bound else code
+            code = max(code, _doubt(rows, weights, accepted, state, j, best[4, j], bound))
         status[j] = code
 
 
@@ -386,24 +372,27 @@ def triangulate_consensus(
     agreeing = np.empty(BLOCK, np.int64)
     lanes = np.empty(BLOCK, np.int64)
     point_codes = np.empty(BLOCK, np.int64)
-    bound = bound_sigma * bound_sigma
-    full = full_sigma * full_sigma
-    none = none_sigma * none_sigma
-    for first in range(0, total, BLOCK):
-        locate_lanes(first, total, n_keypoints, places)
+    bound, full, none = bound_sigma * bound_sigma, full_sigma * full_sigma, none_sigma * none_sigma
+    pending = np.empty(total, np.int64)
+    first, waiting = 0, 0
+    while first < total or waiting > 0:
+        thorough, first, waiting = _next_block(first, total, n_views, n_keypoints, pending, waiting, places)
         load_block(keypoints_px, confidence, rows_of, places, min_confidence, pixels, trust, block_codes)
         for v in range(n_views):
             rows_block(cameras, v, pixels, lens_codes, rows, scratch)
         weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
-        rank_views(trust, weights, ranks, used)
-        search(rows, weights, ranks, used, pairs, enough, bound, trial, best)
-        _start(best, min_views, used, state, lanes)
-        refine(rows, weights, full, none, sums, state, lanes)
-        accept(rows, weights, state, none, accepted, agreeing)
-        _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, lanes, point_codes)
-        normal_equations(rows, accepted, state, sums)
-        _keep_information(sums, state)
-        judge_geometry(state, sums, point_codes)
+        if thorough:
+            rank_views(trust, weights, ranks, used)
+            search(rows, weights, ranks, used, pairs, enough, bound, trial, best)
+            _start(best, min_views, used, state, lanes)
+        else:
+            _start_quickly(rows, weights, min_views, sums, state, used, lanes)
+        refine(rows, weights, thorough, full, none, used, sums, state, lanes)
+        accept(rows, weights, state, none if thorough else full, accepted, agreeing)
+        if not thorough:
+            waiting = _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting)
+        _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, point_codes)
+        _spread(rows, accepted, sums, state, point_codes)
         reproject_block(cameras, pixels, state, errors)
         linear_errors(rows, accepted, state, errors)
         _mark_outliers(accepted, point_codes, block_codes)

@@ -347,7 +347,7 @@ def store_points(state, covariances, status, places, points, covariance, out_sta
         n = places[0, j]
         k = places[1, j]
         if n < 0:
-            return
+            continue
         out_status[n, k] = status[j]
         if status[j] >= codes.POINT_MISSING:
             for i in range(3):

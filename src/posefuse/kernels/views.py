@@ -180,7 +180,7 @@ def store_view_results(view_codes, view_errors, status, places, out_view_codes, 
         n = places[0, j]
         k = places[1, j]
         if n < 0:
-            return
+            continue
         solved = status[j] < codes.POINT_MISSING
         total = 0.0
         used = 0

@@ -20,6 +20,7 @@ class PointStatus(IntEnum):
     NO_CONVERGENCE = codes.POINT_NO_CONVERGENCE
     OUTLIER = codes.POINT_OUTLIER
     ABSENT = codes.POINT_ABSENT
+    UNDECIDED = codes.POINT_UNDECIDED
 
     @property
     def label(self) -> str:
@@ -90,6 +91,7 @@ _POINT_SENTENCES = {
     PointStatus.NO_CONVERGENCE: "the refinement did not settle",
     PointStatus.OUTLIER: "the views contradict each other",
     PointStatus.ABSENT: "the person is not there",
+    PointStatus.UNDECIDED: "two places far apart explain the views equally well",
 }
 
 _VIEW_SENTENCES = {

@@ -56,7 +56,8 @@ class LinearPoints:
         covariance = np.linalg.inv(information + (1e-12 * trace + 1e-300)[:, None, None] * np.eye(3))
         shift = covariance @ (rows.transpose(0, 2, 1) @ residual.reshape(len(rows), -1, 1))
         residual = residual - (jacobian @ shift[:, None])[..., 0]
-        share = jacobian @ covariance[:, None] @ np.swapaxes(jacobian, -1, -2)
+        along = (jacobian.reshape(rows.shape) @ covariance).reshape(jacobian.shape)
+        share = (along[..., :, None, :] * jacobian[..., None, :, :]).sum(axis=-1)
         return LinearFit(used, residual, share)
 
 

@@ -59,23 +59,30 @@ def separate(fit: LinearFit, start: Mixture | None = None) -> Mixture:
     law = start.law if start else np.full(_BINS, 1.0 / _BINS)
     width = np.log(_FARTHEST / _NEAREST) / _BINS
     areas = np.pi * np.diff(np.exp(2.0 * width * np.arange(_BINS + 1))) * _NEAREST**2
-    all_right, wrong = np.ones(len(views)), np.zeros(may_go.shape)
+    all_right = np.ones(len(views))
+    point, view = np.nonzero(may_go)
+    distance, gain, root = (values[point, view] for values in (distance, gain, root))
+    gone, odds = np.zeros(0, dtype=int), np.zeros(0)
     for _ in range(_ROUNDS):
         place = (distance - np.log(scale)) / width
-        counts = (place >= 0.0) & (place < _BINS) & may_go
-        bins = np.where(counts, place, 0.0).astype(int)
-        density = np.where(counts, (law / (areas * scale**2))[bins], 0.0)
+        # Most observations lie so near that they can only be right.
+        gone = np.flatnonzero((place >= 0.0) & (place < _BINS))
+        bins, of = place[gone].astype(int), point[gone]
+        density = (law / (areas * scale**2))[bins]
         # How much likelier the view is wrong than right: its own law against the noise about what the others expect.
-        expected = root / (2.0 * np.pi * scale**2) * np.exp(-0.5 * gain / scale**2)
-        odds = density / np.maximum(expected, 1e-300) * (1.0 - share_right) / (share_right * views[:, None])
-        all_right = 1.0 / (1.0 + odds.sum(axis=1))
-        wrong = odds * all_right[:, None]
+        expected = root[gone] / (2.0 * np.pi * scale**2) * np.exp(-0.5 * gain[gone] / scale**2)
+        odds = density / np.maximum(expected, 1e-300) * (1.0 - share_right) / (share_right * views[of])
+        all_right = 1.0 / (1.0 + np.bincount(of, odds, len(views)))
+        odds *= all_right[of]
         before = scale
-        left = (all_right * squared).sum() + (wrong * (squared[:, None] - gain)).sum()
-        scale = float(np.sqrt(left / ((all_right * freedom).sum() + (wrong * (freedom[:, None] - 2.0)).sum())))
+        # Without its wrong view a point's sum of squares is less by the gain, and its degrees of freedom by two.
+        left = squared.sum() - (odds * gain[gone]).sum()
+        scale = float(np.sqrt(left / (freedom.sum() - 2.0 * odds.sum())))
         share_right = min(max(float(all_right.mean()), _FEWEST_RIGHT), 1.0 - _FEWEST_RIGHT)
-        law = np.bincount(bins.ravel(), wrong.ravel(), _BINS) + 1e-9
+        law = np.bincount(bins, odds, _BINS) + 1e-9
         law /= law.sum()
         if abs(scale - before) < _SETTLED * scale:
             break
+    wrong = np.zeros(may_go.shape)
+    wrong[point[gone], view[gone]] = odds
     return Mixture(scale, all_right, wrong, law)

@@ -111,7 +111,22 @@ class TestConsensus:
         pixels = pixels + np.random.default_rng(0).normal(0, 1.0, pixels.shape)
         detections = Detections.from_dense(skeleton_of(1), rig.names, pixels)
         layer = triangulate(rig, detections, Options(noise_scale_px=1.0)).layers["measured"]
-        assert layer.status[0, 0, 0] == PointStatus.AMBIGUOUS
+        assert layer.status[0, 0, 0] == PointStatus.UNDECIDED
+        assert np.isnan(layer.points_m).all()
+
+    @pytest.mark.filterwarnings("ignore:The views do not agree")
+    def test_doubt_is_where_points_are_wrong(self):
+        data = walk(400, outlier_share=0.4)
+        layer = solved(data, "consensus")
+        status, wrong = layer.status[:, 0], errors_mm(data, layer) > 50
+        judged = data.inlier.sum(axis=1) >= 3
+        doubtful = np.isin(status, (PointStatus.AMBIGUOUS, PointStatus.TWO_VIEWS))
+        assert wrong[doubtful].mean() > 0.1
+        assert wrong[status == PointStatus.OK].mean() < 0.002
+        undecided = status == PointStatus.UNDECIDED
+        assert undecided.any()
+        assert np.isnan(layer.points_m[:, 0][undecided]).all()
+        assert undecided[judged].mean() < 0.003
 
     @pytest.mark.filterwarnings("ignore:The views do not agree")
     def test_views_that_contradict_each_other_give_no_point(self):

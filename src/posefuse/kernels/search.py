@@ -1,0 +1,140 @@
+"""Two-view hypotheses: views in the order of trust, pairs of them, and the pair whose point most views agree with."""
+
+import math
+
+from posefuse.kernels.jit import inline
+from posefuse.kernels.points import solve_symmetric
+from posefuse.kernels.rows import BLOCK, residual
+
+
+@inline
+def rank_views(trust, weights, ranks, used):
+    """Order each lane's views by confidence, best first; views that are not used come last.
+
+    Args:
+        trust: shape (view, BLOCK).
+        weights: shape (view, BLOCK); 0 is not used.
+        ranks: shape (view, BLOCK), int64, written: the view of each rank.
+        used: shape (BLOCK,), int64, written: how many are used.
+    """
+    n_views = weights.shape[0]
+    for j in range(BLOCK):
+        count = 0
+        for v in range(n_views):
+            if weights[v, j] > 0.0:
+                place = count
+                while place > 0 and trust[ranks[place - 1, j], j] < trust[v, j]:
+                    ranks[place, j] = ranks[place - 1, j]
+                    place -= 1
+                ranks[place, j] = v
+                count += 1
+        used[j] = count
+        for place in range(count, n_views):
+            ranks[place, j] = 0
+
+
+@inline
+def two_view_point(rows, weights, j, a, b):
+    """The algebraic point of views ``a`` and ``b`` of lane ``j``.
+
+    Returns:
+        ``(found, x, y, z)``, found 1.0 where there is one in front of both, else 0.0.
+    """
+    u = weights[a, j]
+    w = weights[b, j]
+    g0 = rows[a, 0, j]
+    g1 = rows[a, 1, j]
+    g2 = rows[a, 2, j]
+    g3 = rows[a, 3, j]
+    h0 = rows[a, 4, j]
+    h1 = rows[a, 5, j]
+    h2 = rows[a, 6, j]
+    h3 = rows[a, 7, j]
+    k0 = rows[b, 0, j]
+    k1 = rows[b, 1, j]
+    k2 = rows[b, 2, j]
+    k3 = rows[b, 3, j]
+    l0 = rows[b, 4, j]
+    l1 = rows[b, 5, j]
+    l2 = rows[b, 6, j]
+    l3 = rows[b, 7, j]
+    solved, x, y, z = solve_symmetric(
+        u * (g0 * g0 + h0 * h0) + w * (k0 * k0 + l0 * l0),
+        u * (g0 * g1 + h0 * h1) + w * (k0 * k1 + l0 * l1),
+        u * (g0 * g2 + h0 * h2) + w * (k0 * k2 + l0 * l2),
+        u * (g1 * g1 + h1 * h1) + w * (k1 * k1 + l1 * l1),
+        u * (g1 * g2 + h1 * h2) + w * (k1 * k2 + l1 * l2),
+        u * (g2 * g2 + h2 * h2) + w * (k2 * k2 + l2 * l2),
+        -u * (g0 * g3 + h0 * h3) - w * (k0 * k3 + l0 * l3),
+        -u * (g1 * g3 + h1 * h3) - w * (k1 * k3 + l1 * l3),
+        -u * (g2 * g3 + h2 * h3) - w * (k2 * k3 + l2 * l3),
+    )
+    depth_a = rows[a, 8, j] * x + rows[a, 9, j] * y + rows[a, 10, j] * z + rows[a, 11, j]
+    depth_b = rows[b, 8, j] * x + rows[b, 9, j] * y + rows[b, 10, j] * z + rows[b, 11, j]
+    return 1.0 if solved & (depth_a > 0.0) & (depth_b > 0.0) else 0.0, x, y, z
+
+
+@inline
+def _score(rows, weights, bound, trial):
+    """Sum over views of the squared residual in sigma units, each at most ``bound``; and how many lie below it.
+
+    Rows 4 and 5 of ``trial`` receive them.
+    """
+    for j in range(BLOCK):
+        trial[4, j] = 0.0
+        trial[5, j] = 0.0
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            w = weights[v, j]
+            depth, r, s = residual(rows, v, j, trial[0, j], trial[1, j], trial[2, j])
+            squared = w * (r * r + s * s)
+            near = (squared < bound) & (depth > 0.0)
+            trial[4, j] += squared if near else (bound if w > 0.0 else 0.0)
+            trial[5, j] += 1.0 if near & (w > 0.0) else 0.0
+
+
+@inline
+def search(rows, weights, ranks, used, pairs, enough, bound, trial, best):
+    """The best-scoring two-view point of each lane.
+
+    Args:
+        rows: shape (view, 12, BLOCK).
+        weights: shape (view, BLOCK).
+        ranks: views by rank, from :func:`rank_views`.
+        used: shape (BLOCK,), how many views each lane has.
+        pairs: shape (pair, 2), int64: ranks to try together, the most promising first.
+        enough: shape (view + 1, view + 1), int64: with so many views, of which so many agree, after how many tried
+            pairs a better point is no longer to be expected.
+        bound: what a view that disagrees costs, in squared sigma units.
+        trial: shape (6, BLOCK), scratch.
+        best: shape (7, BLOCK), written: point, pairs tried, cost, views that agree, pairs to try.
+    """
+    for j in range(BLOCK):
+        best[3, j] = 0.0
+        best[4, j] = math.inf
+        best[5, j] = 0.0
+        best[6, j] = enough[used[j], 0]
+    for p in range(pairs.shape[0]):
+        first = pairs[p, 0]
+        second = pairs[p, 1]
+        for j in range(BLOCK):
+            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(
+                rows, weights, j, ranks[first, j], ranks[second, j]
+            )
+        _score(rows, weights, bound, trial)
+        for j in range(BLOCK):
+            # A lane that has tried enough takes no notice of what its neighbours still try.
+            there = (second < used[j]) & (best[3, j] < best[6, j])
+            better = there & (trial[3, j] > 0.0) & (trial[4, j] < best[4, j])
+            best[0, j] = trial[0, j] if better else best[0, j]
+            best[1, j] = trial[1, j] if better else best[1, j]
+            best[2, j] = trial[2, j] if better else best[2, j]
+            best[3, j] += 1.0 if there else 0.0
+            best[4, j] = trial[4, j] if better else best[4, j]
+            best[5, j] = trial[5, j] if better else best[5, j]
+        waiting = 0
+        for j in range(BLOCK):
+            best[6, j] = enough[used[j], int(best[5, j])]
+            waiting += 1 if best[3, j] < best[6, j] else 0
+        if waiting == 0:
+            break
