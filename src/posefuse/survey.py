@@ -10,7 +10,7 @@ import numpy as np
 
 from posefuse.association import one_subject
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choices
-from posefuse.health.agreement import agreement_finding, coincidence_finding
+from posefuse.health.agreement import agreement_finding, camera_finding, coincidence_finding
 from posefuse.health.scale import scale_finding
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -43,6 +43,7 @@ def survey(
     findings = (
         coincidence_finding(rig),
         agreement_finding(layers, rig, noise),
+        camera_finding(layers, rig),
         scale_finding(points, detections.skeleton, rig.metres_per_unit),
     )
     said = tuple(finding for finding in findings if finding is not None)

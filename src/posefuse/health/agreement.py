@@ -13,6 +13,7 @@ from posefuse.model.status import PointStatus, ViewStatus
 _NOISE_SHARE = 0.015
 _REJECTED_SHARE = 0.4
 _SAME_PLACE = 1e-3
+_CAMERA_SHARE = 0.6
 
 
 def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel) -> str | None:
@@ -44,6 +45,30 @@ def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel
     return (
         f"The views do not agree: {what}. Either views have been given other cameras' calibrations (see the matching "
         "above, --camera-order), or a camera has moved since, or the calibration is of another recording."
+    )
+
+
+def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
+    """A sentence if most of what single cameras see contradicts the others, else None.
+
+    Args:
+        layers: a sample of the recording, wrong views rejected.
+        rig: the cameras.
+    """
+    said = np.concatenate([np.asarray(layer.view_status).reshape(-1, len(rig)) for layer in layers])
+    rejected = (said == ViewStatus.OUTLIER).sum(axis=0)
+    seen = rejected + (said == ViewStatus.USED).sum(axis=0)
+    share = rejected / np.maximum(seen, 1)
+    wrong = np.flatnonzero(share > _CAMERA_SHARE)
+    # Where two cameras contradict each other there is no telling which of them is wrong.
+    if not len(wrong) or len(rig) - len(wrong) < 2 or np.median(share) > 0.5 * _CAMERA_SHARE:
+        return None
+    worst = ", ".join(f"{rig.names[v]!r} ({100 * share[v]:.0f} %)" for v in wrong)
+    many = len(wrong) > 1
+    return (
+        f"Most of what camera{'s' * many} {worst} see{'' if many else 's'} contradicts the other cameras. "
+        f"{'Their' if many else 'Its'} calibration is wrong, or of another camera, or the camera has moved, or shows "
+        "something else. --exclude-camera leaves a camera out."
     )
 
 

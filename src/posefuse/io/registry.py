@@ -83,6 +83,22 @@ KEYPOINTS = (
         conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
     ),
     Format(
+        "deeplabcut",
+        "posefuse.io.keypoints.deeplabcut",
+        reads=True,
+        writes=False,
+        files="a folder of *.csv, one a camera, of one animal",
+        conventions="px, x y likelihood; cameras by what differs in the files' names; no frame rate: --rate-hz",
+    ),
+    Format(
+        "sleap",
+        "posefuse.io.keypoints.sleap",
+        reads=True,
+        writes=False,
+        files="a folder of analysis *.h5, one a camera, or in a folder a camera",
+        conventions="px, NaN is missing; cameras by folder or file name; no frame rate: --rate-hz",
+    ),
+    Format(
         "arrays",
         "posefuse.io.keypoints.arrays",
         reads=True,

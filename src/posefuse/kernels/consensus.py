@@ -45,7 +45,7 @@ _GENEROUS_ROUNDS = 2
 # A rival explanation must cost more than the best by this share of what a disagreeing view costs.
 _CLEAR_LEAD = 0.5
 # So near there is no telling which of the two is right; they are two if they lie so many standard errors apart.
-_TIE = 0.1
+_TIE = 0.075
 _APART_SQUARED = 36.0
 # With more views than this some are nearly always wrong, and asking whether none is would be vain.
 _QUICK_UP_TO = 8
@@ -220,12 +220,14 @@ def _next_block(first, total, n_views, n_keypoints, pending, waiting, places):
 
 
 @inline
-def _spread(rows, accepted, sums, state, status):
+def _spread(rows, accepted, thorough, sums, state, status):
     """Covariances from what the accepted views tell, each at its full weight, into the first six rows of ``sums``."""
-    normal_equations(rows, accepted, state, sums)
-    for i in range(6):
-        for j in range(BLOCK):
-            state[INFORMATION + i, j] = sums[i, j]
+    # Where all views were accepted, the last step has told already.
+    if thorough:
+        normal_equations(rows, accepted, state, sums)
+        for i in range(6):
+            for j in range(BLOCK):
+                state[INFORMATION + i, j] = sums[i, j]
     judge_geometry(state, sums, status)
 
 
@@ -392,7 +394,7 @@ def triangulate_consensus(
         if not thorough:
             waiting = _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting)
         _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, point_codes)
-        _spread(rows, accepted, sums, state, point_codes)
+        _spread(rows, accepted, thorough, sums, state, point_codes)
         reproject_block(cameras, pixels, state, errors)
         linear_errors(rows, accepted, state, errors)
         _mark_outliers(accepted, point_codes, block_codes)

@@ -23,7 +23,7 @@ _SAMPLE = 20_000
 """So many observations, spread evenly over the recording, tell the scale to a per cent."""
 
 _FEW = 5_200
-_PIECES = 10
+_PIECES, _FEW_PIECES = 10, 4
 _FEWEST_POINTS = 30
 _ASSUMED_PX_AT_1000 = 4.5
 _FINEST_PX_AT_1000 = 0.1
@@ -44,8 +44,9 @@ def sample(detections: Detections, *, few: bool = False) -> list[tuple[int, int]
     most = min(max((_FEW if few else _SAMPLE) // per_frame, 2 * _PIECES), 60 if few else 300)
     if n_frames <= most:
         return [(0, n_frames)]
-    length = most // _PIECES
-    starts = np.linspace(0, n_frames - length, _PIECES).astype(int)
+    pieces = _FEW_PIECES if few else _PIECES
+    length = most // pieces
+    starts = np.linspace(0, n_frames - length, pieces).astype(int)
     return [(int(start), int(start) + length) for start in starts]
 
 

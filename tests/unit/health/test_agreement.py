@@ -8,6 +8,7 @@ import pytest
 from posefuse.errors import PosefuseWarning
 from posefuse.health.agreement import coincidence_finding
 from posefuse.model.cameras import Camera, CameraRig
+from posefuse.model.detections import Detections
 from posefuse.model.options import Options
 from posefuse.pipeline import reconstruct
 from tests.scenes import body_points, ring, seen
@@ -46,3 +47,13 @@ def test_cameras_close_together_are_not_in_one_place():
     first = ring(1).cameras[0]
     stereo = [Camera(n, first.size_px, first.matrix, p) for n, p in (("left", np.eye(4)), ("right", pose))]
     assert coincidence_finding(CameraRig(tuple(stereo))) is None
+
+
+def test_a_camera_that_contradicts_the_others_is_named(rng):
+    rig = ring(5)
+    detections = seen(rig, body_points(rng, 60), rng)
+    pixels = np.asarray(detections.keypoints_px).reshape(60, 5, 17, 2).copy()
+    pixels[:, 3] += rng.uniform(50, 200, (60, 17, 2))
+    wrong = Detections.from_dense(detections.skeleton, rig.names, pixels, rate_hz=60.0)
+    with pytest.warns(PosefuseWarning, match=r"camera 'cam_3' \(100 %\) sees contradicts"):
+        reconstruct(rig, wrong)

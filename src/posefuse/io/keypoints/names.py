@@ -1,0 +1,65 @@
+"""What files of several views and animals are called, and what their keypoints are."""
+
+import re
+from collections.abc import Sequence
+from itertools import takewhile
+from pathlib import Path
+
+from posefuse.errors import FileError, choices
+from posefuse.model.skeletons import Skeleton
+
+_SEPARATORS = "_. "
+
+
+def view_names(files: Sequence[Path]) -> list[str]:
+    """The view of each file: its folder's name where every file has its own, else the part of its name that differs.
+
+    ``trial_Cam-A_dlc.csv`` and ``trial_Cam-B_dlc.csv`` are the views Cam-A and Cam-B: the part ends at an underscore,
+    a dot or a space.
+
+    Raises:
+        FileError: if the names are of more than one trial.
+    """
+    if len({file.parent for file in files}) == len(files) > 1:
+        return [file.parent.name for file in files]
+    stems = [file.name.split(".csv")[0].split(".analysis")[0].removesuffix(".h5") for file in files]
+    if len(stems) == 1:
+        return stems
+    start = _at_separator(_common_start(stems))
+    end = _at_separator(_common_start([stem[start:][::-1] for stem in stems]))
+    names = [stem[start : len(stem) - end] for stem in stems]
+    if any(not name or set(_SEPARATORS) & set(name) for name in names):
+        raise FileError(
+            f"{files[0].parent} holds files whose names differ in more than the camera: {choices(stems)}. Keep one "
+            "file a camera in a folder."
+        )
+    return names
+
+
+def _common_start(texts: Sequence[str]) -> str:
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    return "".join(letters[0] for letters in alike)
+
+
+def _at_separator(common: str) -> int:
+    """How much of what is common belongs to no name: up to the last separator."""
+    return max(common.rfind(separator) for separator in _SEPARATORS) + 1
+
+
+def skeleton_of(name: str, keypoints: Sequence[str], edges: Sequence[tuple[str, str]] = ()) -> Skeleton:
+    """A skeleton of keypoints as a file names them; left and right are told by the names."""
+    lower = {keypoint.lower(): keypoint for keypoint in keypoints}
+    pairs = []
+    for keypoint in keypoints:
+        partner = _other_side(keypoint.lower())
+        if partner in lower:
+            pairs.append((keypoint, lower[partner]))
+    return Skeleton(name, tuple(keypoints), edges=tuple(edges), pairs=tuple(pairs))
+
+
+def _other_side(name: str) -> str | None:
+    """The right keypoint's name of a left one's, in lower case; None of one that is not on the left."""
+    for pattern, other in ((r"(^|_)left(_|$)", r"\1right\2"), (r"(^|_)l(_|$)", r"\1r\2")):
+        if re.search(pattern, name):
+            return re.sub(pattern, other, name)
+    return None

@@ -1,0 +1,90 @@
+"""SLEAP's analysis files: ``*.h5`` with ``tracks`` (track, 2, node, frame), one a camera, any number of animals.
+
+Pixels; NaN is missing; ``point_scores`` are the confidences. Views are named by the folders the files are in, or by
+what differs between the files' names. The files say no frame rate.
+"""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from posefuse.errors import FileError, choices
+from posefuse.io.files import natural_key
+from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.names import skeleton_of, view_names
+from posefuse.io.keypoints.request import Request
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one, or a folder holds some, one level deep."""
+    return bool(files_of(path))
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files, in the order of their names."""
+    if path.is_file():
+        return [path] if path.suffix == ".h5" and _is_one(path) else []
+    found = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file)]
+    return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
+
+
+def _is_one(file: Path) -> bool:
+    try:
+        with h5py.File(file) as content:
+            return "tracks" in content and "node_names" in content
+    except OSError:
+        return False
+
+
+def read(path: Path, request: Request) -> Detections:
+    """Read all cameras.
+
+    Raises:
+        FileError: if a file lacks something, or the cameras have different nodes.
+    """
+    files = files_of(path)
+    skeleton, views = request.skeleton, []
+    for file, name in zip(files, view_names(files), strict=True):
+        with h5py.File(file) as content:
+            found = _skeleton(content)
+            if skeleton is None:
+                skeleton = found
+            elif len(found) != len(skeleton) or (request.skeleton is None and found != skeleton):
+                raise FileError(
+                    f"{file} has the nodes {choices(found.keypoints)}, expected {choices(skeleton.keypoints)}: one "
+                    "recording has one skeleton."
+                )
+            views.append(_view(file, name, content))
+    assert skeleton is not None
+    return assemble(path, views, skeleton, request.rate_hz)
+
+
+def _skeleton(content: h5py.File) -> Skeleton:
+    nodes = [name.decode() for name in np.asarray(content["node_names"])]
+    edges = [(nodes[a], nodes[b]) for a, b in np.asarray(content["edge_inds"])] if "edge_inds" in content else []
+    return skeleton_of("sleap", nodes, edges)
+
+
+def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
+    tracks = np.asarray(content["tracks"], dtype=np.float64)
+    if tracks.ndim != 4 or tracks.shape[1] != 2:
+        raise FileError(f"{file}: expected tracks (track, 2, node, frame), got {tracks.shape}.")
+    pixels = tracks.transpose(3, 0, 2, 1)
+    scores = np.full(pixels.shape[:-1], np.nan)
+    if "point_scores" in content:
+        scores = np.asarray(content["point_scores"], dtype=np.float64).transpose(2, 0, 1)
+    missing = np.asarray(np.isnan(pixels).any(axis=-1))
+    values = np.where(missing[..., None], np.nan, np.concatenate([pixels, scores[..., None]], axis=-1))
+    # A person corrected by hand has a score of 0, or none: the detector says nothing then.
+    values[..., 2] = np.where(values[..., 2] > 0.0, values[..., 2], np.nan)
+    frame, track = np.nonzero(~missing.all(axis=-1))
+    return ViewColumns(
+        name=name,
+        recorded=np.arange(len(pixels), dtype=np.int64),
+        frame_of_row=frame.astype(np.int64),
+        keypoints=values[frame, track],
+        track_ids=track.astype(np.int64),
+    )

@@ -1,0 +1,91 @@
+"""DeepLabCut and SLEAP: one file a camera, views and skeletons by the names in and of the files."""
+
+import h5py
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.errors import FileError
+from posefuse.io.keypoints.names import skeleton_of, view_names
+
+PARTS = ("nose", "ear_L", "ear_R", "tail")
+
+
+def write_deeplabcut(file, values):
+    """Values (frame, part, 3)."""
+    rows = [
+        ["scorer"] + ["net"] * 3 * len(PARTS),
+        ["bodyparts"] + [part for part in PARTS for _ in range(3)],
+        ["coords"] + ["x", "y", "likelihood"] * len(PARTS),
+        *[[n, *["" if np.isnan(v) else repr(float(v)) for v in row.ravel()]] for n, row in enumerate(values)],
+    ]
+    file.write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
+
+
+def write_sleap(file, pixels, scores):
+    """Pixels (track, frame, node, 2), scores (track, frame, node)."""
+    with h5py.File(file, "w") as content:
+        content["tracks"] = pixels.transpose(0, 3, 2, 1)
+        content["point_scores"] = scores.transpose(0, 2, 1)
+        content["node_names"] = np.array([part.encode() for part in PARTS])
+        content["edge_inds"] = np.array([[0, 1], [0, 2], [0, 3]])
+
+
+@pytest.fixture
+def values(rng):
+    values = rng.uniform(1, 500, (7, 4, 3))
+    values[..., 2] = rng.uniform(0.1, 1.0, (7, 4))
+    values[2, 1] = np.nan
+    return values
+
+
+def test_deeplabcut_comes_back(tmp_path, values):
+    for name, shift in (("A", 0.0), ("B", 5.0), ("C", 9.0)):
+        write_deeplabcut(tmp_path / f"trial_1_Cam-{name}_resnet.csv", values + np.array([shift, 0.0, 0.0]))
+    found = posefuse.read_detections(tmp_path)
+    assert found.view_names == ("Cam-A", "Cam-B", "Cam-C")
+    assert found.skeleton.keypoints == PARTS
+    assert found.skeleton.pairs == (("ear_L", "ear_R"),)
+    assert found.n_frames == 7
+    pixels = np.asarray(found.keypoints_px).reshape(7, 3, 4, 2)
+    np.testing.assert_array_equal(pixels[:, 1], values[..., :2] + np.array([5.0, 0.0]))
+    np.testing.assert_array_equal(np.asarray(found.confidence).reshape(7, 3, 4)[:, 2], values[..., 2])
+
+
+def test_a_cut_deeplabcut_file_says_where(tmp_path, values):
+    file = tmp_path / "cam.csv"
+    write_deeplabcut(file, values)
+    text = file.read_text()
+    file.write_text(text[: len(text) - 40])
+    with pytest.raises(FileError, match=r"line 10: .*cut short"):
+        posefuse.read_detections(file)
+
+
+def test_sleap_comes_back_with_tracks(tmp_path, rng):
+    pixels = rng.uniform(1, 500, (2, 6, 4, 2))
+    pixels[1, 3:] = np.nan
+    scores = rng.uniform(0.2, 1.0, (2, 6, 4))
+    for camera in ("top", "side"):
+        (tmp_path / camera).mkdir()
+        write_sleap(tmp_path / camera / "mouse.analysis.h5", pixels, scores)
+    found = posefuse.read_detections(tmp_path)
+    assert found.view_names == ("side", "top")
+    assert found.skeleton.edges == (("nose", "ear_L"), ("nose", "ear_R"), ("nose", "tail"))
+    np.testing.assert_array_equal(found.people_counts, [[2, 2]] * 3 + [[1, 1]] * 3)
+    np.testing.assert_array_equal(np.asarray(found.keypoints_px)[1], pixels[1, 0])
+    np.testing.assert_array_equal(np.asarray(found.confidence)[1], scores[1, 0])
+    assert set(np.asarray(found.track_ids).tolist()) == {0, 1}
+
+
+def test_files_of_several_trials_are_refused(tmp_path):
+    files = [tmp_path / name for name in ("t1_A_x.csv", "t1_B_x.csv", "t2_A_y.csv")]
+    with pytest.raises(FileError, match="differ in more than the camera"):
+        view_names(files)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"), [("left_paw", "right_paw"), ("Ear_L", "Ear_R"), ("L_ear", "R_ear"), ("Paw_left", "Paw_right")]
+)
+def test_sides_are_told_by_names(left, right):
+    assert skeleton_of("animal", ("nose", right, left)).pairs == ((left, right),)
+    assert skeleton_of("animal", ("tail", left)).pairs == ()
