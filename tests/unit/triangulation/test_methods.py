@@ -20,6 +20,7 @@ from posefuse.model.options import (
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline import triangulate
+from posefuse.triangulation.consensus import reweighting_loss
 from tests.reference import rejection
 from tests.scenes import ring, skeleton_of
 
@@ -144,6 +145,11 @@ class TestConsensus:
         wrong = errors_mm(data, layer) > 100
         flagged = np.isin(layer.status[:, 0], (PointStatus.AMBIGUOUS, PointStatus.TWO_VIEWS, PointStatus.WEAK_GEOMETRY))
         assert flagged[wrong].mean() > 0.8
+
+    def test_the_kernel_is_98_per_cent_efficient(self):
+        assert 1.0 < reweighting_loss(2.5, 5.0) < 1.02
+        assert reweighting_loss(8.0, 9.0) == pytest.approx(1.0, abs=1e-4)
+        assert reweighting_loss(1.0, 2.0) > 1.5
 
     def test_the_limits_must_be_in_order(self):
         with pytest.raises(OptionsError, match="less than none_sigma"):
