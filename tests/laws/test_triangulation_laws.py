@@ -133,7 +133,7 @@ def test_missing_views_only_widen_the_covariance(rng):
 
 @given(seed=seeds, share=st.floats(0, 1))
 @examples(20)
-@pytest.mark.filterwarnings("ignore:The views do not agree")
+@pytest.mark.filterwarnings("ignore:The views do not agree", "ignore:Most of what camera")
 def test_any_pattern_of_missing_keypoints_is_survived(seed, share):
     rng = np.random.default_rng(seed)
     rig = ring(4, "fisheye")

@@ -14,6 +14,7 @@ _NOISE_SHARE = 0.015
 _REJECTED_SHARE = 0.4
 _SAME_PLACE = 1e-3
 _CAMERA_SHARE = 0.6
+_CAMERA_DETECTIONS = 100
 
 
 def agreement_finding(layers: Sequence[Layer], rig: CameraRig, noise: NoiseModel) -> str | None:
@@ -59,7 +60,7 @@ def camera_finding(layers: Sequence[Layer], rig: CameraRig) -> str | None:
     rejected = (said == ViewStatus.OUTLIER).sum(axis=0)
     seen = rejected + (said == ViewStatus.USED).sum(axis=0)
     share = rejected / np.maximum(seen, 1)
-    wrong = np.flatnonzero(share > _CAMERA_SHARE)
+    wrong = np.flatnonzero((share > _CAMERA_SHARE) & (seen >= _CAMERA_DETECTIONS))
     # Where two cameras contradict each other there is no telling which of them is wrong.
     if not len(wrong) or len(rig) - len(wrong) < 2 or np.median(share) > 0.5 * _CAMERA_SHARE:
         return None
