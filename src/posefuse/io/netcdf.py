@@ -60,12 +60,21 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
 
 def text_of(file: h5netcdf.File, name: str) -> str:
     """A text attribute of a file."""
-    return str(cast("Any", file.attrs[name]))
+    return str(_attribute(file, name))
 
 
 def number_of(file: h5netcdf.File, name: str) -> float:
     """A number attribute of a file."""
-    return float(cast("Any", file.attrs[name]))
+    return float(_attribute(file, name))
+
+
+def _attribute(file: h5netcdf.File, name: str) -> Any:
+    if name not in file.attrs:
+        raise FileError(
+            f"{file.filename} does not say its {name}: another version of posefuse wrote it, or it was changed. Make it "
+            "anew from the recording."
+        )
+    return cast("Any", file.attrs[name])
 
 
 def add_variable(

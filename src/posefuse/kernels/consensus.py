@@ -27,6 +27,7 @@ from posefuse.kernels.points import (
     judge_geometry,
     linear_start,
     normal_equations,
+    open_lanes,
     store_points,
     take_step,
 )
@@ -156,13 +157,7 @@ def _start(best, min_views, used, state, lanes):
 @inline
 def _start_quickly(rows, weights, min_views, sums, state, used, lanes):
     """Begin with the algebraic points of all views."""
-    for j in range(BLOCK):
-        used[j] = 0
-    for v in range(weights.shape[0]):
-        for j in range(BLOCK):
-            used[j] += 1 if weights[v, j] > 0.0 else 0
-    for j in range(BLOCK):
-        lanes[j] = OK if used[j] < min_views else ACTIVE
+    open_lanes(weights, min_views, lanes, used)
     linear_start(rows, weights, sums, state, lanes)
     for j in range(BLOCK):
         lanes[j] = SINGULAR if used[j] < min_views else lanes[j]

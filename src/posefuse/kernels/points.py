@@ -283,7 +283,7 @@ def solve_block(rows, weights, sums, state, lanes):
 
 
 @inline
-def _open_lanes(weights, min_views, lanes, used):
+def open_lanes(weights, min_views, lanes, used):
     """Count each lane's views; lanes with enough become ACTIVE, the others get their point code at once."""
     for j in range(BLOCK):
         used[j] = 0
@@ -420,7 +420,7 @@ def triangulate_views(
         for v in range(n_views):
             rows_block(cameras, v, pixels, lens_codes, rows, scratch)
         weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
-        _open_lanes(weights, min_views, lanes, used)
+        open_lanes(weights, min_views, lanes, used)
         solve_block(rows, weights, sums, state, lanes)
         _point_codes(lanes, used, min_views, point_codes)
         judge_geometry(state, sums, point_codes)

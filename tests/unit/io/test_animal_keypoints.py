@@ -89,3 +89,21 @@ def test_files_of_several_trials_are_refused(tmp_path):
 def test_sides_are_told_by_names(left, right):
     assert skeleton_of("animal", ("nose", right, left)).pairs == ((left, right),)
     assert skeleton_of("animal", ("tail", left)).pairs == ()
+
+
+def test_a_camera_whose_file_is_cut_short_does_not_go_missing(tmp_path, rng, values):
+    for camera in ("side", "top"):
+        (tmp_path / camera).mkdir()
+        write_sleap(tmp_path / camera / "mouse.analysis.h5", rng.uniform(1, 9, (1, 5, 4, 2)), np.ones((1, 5, 4)))
+    cut = tmp_path / "top" / "mouse.analysis.h5"
+    cut.write_bytes(cut.read_bytes()[:1000])
+    with pytest.raises(FileError, match=r"top.*1000 bytes.*cut short"):
+        posefuse.read_detections(tmp_path)
+    folder = tmp_path / "dlc"
+    folder.mkdir()
+    for name in ("A", "B"):
+        write_deeplabcut(folder / f"trial_{name}_net.csv", values)
+    for kept in ("", "scorer,net,net\nbodyparts,nose,nose\n"):
+        (folder / "trial_B_net.csv").write_text(kept)
+        with pytest.raises(FileError, match=r"trial_B_net.csv holds no frames"):
+            posefuse.read_detections(folder)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import c3d
 import ezc3d
+import h5py
 import numpy as np
 import pytest
 import xarray
@@ -92,6 +93,13 @@ class TestNetcdf:
         xarray.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
         with pytest.raises(FileError, match="not reconstruction of posefuse's"):
             posefuse.read_reconstruction(tmp_path / "other.nc")
+
+    def test_an_attribute_that_is_not_there(self, result, tmp_path):
+        posefuse.write(result, tmp_path / "r.nc", "netcdf")
+        with h5py.File(tmp_path / "r.nc", "r+") as file:
+            del file.attrs["noise_spread"]
+        with pytest.raises(FileError, match=r"r.nc does not say its noise_spread: another version"):
+            posefuse.read_reconstruction(tmp_path / "r.nc")
 
 
 class TestCsv:

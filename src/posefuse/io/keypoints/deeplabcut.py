@@ -5,6 +5,7 @@ frame rate, nor which camera they are of: views are named by what differs betwee
 """
 
 import csv
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,23 +18,25 @@ from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
+_HEADER = ["scorer", "bodyparts", "coords"]
 
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one."""
-    return bool(files_of(path))
+    return any(_header(file) == _HEADER for file in files_of(path))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, in the order of their names."""
+    """The files, in the order of their names; also those that end in their header, for a camera must not go missing."""
     found = sorted(path.glob("*.csv"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
-    return [file for file in found if file.suffix == ".csv" and file.is_file() and _is_one(file)]
+    files = [file for file in found if file.suffix == ".csv" and file.is_file()]
+    return [file for file in files if _header(file) == _HEADER[: len(_header(file))]]
 
 
-def _is_one(file: Path) -> bool:
+def _header(file: Path) -> list[str]:
+    """The first words of the first three lines that there are."""
     with file.open(encoding="utf-8", errors="replace") as lines:
-        heads = [next(lines, "").split(",")[0].strip() for _ in range(3)]
-    return heads == ["scorer", "bodyparts", "coords"]
+        return [line.split(",")[0].strip() for line in islice(lines, len(_HEADER))]
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -62,6 +65,8 @@ def _read_view(file: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Body parts, frame numbers, and values (frame, part, 3)."""
     with file.open(newline="", encoding="utf-8") as lines:
         table = list(csv.reader(lines))
+    if len(table) <= len(_HEADER):
+        raise FileError(f"{file} holds no frames: {len(table)} lines, of which three are the header. Was it cut short?")
     names, kinds = table[1][1:], table[2][1:]
     if tuple(kinds) != _COORDINATES * (len(kinds) // 3) or names[0::3] != names[2::3]:
         raise FileError(f"{file}: expected the columns x, y, likelihood for each body part, as DeepLabCut writes them.")

@@ -20,32 +20,36 @@ from posefuse.model.skeletons import Skeleton
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds some, one level deep."""
-    return bool(files_of(path))
+    return any(_is_one(file) for file in files_of(path))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, in the order of their names."""
+    """The files, in the order of their names; broken ones too, for a camera must not go missing unsaid."""
     if path.is_file():
-        return [path] if path.suffix == ".h5" and _is_one(path) else []
-    found = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file)]
+        return [path] if path.suffix == ".h5" else []
+    found = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file) is not False]
     return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
 
 
-def _is_one(file: Path) -> bool:
+def _is_one(file: Path) -> bool | None:
+    """Whether the file is one; None of a file that cannot be opened."""
     try:
         with h5py.File(file) as content:
             return "tracks" in content and "node_names" in content
     except OSError:
-        return False
+        return None
 
 
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file lacks something, or the cameras have different nodes.
+        FileError: if a file is broken, or the cameras have different nodes.
     """
     files = files_of(path)
+    for file in files:
+        if _is_one(file) is None:
+            raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
         with h5py.File(file) as content:
