@@ -71,8 +71,8 @@ def number_of(file: h5netcdf.File, name: str) -> float:
 def _attribute(file: h5netcdf.File, name: str) -> Any:
     if name not in file.attrs:
         raise FileError(
-            f"{file.filename} does not say its {name}: another version of posefuse wrote it, or it was changed. Make it "
-            "anew from the recording."
+            f"{file.filename} does not say its {name}: another version of posefuse wrote it, or it was changed. Make "
+            "it anew from the recording."
         )
     return cast("Any", file.attrs[name])
 
