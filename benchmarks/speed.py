@@ -57,7 +57,7 @@ def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
     )
     scale = np.full(5, 2.0)
     spent = median_cpu_s(
-        lambda: triangulate_views(data.rig.packed, keypoints, confidence, rows, scale, 0.0, 0.0, 3, *out)
+        lambda: triangulate_views(*data.rig.packed, keypoints, confidence, rows, scale, 0.0, 0.0, 3, *out)
     )
     return frames * 26 / spent
 

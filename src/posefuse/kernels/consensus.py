@@ -304,6 +304,8 @@ def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, stat
 @kernel
 def triangulate_consensus(
     cameras,
+    distorted,
+    fisheye,
     keypoints_px,
     confidence,
     rows_of,
@@ -327,6 +329,8 @@ def triangulate_consensus(
 
     Args:
         cameras: the camera array, shape (view, COLUMNS).
+        distorted: None if the rig has no lens with distortion polynomials.
+        fisheye: None if it has no fisheye.
         keypoints_px: shape (detection, keypoint, 2), NaN where missing.
         confidence: shape (detection, keypoint), NaN where the detector gives none.
         rows_of: shape (person_frame, view), int64: rows of the two above, or NO_DETECTION or NOT_RECORDED.
@@ -376,7 +380,7 @@ def triangulate_consensus(
         thorough, first, waiting = _next_block(first, total, n_views, n_keypoints, pending, waiting, places)
         load_block(keypoints_px, confidence, rows_of, places, min_confidence, pixels, trust, block_codes)
         for v in range(n_views):
-            rows_block(cameras, v, pixels, lens_codes, rows, scratch)
+            rows_block(cameras, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
         if thorough:
             rank_views(trust, weights, ranks, used)
@@ -390,7 +394,7 @@ def triangulate_consensus(
             waiting = _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting)
         _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, point_codes)
         _spread(rows, accepted, thorough, sums, state, point_codes)
-        reproject_block(cameras, pixels, state, errors)
+        reproject_block(cameras, distorted, fisheye, pixels, state, errors)
         linear_errors(rows, accepted, state, errors)
         _mark_outliers(accepted, point_codes, block_codes)
         store_points(state, sums, point_codes, places, points, covariance, status)

@@ -32,7 +32,12 @@ def inline(function: F) -> F:
     return _step(function, forceinline=True)
 
 
-def _step(function: F, *, forceinline: bool) -> F:
+def choice(function: F) -> F:
+    """Compile an inlined step in which ``if argument is not None`` is decided, and left out, before it is compiled."""
+    return _step(function, forceinline=True, no_rewrites=False)
+
+
+def _step(function: F, **options: bool) -> F:
     compile_step = cast("Any", numba.njit)
     bare = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("F", compile_step(**_OPTIONS, **bare, forceinline=forceinline)(function))
+    return cast("F", compile_step(**{**_OPTIONS, **bare, **options})(function))

@@ -114,48 +114,6 @@ def invert_symmetric(xx, xy, xz, yy, yz, zz):
 
 
 @inline
-def linear_start(rows, weights, sums, state, lanes):
-    """Start active lanes where the depth-weighted (algebraic) residuals are least."""
-    for k in range(SUM_ROWS):
-        for j in range(BLOCK):
-            sums[k, j] = 0.0
-    for v in range(weights.shape[0]):
-        for j in range(BLOCK):
-            w = weights[v, j]
-            g0 = rows[v, 0, j]
-            g1 = rows[v, 1, j]
-            g2 = rows[v, 2, j]
-            h0 = rows[v, 4, j]
-            h1 = rows[v, 5, j]
-            h2 = rows[v, 6, j]
-            wg0 = w * g0
-            wg1 = w * g1
-            wg2 = w * g2
-            wh0 = w * h0
-            wh1 = w * h1
-            wh2 = w * h2
-            sums[0, j] += wg0 * g0 + wh0 * h0
-            sums[1, j] += wg0 * g1 + wh0 * h1
-            sums[2, j] += wg0 * g2 + wh0 * h2
-            sums[3, j] += wg1 * g1 + wh1 * h1
-            sums[4, j] += wg1 * g2 + wh1 * h2
-            sums[5, j] += wg2 * g2 + wh2 * h2
-            sums[6, j] -= wg0 * rows[v, 3, j] + wh0 * rows[v, 7, j]
-            sums[7, j] -= wg1 * rows[v, 3, j] + wh1 * rows[v, 7, j]
-            sums[8, j] -= wg2 * rows[v, 3, j] + wh2 * rows[v, 7, j]
-    for j in range(BLOCK):
-        solved, x, y, z = solve_symmetric(
-            sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], sums[6, j], sums[7, j], sums[8, j]
-        )
-        state[X, j] = x
-        state[X + 1, j] = y
-        state[X + 2, j] = z
-        state[COST, j] = math.inf
-        state[SCALE, j] = 1.0
-        lanes[j] = SINGULAR if (lanes[j] == ACTIVE) & (not solved) else lanes[j]
-
-
-@inline
 def clear_sums(sums):
     """Start sums over views."""
     for k in range(SUM_ROWS):
@@ -166,36 +124,76 @@ def clear_sums(sums):
 
 
 @inline
-def add_view(rows, v, j, depth, r, s, w, sums):
-    """Add a view of weight ``w`` (1/px^2) to the sums of its lane, all but the cost."""
-    inverse = 1.0 / depth
-    c0 = rows[v, 8, j]
-    c1 = rows[v, 9, j]
-    c2 = rows[v, 10, j]
-    # The Jacobians of r and s are a / depth and b / depth.
-    a0 = rows[v, 0, j] - r * c0
-    a1 = rows[v, 1, j] - r * c1
-    a2 = rows[v, 2, j] - r * c2
-    b0 = rows[v, 4, j] - s * c0
-    b1 = rows[v, 5, j] - s * c1
-    b2 = rows[v, 6, j] - s * c2
-    w1 = w * inverse
-    w2 = w1 * inverse
-    wa0 = w2 * a0
-    wa1 = w2 * a1
-    wa2 = w2 * a2
-    wb0 = w2 * b0
-    wb1 = w2 * b1
-    wb2 = w2 * b2
+def _add_equations(a0, a1, a2, b0, b1, b2, r, s, w, j, sums):
+    """Add two residuals of weight ``w``, whose derivatives are a and b, to the normal equations of a lane."""
+    wa0 = w * a0
+    wa1 = w * a1
+    wa2 = w * a2
+    wb0 = w * b0
+    wb1 = w * b1
+    wb2 = w * b2
     sums[0, j] += wa0 * a0 + wb0 * b0
     sums[1, j] += wa0 * a1 + wb0 * b1
     sums[2, j] += wa0 * a2 + wb0 * b2
     sums[3, j] += wa1 * a1 + wb1 * b1
     sums[4, j] += wa1 * a2 + wb1 * b2
     sums[5, j] += wa2 * a2 + wb2 * b2
-    sums[6, j] += w1 * (r * a0 + s * b0)
-    sums[7, j] += w1 * (r * a1 + s * b1)
-    sums[8, j] += w1 * (r * a2 + s * b2)
+    sums[6, j] += wa0 * r + wb0 * s
+    sums[7, j] += wa1 * r + wb1 * s
+    sums[8, j] += wa2 * r + wb2 * s
+
+
+@inline
+def linear_start(rows, weights, sums, state, lanes):
+    """Start active lanes where the depth-weighted (algebraic) residuals are least."""
+    clear_sums(sums)
+    for v in range(weights.shape[0]):
+        for j in range(BLOCK):
+            _add_equations(
+                rows[v, 0, j],
+                rows[v, 1, j],
+                rows[v, 2, j],
+                rows[v, 4, j],
+                rows[v, 5, j],
+                rows[v, 6, j],
+                rows[v, 3, j],
+                rows[v, 7, j],
+                weights[v, j],
+                j,
+                sums,
+            )
+    for j in range(BLOCK):
+        solved, x, y, z = solve_symmetric(
+            sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], sums[6, j], sums[7, j], sums[8, j]
+        )
+        state[X, j] = -x
+        state[X + 1, j] = -y
+        state[X + 2, j] = -z
+        state[COST, j] = math.inf
+        state[SCALE, j] = 1.0
+        lanes[j] = SINGULAR if (lanes[j] == ACTIVE) & (not solved) else lanes[j]
+
+
+@inline
+def add_view(rows, v, j, depth, r, s, w, sums):
+    """Add a view of weight ``w`` (1/px^2) to the sums of its lane, all but the cost."""
+    inverse = 1.0 / depth
+    c0 = inverse * rows[v, 8, j]
+    c1 = inverse * rows[v, 9, j]
+    c2 = inverse * rows[v, 10, j]
+    _add_equations(
+        inverse * rows[v, 0, j] - r * c0,
+        inverse * rows[v, 1, j] - r * c1,
+        inverse * rows[v, 2, j] - r * c2,
+        inverse * rows[v, 4, j] - s * c0,
+        inverse * rows[v, 5, j] - s * c1,
+        inverse * rows[v, 6, j] - s * c2,
+        r,
+        s,
+        w,
+        j,
+        sums,
+    )
     sums[DEPTH, j] = min(sums[DEPTH, j], depth if w > 0.0 else math.inf)
 
 
@@ -364,6 +362,8 @@ def store_points(state, covariances, status, places, points, covariance, out_sta
 @kernel
 def triangulate_views(
     cameras,
+    distorted,
+    fisheye,
     keypoints_px,
     confidence,
     rows_of,
@@ -382,6 +382,8 @@ def triangulate_views(
 
     Args:
         cameras: the camera array, shape (view, COLUMNS).
+        distorted: None if the rig has no lens with distortion polynomials.
+        fisheye: None if it has no fisheye.
         keypoints_px: shape (detection, keypoint, 2), NaN where missing.
         confidence: shape (detection, keypoint), NaN where the detector gives none.
         rows_of: shape (person_frame, view), int64: rows of the two above, or NO_DETECTION or NOT_RECORDED.
@@ -418,13 +420,13 @@ def triangulate_views(
         locate_lanes(first, total, n_keypoints, places)
         load_block(keypoints_px, confidence, rows_of, places, min_confidence, pixels, trust, block_codes)
         for v in range(n_views):
-            rows_block(cameras, v, pixels, lens_codes, rows, scratch)
+            rows_block(cameras, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
         open_lanes(weights, min_views, lanes, used)
         solve_block(rows, weights, sums, state, lanes)
         _point_codes(lanes, used, min_views, point_codes)
         judge_geometry(state, sums, point_codes)
-        reproject_block(cameras, pixels, state, errors)
+        reproject_block(cameras, distorted, fisheye, pixels, state, errors)
         linear_errors(rows, weights, state, errors)
         store_points(state, sums, point_codes, places, points, covariance, status)
         store_view_results(block_codes, errors, point_codes, places, view_codes, view_errors_px, mean_errors_px)

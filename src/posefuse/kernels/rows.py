@@ -5,7 +5,7 @@ What all triangulation works on; see docs/methods.md, "Observation rows".
 
 import math
 
-from posefuse.kernels.jit import inline
+from posefuse.kernels.jit import choice, inline
 from posefuse.kernels.lens import (
     CX,
     CY,
@@ -35,8 +35,8 @@ BLOCK = 32
 _BLOCK_NEWTON = 8
 
 
-@inline
-def rows_block(cameras, v, pixels, codes, rows, scratch):
+@choice
+def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
     """Turn a block of pixels of one view into the rows that make reprojection linear: what all triangulation works on.
 
     With ``g0, g1, c`` the rows (each of 4, acting on the homogeneous world point), the reprojection residual in true
@@ -46,19 +46,26 @@ def rows_block(cameras, v, pixels, codes, rows, scratch):
 
     Args:
         cameras: the camera array.
+        distorted: None if the rig has no lens with distortion polynomials, which then are not compiled either.
+        fisheye: None if it has no fisheye.
         v: the view.
         pixels: shape (view, 2, BLOCK).
         codes: shape (view, BLOCK), written: the status of each pixel.
         rows: shape (view, 12, BLOCK), written: g0, g1, c; where the status is not OK, rows that say nothing.
         scratch: shape (6, BLOCK).
     """
-    lens = cameras[v, LENS]
-    if lens == PINHOLE:
-        _pinhole_rows(cameras, v, pixels, codes, rows)
-        return
-    if lens == FISHEYE:
+    if fisheye is not None and cameras[v, LENS] == FISHEYE:
         _fisheye_rows(cameras, v, pixels, codes, rows)
         return
+    if distorted is not None and cameras[v, LENS] != PINHOLE:
+        _distorted_rows(cameras, v, pixels, codes, rows, scratch)
+        return
+    _pinhole_rows(cameras, v, pixels, codes, rows)
+
+
+@inline
+def _distorted_rows(cameras, v, pixels, codes, rows, scratch):
+    """Rows of a lens with distortion polynomials: the derivative at the undistorted pixel."""
     _undistort_block(cameras, v, pixels, codes, scratch)
     for j in range(BLOCK):
         x = scratch[0, j]

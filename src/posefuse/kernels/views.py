@@ -3,7 +3,7 @@
 import math
 
 from posefuse.kernels import codes
-from posefuse.kernels.jit import inline
+from posefuse.kernels.jit import choice, inline
 from posefuse.kernels.lens import (
     BEYOND,
     CX,
@@ -98,23 +98,27 @@ def weigh_block(scale_px, exponent, trust, lens_codes, view_codes, weights):
             view_codes[v, j] = codes.VIEW_BEYOND_LENS if beyond else view_codes[v, j]
 
 
-@inline
-def reproject_block(cameras, pixels, state, view_errors):
+@choice
+def reproject_block(cameras, distorted, fisheye, pixels, state, view_errors):
     """Distances in px between observed and projected pixels, through the whole lens model; NaN where there is none.
 
     The first three rows of ``state`` are the points. The same projection as ``project_point``, a block at a time.
     """
     for v in range(pixels.shape[0]):
-        if cameras[v, LENS] == FISHEYE:
-            for j in range(BLOCK):
-                x, y, z = to_camera(cameras, v, state[0, j], state[1, j], state[2, j])
-                _, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
-                view_errors[v, j] = math.sqrt((pixel_u - pixels[v, 0, j]) ** 2 + (pixel_v - pixels[v, 1, j]) ** 2)
-            continue
         if cameras[v, LENS] == PINHOLE:
             _reproject_pinhole(cameras, v, pixels, state, view_errors)
-        else:
+        if fisheye is not None and cameras[v, LENS] == FISHEYE:
+            _reproject_fisheye(cameras, v, pixels, state, view_errors)
+        if distorted is not None and cameras[v, LENS] != PINHOLE and cameras[v, LENS] != FISHEYE:
             _reproject_distorted(cameras, v, pixels, state, view_errors)
+
+
+@inline
+def _reproject_fisheye(cameras, v, pixels, state, view_errors):
+    for j in range(BLOCK):
+        x, y, z = to_camera(cameras, v, state[0, j], state[1, j], state[2, j])
+        _, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
+        view_errors[v, j] = math.sqrt((pixel_u - pixels[v, 0, j]) ** 2 + (pixel_v - pixels[v, 1, j]) ** 2)
 
 
 @inline

@@ -252,9 +252,17 @@ class CameraRig:
         return replace(self, cameras=tuple(self[name] for name in names))
 
     @cached_property
-    def packed(self) -> np.ndarray:
-        """The cameras as kernels see them, shape (view, COLUMNS)."""
-        return frozen(np.stack([camera.packed for camera in self.cameras]))
+    def packed(self) -> tuple[np.ndarray, bool | None, bool | None]:
+        """The cameras as kernels see them.
+
+        Returns:
+            The camera array, shape (view, COLUMNS); and whether any lens is distorted, and any a fisheye: None if not,
+            for then kernels are compiled without that lens, in a quarter less time.
+        """
+        lenses = {camera.lens for camera in self.cameras}
+        distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None
+        fisheye = True if LensModel.FISHEYE in lenses else None
+        return frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye
 
     def project(self, points_m: np.ndarray) -> np.ndarray:
         """Pixels of world points in every view: (..., 3) to (view, ..., 2), NaN where there is none."""

@@ -48,7 +48,7 @@ def solve(
     out = EmptyLayer.of(tracks, len(detections.skeleton))
     chosen = options.consensus
     triangulate_consensus(
-        rig.packed,
+        *rig.packed,
         np.asarray(detections.keypoints_px),
         np.asarray(detections.confidence),
         rows_by_person_frame(tracks, detections),

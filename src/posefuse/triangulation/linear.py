@@ -27,7 +27,7 @@ class LinearPoints:
         """Linear about given points, shape (point, 3), which should lie near where the views see them."""
         shape = observations.pixels.shape
         residuals, jacobians = np.empty(shape), np.empty((*shape, 3))
-        linearise(observations.rig.packed, points_m, observations.pixels, residuals, jacobians)
+        linearise(*observations.rig.packed, points_m, observations.pixels, residuals, jacobians)
         return cls(residuals, jacobians)
 
     @classmethod

@@ -70,7 +70,7 @@ class Observations:
         )
         rows = np.arange(n * views).reshape(n, views)
         triangulate_views(
-            self.rig.packed,
+            *self.rig.packed,
             np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2),
             np.ascontiguousarray(self.confidence).reshape(n * views, 1),
             np.where(kept, rows, codes.NO_DETECTION),

@@ -37,7 +37,7 @@ def solve(
     assert options.min_views is not None
     out = EmptyLayer.of(tracks, len(detections.skeleton))
     triangulate_views(
-        rig.packed,
+        *rig.packed,
         np.asarray(detections.keypoints_px),
         np.asarray(detections.confidence),
         rows_by_person_frame(tracks, detections),

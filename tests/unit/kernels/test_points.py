@@ -1,5 +1,7 @@
 """Triangulation kernels against maximum likelihood by SciPy, and their statuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,7 +42,7 @@ def triangulate(
         "mean_errors": np.empty((n, keypoints)),
     }
     points.triangulate_views(
-        rig.packed,
+        *rig.packed,
         np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
         np.ascontiguousarray(trust.reshape(-1, keypoints)),
         np.arange(n * views).reshape(n, views) if rows is None else rows,
@@ -84,6 +86,17 @@ def test_noise_free_points_come_back_exactly(rng):
     out = triangulate(rig, noisy(rig, truth, rng, 0.0))
     np.testing.assert_allclose(out["points"], truth, atol=1e-7)
     np.testing.assert_allclose(out["view_errors"], 0.0, atol=1e-4)
+
+
+def test_lenses_that_the_rig_lacks_change_nothing(rng):
+    rig = ring(4)
+    pixels = noisy(rig, body_points(rng, 3, 5), rng)
+    mixed = CameraRig((*rig.cameras, *(replace(ring(4, lens).cameras[0], name=lens) for lens in ("barrel", "fisheye"))))
+    unseen = np.concatenate([pixels, np.full_like(pixels[:, :2], np.nan)], axis=1)
+    alone, among = triangulate(rig, pixels), triangulate(mixed, unseen)
+    for name in ("points", "covariance", "status", "mean_errors"):
+        np.testing.assert_array_equal(alone[name], among[name])
+    np.testing.assert_array_equal(alone["view_errors"], among["view_errors"][..., :4])
 
 
 def test_view_errors_are_true_pixel_distances(rng):
