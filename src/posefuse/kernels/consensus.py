@@ -51,6 +51,10 @@ _APART_SQUARED = 36.0
 # With more views than this some are nearly always wrong, and asking whether none is would be vain.
 _QUICK_UP_TO = 8
 _QUICK_ROUNDS = 4
+# How a block is sought: the point of all views; a few pairs; as many as it takes.
+_QUICK = 0
+_BRIEF = 1
+_WHOLE = 2
 # Far from the algebraic point of all views a cost does not fall to a tenth in the rounds that follow.
 _HOPELESS = 10.0
 
@@ -164,54 +168,64 @@ def _start_quickly(rows, weights, min_views, sums, state, used, lanes):
 
 
 @inline
-def _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting):
-    """Leave lanes whose views do not all agree to the thorough way.
-
-    Args:
-        places: shape (2, BLOCK): of the lanes; -1 where one is put off.
-        n_keypoints: of a person.
-        min_views: points with fewer views are done with.
-        used: shape (BLOCK,), views there are.
-        agreeing: shape (BLOCK,), views that agree with the point of all.
-        lanes: shape (BLOCK,).
-        best: shape (7, BLOCK), written: no proposal was needed.
-        pending: shape (point,), int64: numbers of the points put off.
-        waiting: how many there are.
-
-    Returns:
-        How many there are now.
-    """
-    for j in range(BLOCK):
-        best[4, j] = 0.0
-        done = (used[j] < min_views) | ((lanes[j] == OK) & (agreeing[j] == used[j]))
-        if (not done) and places[0, j] >= 0:
-            pending[waiting] = places[0, j] * n_keypoints + places[1, j]
-            waiting += 1
-            places[0, j] = -1
-        if not done:
-            used[j] = 0
-            agreeing[j] = 0
-    return waiting
+def _put_off(places, n_keypoints, j, used, pending, waiting, queue):
+    """Leave lane ``j`` to be gone over again."""
+    used[j] = 0
+    if places[0, j] >= 0:
+        pending[queue, waiting[queue]] = places[0, j] * n_keypoints + places[1, j]
+        waiting[queue] += 1
+        places[0, j] = -1
 
 
 @inline
-def _next_block(first, total, n_views, n_keypoints, pending, waiting, places):
+def _leave_contested(places, n_keypoints, min_views, brief, used, agreeing, lanes, best, pending, waiting):
+    """Put off the lanes whose views do not all agree with the point of all."""
+    for j in range(BLOCK):
+        # No proposal was needed.
+        best[4, j] = 0.0
+        if used[j] >= min_views and not (lanes[j] == OK and agreeing[j] == used[j]):
+            agreeing[j] = 0
+            _put_off(places, n_keypoints, j, used, pending, waiting, 0 if brief > 0 else 1)
+
+
+@inline
+def _leave_undecided(places, n_keypoints, best, used, pending, waiting):
+    """Put off the lanes for which more pairs than the first few have to be tried."""
+    for j in range(BLOCK):
+        if best[3, j] < best[6, j]:
+            _put_off(places, n_keypoints, j, used, pending, waiting, 1)
+
+
+@inline
+def _next_block(first, total, n_views, n_keypoints, brief, pending, waiting, places):
     """What is worked on next: new points, or as soon as they fill a block, those that were put off.
 
+    Args:
+        first: number of the next new point.
+        total: of new points.
+        n_views: of the rig.
+        n_keypoints: of a person.
+        brief: how many pairs a brief search tries; 0 if all are whole.
+        pending: shape (2, point), int64: numbers of the points put off to a brief search, and to a whole one.
+        waiting: shape (2,), int64: how many of each there are.
+        places: shape (2, BLOCK), written.
+
     Returns:
-        ``(thorough, first, waiting)``: whether the block is sought thoroughly; the next new point; how many wait on.
+        How the block is to be sought, and the next new point.
     """
-    many = n_views > _QUICK_UP_TO
-    if first < total and (many or waiting < BLOCK):
+    fresh = first < total
+    queue = 1 if waiting[1] >= BLOCK or (waiting[0] == 0 and not fresh) else 0
+    if fresh and waiting[queue] < BLOCK:
         locate_lanes(first, total, n_keypoints, places)
-        return many, first + BLOCK, waiting
-    taken = min(waiting, BLOCK)
+        return _QUICK if n_views <= _QUICK_UP_TO else (_BRIEF if brief > 0 else _WHOLE), first + BLOCK
+    taken = min(waiting[queue], BLOCK)
+    # The last to come are the first to go: which lanes share a block changes nothing.
+    waiting[queue] -= taken
     for j in range(BLOCK):
-        places[0, j] = pending[j] // n_keypoints if j < taken else -1
-        places[1, j] = pending[j] % n_keypoints if j < taken else 0
-    for i in range(taken, waiting):
-        pending[i - taken] = pending[i]
-    return True, first, waiting - taken
+        point = pending[queue, waiting[queue] + j] if j < taken else 0
+        places[0, j] = point // n_keypoints if j < taken else -1
+        places[1, j] = point % n_keypoints
+    return _BRIEF + queue, first
 
 
 @inline
@@ -315,6 +329,7 @@ def triangulate_consensus(
     min_views,
     pairs,
     enough,
+    brief,
     bound_sigma,
     full_sigma,
     none_sigma,
@@ -340,6 +355,8 @@ def triangulate_consensus(
         min_views: points with fewer agreeing views are missing (at least 2).
         pairs: shape (pair, 2), int64, see :func:`search`.
         enough: shape (view + 1, view + 1), int64, see :func:`search`.
+        brief: the few points of a block for which so many pairs are not enough are put off to blocks of their own; 0
+            if none are.
         bound_sigma: hypotheses: a residual of more sigmas costs no more.
         full_sigma: refinement: a residual of fewer sigmas counts whole.
         none_sigma: refinement: a residual of more sigmas does not count; the view disagrees.
@@ -364,7 +381,6 @@ def triangulate_consensus(
     block_codes = np.empty((n_views, BLOCK), np.int64)
     ranks = np.empty((n_views, BLOCK), np.int64)
     scratch = np.empty((6, BLOCK))
-    trial = np.empty((6, BLOCK))
     best = np.empty((7, BLOCK))
     sums = np.empty((SUM_ROWS, BLOCK))
     state = np.empty((STATE_ROWS, BLOCK))
@@ -374,24 +390,26 @@ def triangulate_consensus(
     lanes = np.empty(BLOCK, np.int64)
     point_codes = np.empty(BLOCK, np.int64)
     bound, full, none = bound_sigma * bound_sigma, full_sigma * full_sigma, none_sigma * none_sigma
-    pending = np.empty(total, np.int64)
-    first, waiting = 0, 0
-    while first < total or waiting > 0:
-        thorough, first, waiting = _next_block(first, total, n_views, n_keypoints, pending, waiting, places)
+    pending, waiting, first = np.empty((2, total), np.int64), np.zeros(2, np.int64), 0
+    while first < total or waiting[0] + waiting[1] > 0:
+        sought, first = _next_block(first, total, n_views, n_keypoints, brief, pending, waiting, places)
+        thorough = sought != _QUICK
         load_block(keypoints_px, confidence, rows_of, places, min_confidence, pixels, trust, block_codes)
         for v in range(n_views):
             rows_block(cameras, distorted, fisheye, v, pixels, lens_codes, rows, scratch)
         weigh_block(scale_px, exponent, trust, lens_codes, block_codes, weights)
         if thorough:
             rank_views(trust, weights, ranks, used)
-            search(rows, weights, ranks, used, pairs, enough, bound, trial, best)
+            tries = brief if sought == _BRIEF else 0
+            if search(rows, weights, ranks, used, pairs, enough, tries, bound, scratch, best) > 0:
+                _leave_undecided(places, n_keypoints, best, used, pending, waiting)
             _start(best, min_views, used, state, lanes)
         else:
             _start_quickly(rows, weights, min_views, sums, state, used, lanes)
         refine(rows, weights, thorough, full, none, used, sums, state, lanes)
         accept(rows, weights, state, none if thorough else full, accepted, agreeing)
         if not thorough:
-            waiting = _put_off(places, n_keypoints, min_views, used, agreeing, lanes, best, pending, waiting)
+            _leave_contested(places, n_keypoints, min_views, brief, used, agreeing, lanes, best, pending, waiting)
         _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, point_codes)
         _spread(rows, accepted, thorough, sums, state, point_codes)
         reproject_block(cameras, distorted, fisheye, pixels, state, errors)

@@ -6,6 +6,9 @@ from posefuse.kernels.jit import inline
 from posefuse.kernels.points import solve_symmetric
 from posefuse.kernels.rows import BLOCK, residual
 
+# Of a block; the others would all have to wait for them.
+_FEW = BLOCK // 4
+
 
 @inline
 def rank_views(trust, weights, ranks, used):
@@ -94,7 +97,7 @@ def _score(rows, weights, bound, trial):
 
 
 @inline
-def search(rows, weights, ranks, used, pairs, enough, bound, trial, best):
+def search(rows, weights, ranks, used, pairs, enough, brief, bound, trial, best):
     """The best-scoring two-view point of each lane.
 
     Args:
@@ -105,9 +108,13 @@ def search(rows, weights, ranks, used, pairs, enough, bound, trial, best):
         pairs: shape (pair, 2), int64: ranks to try together, the most promising first.
         enough: shape (view + 1, view + 1), int64: with so many views, of which so many agree, after how many tried
             pairs a better point is no longer to be expected.
+        brief: after so many pairs the search may end with a few lanes undecided; 0 if it may not.
         bound: what a view that disagrees costs, in squared sigma units.
         trial: shape (6, BLOCK), scratch.
         best: shape (7, BLOCK), written: point, pairs tried, cost, views that agree, pairs to try.
+
+    Returns:
+        How many lanes are undecided: there more pairs should be tried than were.
     """
     for j in range(BLOCK):
         best[3, j] = 0.0
@@ -136,5 +143,6 @@ def search(rows, weights, ranks, used, pairs, enough, bound, trial, best):
         for j in range(BLOCK):
             best[6, j] = enough[used[j], int(best[5, j])]
             waiting += 1 if best[3, j] < best[6, j] else 0
-        if waiting == 0:
-            break
+        if waiting == 0 or (p + 1 == brief and waiting <= _FEW):
+            return waiting
+    return 0
