@@ -93,7 +93,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
 
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
-    from posefuse.model.status import PointStatus, ViewStatus
+    from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
     from posefuse.report.summary import summarise
 
     name, _ = result.best_layer(result.options.layer)
@@ -116,12 +116,11 @@ def describe(result: Reconstruction) -> None:
         say(f"missing: {n} points, {PointStatus(code).sentence}")
     if not there:
         totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)
-        _, cause = max((int(n), code) for n, code in totals if code is not ViewStatus.USED)
+        _, cause = max((int(n), code) for n, code in totals if code not in USED_CODES)
         warn(f"no point has coordinates. Most observations: {cause.sentence}.")
     rows = []
     for v, camera in enumerate(result.rig.names):
-        counts = summary.view_status_counts[v]
         error = summary.error_px_by_view[v]
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
-        rows.append([camera, percent(counts[0] / max(int(counts.sum()), 1)), *numbers])
+        rows.append([camera, percent(summary.used[v]), *numbers])
     table(None, ["camera", "used", "median px", "90 % px"], rows)

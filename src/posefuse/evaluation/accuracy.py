@@ -11,7 +11,7 @@ import numpy as np
 
 from posefuse.errors import ResultError, choices
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import is_used
 
 FAR_M = 0.05
 _SAME_TIME = 1e-3
@@ -138,7 +138,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
 
 def median_reprojection_px(layer: Layer) -> float | None:
     """Median distance between observed and projected pixels over all used observations; None where there are none."""
-    used = np.asarray(layer.view_error_px[:])[np.asarray(layer.view_status[:]) == ViewStatus.USED]
+    used = np.asarray(layer.view_error_px[:])[is_used(np.asarray(layer.view_status[:]))]
     used = used[np.isfinite(used)]
     return float(np.median(used)) if used.size else None
 

@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.evaluation.accuracy import Truth, evaluate
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import ViewStatus, is_used
 
 SHARES = np.linspace(0.0, 1.0, 401)
 """Of the observations: where a distribution of errors is kept."""
@@ -122,7 +122,7 @@ def method_numbers(result: Reconstruction, truth: Truth | None, cpu_s_per_frame:
 
 
 def _used_error(layer: Layer) -> ErrorSpread:
-    errors = np.asarray(layer.view_error_px[:])[np.asarray(layer.view_status[:]) == ViewStatus.USED]
+    errors = np.asarray(layer.view_error_px[:])[is_used(np.asarray(layer.view_status[:]))]
     return spread_of(errors[np.isfinite(errors)])
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import is_used
 
 HIGH = 95.0
 """The percentile beside the mean: a mean hardly moves when few errors are removed."""
@@ -40,7 +40,7 @@ def error_profile(parts: Iterable[Reconstruction]) -> ErrorProfile:
     numbers, gathered, present = [], [], []
     for part in parts:
         layer = part.layers["measured"]
-        used = np.asarray(layer.view_status[:]) == ViewStatus.USED
+        used = is_used(np.asarray(layer.view_status[:]))
         gathered.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan))
         present.append(layer.has_point)
         numbers.append(part.frame_numbers)

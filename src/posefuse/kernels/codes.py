@@ -27,6 +27,7 @@ VIEW_OUTLIER = 4
 VIEW_BEHIND_CAMERA = 5
 VIEW_NOT_RECORDED = 6
 VIEW_NOT_USED = 7
+VIEW_USED_SWAPPED = 8
 
 NO_DETECTION = -1
 """In the table of rows: the view has no detection of this person in this frame."""

@@ -12,7 +12,8 @@ from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import PointStatus, is_used
+from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
 
 LAYERS: tuple[LayerName, ...] = ("measured", "solved", "model")
@@ -73,7 +74,7 @@ class Layer:
     @property
     def n_views(self) -> np.ndarray:
         """Shape (frame, person, keypoint), int: views used."""
-        return (np.asarray(self.view_status[:]) == ViewStatus.USED).sum(axis=-1)
+        return is_used(np.asarray(self.view_status[:])).sum(axis=-1)
 
     @property
     def has_point(self) -> np.ndarray:
@@ -121,6 +122,7 @@ class Reconstruction:
         layers: name to layer; see :data:`LAYERS`.
         tracks: which detection in which view was whose, or None for a result that was not made from detections.
         noise: how noisy the detections were taken to be, or None likewise.
+        swaps: which views took left for right, or None where labels were believed.
         rate_hz: nominal frame rate, or None where unknown.
         unit: ``m``; ``px`` for one flattened camera, whose image plane is no place in the world.
         options: what the user chose.
@@ -138,6 +140,7 @@ class Reconstruction:
     layers: Mapping[str, Layer]
     tracks: Tracks | None = None
     noise: NoiseModel | None = None
+    swaps: Swaps | None = None
     rate_hz: float | None = None
     unit: str = "m"
     options: Options = field(default_factory=Options)
@@ -191,6 +194,7 @@ class Reconstruction:
             time_s=self.time_s[start:stop],
             layers={name: layer.frames(start, stop) for name, layer in self.layers.items()},
             tracks=None if self.tracks is None else self.tracks.frames(start, stop),
+            swaps=None if self.swaps is None else self.swaps.frames(start, stop),
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
@@ -208,6 +212,7 @@ class Reconstruction:
             time_s=np.concatenate([part.time_s for part in parts]),
             layers={name: Layer.concatenate([part.layers[name] for part in parts]) for name in first.layers},
             tracks=None if first.tracks is None else Tracks.concatenate([part.tracks for part in parts if part.tracks]),
+            swaps=None if first.swaps is None else Swaps.concatenate([part.swaps for part in parts if part.swaps]),
         )
 
     def __eq__(self, other: object) -> bool:

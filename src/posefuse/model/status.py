@@ -2,6 +2,8 @@
 
 from enum import IntEnum
 
+import numpy as np
+
 from posefuse.kernels import codes
 
 
@@ -49,6 +51,7 @@ class ViewStatus(IntEnum):
     BEHIND_CAMERA = codes.VIEW_BEHIND_CAMERA
     NOT_RECORDED = codes.VIEW_NOT_RECORDED
     NOT_USED = codes.VIEW_NOT_USED
+    USED_SWAPPED = codes.VIEW_USED_SWAPPED
 
     @property
     def label(self) -> str:
@@ -78,6 +81,14 @@ class Source(IntEnum):
         return "" if self is Source.NONE else self.name.lower()
 
 
+USED_CODES = (ViewStatus.USED, ViewStatus.USED_SWAPPED)
+
+
+def is_used(view_status: np.ndarray) -> np.ndarray:
+    """Where a point rests on the view: by its own label, or by that of the other side."""
+    return np.isin(view_status, USED_CODES)
+
+
 _POINT_SENTENCES = {
     PointStatus.OK: "measured from at least three views",
     PointStatus.TWO_VIEWS: "measured from two views: nothing to check them against",
@@ -103,4 +114,5 @@ _VIEW_SENTENCES = {
     ViewStatus.BEHIND_CAMERA: "the point would lie behind this camera",
     ViewStatus.NOT_RECORDED: "the view has no such frame",
     ViewStatus.NOT_USED: "valid, but the point was not solved",
+    ViewStatus.USED_SWAPPED: "used: what the detector took for the other side",
 }

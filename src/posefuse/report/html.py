@@ -23,7 +23,13 @@ from posefuse.report.summary import Summary, summarise
 SHOWN_FRAMES = 1500
 """A longer recording is thinned to about this many frames for display, and the page says so."""
 
-_VIEW_CODES = (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.LOW_CONFIDENCE, ViewStatus.UNSEEN)
+_VIEW_CODES = (
+    ViewStatus.USED,
+    ViewStatus.USED_SWAPPED,
+    ViewStatus.OUTLIER,
+    ViewStatus.LOW_CONFIDENCE,
+    ViewStatus.UNSEEN,
+)
 
 
 def render_report(
@@ -222,14 +228,12 @@ def _accuracy_table(accuracy: Accuracy | None) -> str:
 
 
 def _camera_table(result: Reconstruction, summary: Summary) -> str:
-    order = list(ViewStatus)
     head = "".join(f"<th>{escape(h)}</th>" for h in ("Camera", "Lens", "Used", "Median px", "90 % px"))
     rows = []
     for v, camera in enumerate(result.rig.cameras):
-        counts = summary.view_status_counts[v]
-        used = counts[order.index(ViewStatus.USED)] / max(int(counts.sum()), 1)
         error = summary.error_px_by_view[v]
-        cells = (camera.name, str(camera.lens), f"{100 * used:.1f} %", _or_dash(error.median), _or_dash(error.p90))
+        used = f"{100 * summary.used[v]:.1f} %"
+        cells = (camera.name, str(camera.lens), used, _or_dash(error.median), _or_dash(error.p90))
         rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
 

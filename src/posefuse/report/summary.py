@@ -7,7 +7,8 @@ import numpy as np
 
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import PointStatus, ViewStatus, is_used
+from posefuse.model.swaps import SwapState
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Summary:
         error_px_by_keypoint: per keypoint.
         missing_by_keypoint: share of points without coordinates, per keypoint.
         sd_mm: standard deviation, root mean square over the axes, of the points there are.
+        swapped: shape (view, chain): of the time that tells, the share in which the view takes the limb's left for its
+            right, NaN where it never tells; None where labels were believed.
     """
 
     layer: LayerName
@@ -44,20 +47,30 @@ class Summary:
     error_px_by_keypoint: tuple[Spread, ...]
     missing_by_keypoint: np.ndarray
     sd_mm: Spread
+    swapped: np.ndarray | None
+
+    @property
+    def used(self) -> np.ndarray:
+        """Shape (view,): the share of each view's observations that points rest on."""
+        counts = self.view_status_counts
+        used = is_used(np.array(list(ViewStatus)))
+        return counts[:, used].sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
 
 
 def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary:
     """Gather a layer's numbers from consecutive ranges of frames."""
-    errors, statuses, view_statuses, deviations = [], [], [], []
+    errors, statuses, view_statuses, deviations, swaps = [], [], [], [], []
     for part in parts:
         layer = part.layers[layer_name]
         status = np.asarray(layer.status[:])
         view_status = np.asarray(layer.view_status[:])
-        used = view_status == ViewStatus.USED
+        used = is_used(view_status)
         errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan).reshape(-1, *used.shape[2:]))
         statuses.append(status.reshape(-1, status.shape[-1]))
         view_statuses.append(view_status.reshape(-1, *view_status.shape[2:]))
         deviations.append(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)).ravel())
+        if part.swaps is not None:
+            swaps.append(np.asarray(part.swaps.state[:]))
     error = np.concatenate(errors)
     status = np.concatenate(statuses)
     view_status = np.concatenate(view_statuses)
@@ -72,7 +85,15 @@ def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         error_px_by_keypoint=tuple(spread(error[:, k]) for k in range(error.shape[1])),
         missing_by_keypoint=(status >= PointStatus.NOT_SEEN).mean(axis=0),
         sd_mm=spread(np.concatenate(deviations)),
+        swapped=swapped_share(np.concatenate(swaps)) if swaps else None,
     )
+
+
+def swapped_share(state: np.ndarray) -> np.ndarray:
+    """Shape (view, chain): the share of the frames of all people that tell, shape (frame, person, view, chain)."""
+    told = (state != SwapState.UNKNOWN).sum(axis=(0, 1))
+    swapped = (state == SwapState.SWAPPED).sum(axis=(0, 1))
+    return np.where(told > 0, swapped / np.maximum(told, 1), np.nan)
 
 
 def spread(values: np.ndarray) -> Spread:

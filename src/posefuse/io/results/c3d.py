@@ -18,7 +18,7 @@ from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import is_used
 from posefuse.progress import Progress, Silent, watched
 
 _CAMERA_BITS = 7
@@ -59,7 +59,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         xyz = np.asarray(part_layer.points_m)[:, index]
         points[:3, :, rows] = 1000.0 * np.moveaxis(xyz, 0, -1).transpose(1, 0, 2)
         residuals[0][:, rows] = _residuals(part_layer, index).T
-        used = np.asarray(part_layer.view_status)[:, index] == ViewStatus.USED
+        used = is_used(np.asarray(part_layer.view_status)[:, index])
         if used.shape[-1] <= _CAMERA_BITS:
             bits[: used.shape[-1], :, rows] = np.moveaxis(used, 0, -1).transpose(1, 0, 2)
         views += used.sum(axis=(0, 2))

@@ -1,6 +1,6 @@
 """``reconstruction.nc``: everything a :class:`Reconstruction` holds, as netCDF-4 that xarray opens.
 
-Dimensions: time, individual, keypoint, space, view. Each layer's variables carry its name: ``measured_position``
+Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
 (time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
 themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance and skeleton (JSON) are attributes.
 """
@@ -32,6 +32,7 @@ from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks, TrackState
 
 KIND = "reconstruction"
@@ -83,6 +84,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
             )
         stored = set(file.variables)
         person_ids = strings(file.variables["individual"])
+        chains = strings(file.variables["chain"]) if "chain" in stored else ()
         head: dict[str, Any] = {
             "rig": _read_rig(file),
             "skeleton": skeleton_from_text(text_of(file, "skeleton")),
@@ -110,7 +112,8 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
     tracks = None
     if "track_state" in stored:
         tracks = Tracks(person_ids, StoredArray(path, "track_detection"), StoredArray(path, "track_state"))
-    return Reconstruction(layers=layers, tracks=tracks, **head)
+    swaps = Swaps(chains, StoredArray(path, "chain_swapped")) if chains else None
+    return Reconstruction(layers=layers, tracks=tracks, swaps=swaps, **head)
 
 
 def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
@@ -149,6 +152,11 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
     if first.tracks is not None:
         add_variable(file, "track_detection", ("time", "individual", "view"), dtype="i4")
         add_variable(file, "track_state", ("time", "individual"), dtype="i1", **_attributes("", "", TrackState))
+    if first.swaps is not None:
+        file.dimensions["chain"] = len(first.swaps.chains)
+        add_variable(file, "chain", ("chain",), np.array(first.swaps.chains))
+        axes = ("time", "individual", "view", "chain")
+        add_variable(file, "chain_swapped", axes, dtype="i1", **_attributes("", "", SwapState))
     if first.noise is not None:
         file.attrs["noise_exponent"] = float(first.noise.exponent)
         file.attrs["noise_origin"] = first.noise.origin
@@ -178,6 +186,8 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
     if part.tracks is not None:
         file.variables["track_detection"][start:stop] = part.tracks.detection[:]
         file.variables["track_state"][start:stop] = part.tracks.state[:]
+    if part.swaps is not None:
+        file.variables["chain_swapped"][start:stop] = part.swaps.state[:]
 
 
 def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:

@@ -1,0 +1,54 @@
+"""Which views took a limb's left for its right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from posefuse.arrays import ArraySource, check_shape, same
+from posefuse.errors import ResultError
+
+
+class SwapState(IntEnum):
+    """What a view made of a limb's sides."""
+
+    UNKNOWN = -1
+    AS_LABELLED = 0
+    SWAPPED = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Swaps:
+    """The detector's labels of left and right, limb by limb, as the decision on sides found them.
+
+    Attributes:
+        chains: names of the skeleton's chains; a pair of keypoints in no chain is one of its own.
+        state: shape (frame, person, view, chain), int8: :class:`SwapState`.
+
+    Raises:
+        ResultError: where the arrays do not fit each other.
+    """
+
+    chains: tuple[str, ...]
+    state: ArraySource
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chains", tuple(self.chains))
+        check_shape(
+            ResultError, "Swaps", "state", self.state, frame=None, person=None, view=None, chain=len(self.chains)
+        )
+
+    def frames(self, start: int, stop: int) -> "Swaps":
+        """The frames ``start`` to ``stop``, in memory."""
+        return Swaps(self.chains, np.asarray(self.state[start:stop]))
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Swaps"]) -> "Swaps":
+        """Consecutive ranges of frames as one."""
+        return cls(parts[0].chains, np.concatenate([part.state[:] for part in parts]))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Swaps) and self.chains == other.chains and same(self.state[:], other.state[:])
+
+    __hash__ = None  # type: ignore[assignment]
