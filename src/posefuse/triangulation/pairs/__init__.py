@@ -1,0 +1,1 @@
+"""Two points from left and right rays whose labels are not believed."""
