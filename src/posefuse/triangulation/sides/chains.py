@@ -52,16 +52,23 @@ def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> t
     flipped = np.zeros(sequence.points.shape[:2], dtype=bool)
     learned = at_first(sequence, layout, options)
     ordered = sequence
-    for _ in range(1 + options.rounds):
-        change = decode(ordered, layout, learned)
+    for turn in range(1 + options.rounds):
+        change = decode(ordered, layout, learned, decided=turn > 0)
         flipped ^= change
         ordered = sequence.ordered(flipped)
         learned = learn(ordered, layout, options)
     return flipped, learned
 
 
-def decode(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (frame, pair), bool: the most likely exchanges of a sequence, block by block."""
+def decode(sequence: Sequence, layout: Layout, learned: Learned, *, decided: bool) -> np.ndarray:
+    """Shape (frame, pair), bool: the most likely exchanges of a sequence, block by block.
+
+    Args:
+        sequence: in some order.
+        layout: of its skeleton.
+        learned: of its person and views.
+        decided: whether that order is a decision; if not, blocks go by those before them only.
+    """
     frames, pairs, views = sequence.odds.shape
     memory = evidence.Memory.empty(pairs, views)
     time_cost = np.empty((frames, pairs, 2, 2))
@@ -72,19 +79,22 @@ def decode(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
     field = evidence.fields(sequence, layout, learned)
     link_cost = evidence.links(sequence, layout, learned)
     out = np.zeros((frames, pairs), dtype=bool)
+    known = np.full(pairs, decided)
     for block, (inside, ends) in zip(layout.blocks, layout.within, strict=True):
-        told = field + from_other_blocks(link_cost, out, layout)
+        told = field + from_other_blocks(link_cost, out, known, layout)
         n_states = 1 << len(block)
         origin = np.empty((frames, n_states), dtype=np.int64)
         decide_block(time_cost, told, link_cost, block, inside, ends, np.zeros(n_states), origin, out)
+        known[block] = True
     return out
 
 
-def from_other_blocks(link_cost: np.ndarray, flipped: np.ndarray, layout: Layout) -> np.ndarray:
-    """Shape (frame, pair): what exchanging a pair costs by its links to pairs of other blocks, as these now stand."""
+def from_other_blocks(link_cost: np.ndarray, flipped: np.ndarray, known: np.ndarray, layout: Layout) -> np.ndarray:
+    """Shape (frame, pair): what exchanging a pair costs by its links to known pairs of other blocks, as these stand."""
     out = np.zeros(flipped.shape)
     for k in np.flatnonzero(layout.across):
         a, b = layout.links[k]
-        out[:, a] += np.where(flipped[:, b], -link_cost[:, k], link_cost[:, k])
-        out[:, b] += np.where(flipped[:, a], -link_cost[:, k], link_cost[:, k])
+        for one, other in ((a, b), (b, a)):
+            if known[other]:
+                out[:, one] += np.where(flipped[:, other], -link_cost[:, k], link_cost[:, k])
     return out

@@ -24,6 +24,9 @@ class Layout:
         across: shape (link,), bool: links that join two blocks.
         unpaired: shape (U,), int64: keypoints without a partner.
         middles: shape (M,), int64: pairs whose midpoints, after the unpaired keypoints, show the body's midline.
+        trunk: shape (pair,), bool: pairs where limbs join the trunk, whose vectors point the same way at rest.
+        facing: shape (3,), int64: shoulders, hips and nose among the points of the midline; empty where one is not
+            there. Seen from the shoulders, hips cross nose points to the right.
     """
 
     chains: tuple[str, ...]
@@ -34,6 +37,8 @@ class Layout:
     across: np.ndarray
     unpaired: np.ndarray
     middles: np.ndarray
+    trunk: np.ndarray
+    facing: np.ndarray
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> "Layout":
@@ -55,7 +60,10 @@ class Layout:
         # From the trunk outwards, a ring of all chains at a time.
         ranked = sorted((rank, p) for chain in members for rank, p in enumerate(chain))
         middles = np.array([p for _, p in ranked[:_MIDPOINTS]], dtype=np.int64)
-        return cls(names, chain_of, blocks, links, within, across, unpaired, middles)
+        trunk = np.zeros(len(skeleton.pairs), dtype=bool)
+        trunk[_roots(members)] = True
+        facing = _facing(skeleton, unpaired, middles)
+        return cls(names, chain_of, blocks, links, within, across, unpaired, middles, trunk, facing)
 
 
 def _chains(skeleton: Skeleton) -> tuple[tuple[str, ...], list[list[int]]]:
@@ -84,13 +92,25 @@ def _links(skeleton: Skeleton, members: list[list[int]]) -> np.ndarray:
     for a, b in skeleton.edges:
         if a in place and b in place and place[a][1] == place[b][1] and place[a][0] != place[b][0]:
             found.add(tuple(sorted((place[a][0], place[b][0]))))
-    limbs = [chain[0] for chain in members if len(chain) > 1][:4] or [chain[0] for chain in members][:3]
+    limbs = _roots(members)
     for i, root in enumerate(limbs):
         found.update(tuple(sorted((root, other))) for other in limbs[:i])
     for chain in members:
         if len(chain) == 1 and chain[0] not in limbs:
             found.update(tuple(sorted((chain[0], root))) for root in limbs)
     return np.array(sorted(found), dtype=np.int64).reshape(-1, 2)
+
+
+def _roots(members: list[list[int]]) -> list[int]:
+    """The first pairs of limbs, or of a skeleton without limbs its first pairs."""
+    return [chain[0] for chain in members if len(chain) > 1][:4] or [chain[0] for chain in members][:3]
+
+
+def _facing(skeleton: Skeleton, unpaired: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    place = {skeleton.keypoints[k]: i for i, k in enumerate(unpaired)}
+    place |= {skeleton.pairs[p][0]: len(unpaired) + i for i, p in enumerate(middles)}
+    names = ("left_shoulder", "left_hip", "nose")
+    return np.array([place[name] for name in names] if place.keys() >= set(names) else [], dtype=np.int64)
 
 
 def _within(block: np.ndarray, links: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,10 @@ _TRIPLES = 3
 _NOT_SURE_OF = 30.0
 """An average over n frames is taken for n / (n + 30) of itself."""
 _LEAST_SD = 0.2
+_LIKENESS_OF_TRUNK, _LIKENESS_SD = 0.6, 0.5
+_ALONG_BY_FACING, _ALONG_SD = 0.45, 0.35
+_EXPECTED_FRAMES = 60.0
+"""What is expected of any body is given up for what is seen after so many frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,23 +93,37 @@ class Learned:
 
 
 def at_first(sequence: Sequence, layout: Layout, options: SideOptions) -> Learned:
-    """What is known before any decision: how things move, and of views what the options say."""
-    pairs, links, views = len(layout.chain_of), len(layout.links), sequence.odds.shape[2]
+    """What is known before any decision: how things move, what any body is like, and of views what the options say."""
+    links, views = len(layout.links), sequence.odds.shape[2]
     turn_speed, speed = speeds(sequence)
+    triples, along, along_sd = _expected_symmetry(layout)
     return Learned(
         turn_speed=turn_speed,
         speed=speed,
         length=np.zeros(links),
         length_sd=np.full(links, 1e6),
-        likeness=np.zeros(links),
-        likeness_sd=np.ones(links),
-        triples=np.zeros((pairs, 0, 3), dtype=np.int64),
-        along=np.zeros((pairs, 0)),
-        along_sd=np.ones((pairs, 0)),
+        likeness=_expected_likeness(layout),
+        likeness_sd=np.full(links, _LIKENESS_SD),
+        triples=triples,
+        along=along,
+        along_sd=along_sd,
         share=np.full(views, options.swap_share),
         rate=np.full(views, 1.0 / (options.dwell_s * (1.0 - options.swap_share))),
         alike=np.full(views, 0.5),
     )
+
+
+def _expected_likeness(layout: Layout) -> np.ndarray:
+    """Shape (link,): hips and shoulders point the same way; of other bones nothing is expected."""
+    return np.where(layout.trunk[layout.links].all(axis=1), _LIKENESS_OF_TRUNK, 0.0)
+
+
+def _expected_symmetry(layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each pair the triple of shoulders, hips and nose, which tells the trunk's sides."""
+    n_pairs, n_triples = len(layout.chain_of), int(len(layout.facing) > 0)
+    triples = np.tile(layout.facing.reshape(n_triples, 3), (n_pairs, 1, 1))
+    along = np.tile(np.where(layout.trunk, _ALONG_BY_FACING, 0.0)[:, None], (1, n_triples))
+    return triples, along, np.full((n_pairs, n_triples), _ALONG_SD)
 
 
 def learn(sequence: Sequence, layout: Layout, options: SideOptions) -> Learned:
@@ -178,10 +196,23 @@ def _symmetry(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarra
     mean = total / np.maximum(known, 1.0)
     sd = np.sqrt(np.maximum(squares / np.maximum(known, 1.0) - mean**2, 0.0))
     sd = np.maximum(sd, _LEAST_SD)
-    mean = mean * known / (known + _NOT_SURE_OF)
+    expected = np.zeros_like(mean)
+    certain = np.full_like(mean, _NOT_SURE_OF)
+    if len(layout.facing):
+        # The facing triple comes in another order among the sorted ones, which may turn its normal over.
+        k, sign = _place_of(layout.facing, every)
+        expected[k], certain[k] = sign * _ALONG_BY_FACING * layout.trunk, _EXPECTED_FRAMES
+    mean = (mean * known + expected * certain) / (known + certain)
     best = np.argsort(-np.abs(mean) / sd, axis=0, kind="stable")[:_TRIPLES].T
     pair = np.arange(n_pairs)[:, None]
     return every[best], mean[best, pair], sd[best, pair]
+
+
+def _place_of(triple: np.ndarray, every: np.ndarray) -> tuple[int, float]:
+    """Where a triple stands, in whatever order, and whether that order turns its normal over."""
+    order = np.argsort(triple)
+    k = int(np.flatnonzero((every == triple[order]).all(axis=1))[0])
+    return k, float(np.linalg.det(np.eye(3)[order]))
 
 
 def _links(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -195,7 +226,7 @@ def _links(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, 
     cosines = (first * second).sum(axis=-1) / np.maximum(sizes, 1e-12)
     likeness, likeness_sd = _middle_and_spread(cosines, 0.0, 1.0)
     seen = np.isfinite(cosines).sum(axis=0)
-    likeness = likeness * seen / (seen + _NOT_SURE_OF)
+    likeness = (likeness * seen + _expected_likeness(layout) * _EXPECTED_FRAMES) / (seen + _EXPECTED_FRAMES)
     return length, np.maximum(length_sd, 0.02 * length + 1e-6), likeness, np.maximum(likeness_sd, _LEAST_SD)
 
 
