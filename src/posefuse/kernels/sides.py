@@ -32,9 +32,7 @@ def _mahalanobis(x, y, z, a, b, spread):
 
 @inline
 def _between(point, covariance, then, then_covariance, spread):
-    return _mahalanobis(
-        point[0] - then[0], point[1] - then[1], point[2] - then[2], covariance, then_covariance, spread
-    )
+    return _mahalanobis(point[0] - then[0], point[1] - then[1], point[2] - then[2], covariance, then_covariance, spread)
 
 
 @inline
@@ -156,37 +154,48 @@ def remember(points, covariance, odds, now_s, then, then_covariance, then_s, the
 
 
 @inline
+def _pass_on(costs, origin, s, other, time_cost):
+    """The two states that differ in one pair's bit, from before it may be exchanged to after."""
+    keep, swap = costs[s], costs[other]
+    first, second = origin[s], origin[other]
+    if keep + time_cost[0, 0] <= swap + time_cost[1, 0]:
+        costs[s], origin[s] = keep + time_cost[0, 0], first
+    else:
+        costs[s], origin[s] = swap + time_cost[1, 0], second
+    if swap + time_cost[1, 1] <= keep + time_cost[0, 1]:
+        costs[other], origin[other] = swap + time_cost[1, 1], second
+    else:
+        costs[other], origin[other] = keep + time_cost[0, 1], first
+
+
+@inline
+def _cost_now(s, field, link_cost, members, links, link_ends):
+    """What a state costs by this frame alone."""
+    cost = 0.0
+    for j in range(members.shape[0]):
+        if s & (1 << j):
+            cost += field[members[j]]
+    for k in range(links.shape[0]):
+        if ((s >> link_ends[k, 0]) ^ (s >> link_ends[k, 1])) & 1:
+            cost += link_cost[links[k]]
+    return cost
+
+
+@inline
 def _advance(costs, origin, time_cost, field, link_cost, members, links, link_ends):
     """One step of Viterbi over a block's orientations: ``costs`` and where each came from are updated."""
-    n_states = costs.shape[0]
-    for s in range(n_states):
+    for s in range(costs.shape[0]):
         origin[s] = s
     # Transitions of pairs are independent, so bit after bit is exact and takes J 2^J steps instead of 4^J.
     for j in range(members.shape[0]):
-        p, bit = members[j], 1 << j
-        for s in range(n_states):
-            if s & bit:
-                continue
-            kept, other = costs[s], costs[s | bit]
-            first, second = origin[s], origin[s | bit]
-            if kept + time_cost[p, 0, 0] <= other + time_cost[p, 1, 0]:
-                costs[s], origin[s] = kept + time_cost[p, 0, 0], first
-            else:
-                costs[s], origin[s] = other + time_cost[p, 1, 0], second
-            if other + time_cost[p, 1, 1] <= kept + time_cost[p, 0, 1]:
-                costs[s | bit], origin[s | bit] = other + time_cost[p, 1, 1], second
-            else:
-                costs[s | bit], origin[s | bit] = kept + time_cost[p, 0, 1], first
+        for s in range(costs.shape[0]):
+            if not s & (1 << j):
+                _pass_on(costs, origin, s, s | (1 << j), time_cost[members[j]])
     least = math.inf
-    for s in range(n_states):
-        for j in range(members.shape[0]):
-            if s & (1 << j):
-                costs[s] += field[members[j]]
-        for k in range(links.shape[0]):
-            if ((s >> link_ends[k, 0]) ^ (s >> link_ends[k, 1])) & 1:
-                costs[s] += link_cost[links[k]]
+    for s in range(costs.shape[0]):
+        costs[s] += _cost_now(s, field, link_cost, members, links, link_ends)
         least = min(least, costs[s])
-    for s in range(n_states):
+    for s in range(costs.shape[0]):
         costs[s] -= least
 
 
@@ -205,27 +214,16 @@ def all_time_costs(
 
 
 @kernel
-def advance_block(time_cost, field, link_cost, members, links, link_ends, costs, origin):
-    """One frame of the forward pass over a block of pairs.
+def decide_block(time_cost, field, link_cost, members, links, link_ends, costs, origin, out):
+    """The cheapest orientations of a block over time.
 
     Args:
-        time_cost: shape (pair, 2, 2): orientation before, orientation now.
-        field: shape (pair,): cost of exchanging the pair's points.
-        link_cost: shape (link,): cost of two linked pairs not being exchanged alike.
+        time_cost: shape (frame, pair, 2, 2): orientation before, orientation now.
+        field: shape (frame, pair): cost of exchanging the pair's points.
+        link_cost: shape (frame, link): cost of two linked pairs not being exchanged alike.
         members: shape (J,), int64: the block's pairs, the first being the lowest bit of a state.
         links: shape (K,), int64: links within the block.
         link_ends: shape (K, 2), int64: which bits they join.
-        costs: shape (2^J,), of each state, updated.
-        origin: shape (2^J,), int64, written: the state before.
-    """
-    _advance(costs, origin, time_cost, field, link_cost, members, links, link_ends)
-
-
-@kernel
-def decide_block(time_cost, field, link_cost, members, links, link_ends, costs, origin, out):
-    """The cheapest orientations of a block over time; arguments as of :func:`advance_block` with a frame axis first.
-
-    Args:
         costs: shape (2^J,), of each state before the first frame; those after the last frame at the end.
         origin: shape (frame, 2^J), int64, scratch.
         out: shape (frame, pair), bool: the members' columns are written.

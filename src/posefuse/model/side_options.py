@@ -11,7 +11,7 @@ SIDE_METHODS: dict[str, str] = {
     "votes": "each ray votes for the point it is near, every pair and frame by itself (mc_dev's)",
     "plane": "the person faces along a known direction of the scene all the time (mc_dev's, its x axis put right)",
 }
-"""Ways to decide left and right and their line in ``posefuse methods``; one file each under ``triangulation/sides/``."""
+"""Ways to tell left from right and their line in ``posefuse methods``; a file each under ``triangulation/sides/``."""
 
 _AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 

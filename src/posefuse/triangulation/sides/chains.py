@@ -1,13 +1,18 @@
 """Limb by limb and over time: the default. See docs/methods.md, "Left and right"."""
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from posefuse.kernels.sides import all_time_costs, decide_block
 from posefuse.model.side_options import SideOptions
 from posefuse.triangulation.sides import evidence
+from posefuse.triangulation.sides.evidence import Memory
 from posefuse.triangulation.sides.layout import Layout
-from posefuse.triangulation.sides.learning import Learned, Sequence, at_first, learn
+from posefuse.triangulation.sides.learning import Learned, at_first, learn
 from posefuse.triangulation.sides.results import PairsInTime, Sides
+from posefuse.triangulation.sides.sequence import Sequence
 from posefuse.triangulation.sides.views import swapped_views
 
 
@@ -19,32 +24,14 @@ def decide(given: PairsInTime, options: SideOptions) -> Sides:
         options: of sides.
     """
     layout = Layout.of(given.skeleton)
-    points = given.by_frame(given.pairs.points_m)
-    flipped = np.zeros(points.shape[:3], dtype=bool)
-    swapped = np.full((*points.shape[:2], len(given.rig), len(layout.chains)), -1, dtype=np.int8)
+    shape = (given.n_frames, given.n_people)
+    flipped = np.zeros((*shape, len(layout.chain_of)), dtype=bool)
+    swapped = np.full((*shape, len(given.rig), len(layout.chains)), -1, dtype=np.int8)
     for person in range(given.n_people):
-        sequence = sequence_of(given, layout, person)
+        sequence = Sequence.of(given, layout, person)
         flipped[:, person], learned = decide_person(sequence, layout, options)
         swapped[:, person] = swapped_views(sequence.ordered(flipped[:, person]), layout, learned)
     return Sides(flipped, swapped, layout.chains)
-
-
-def sequence_of(given: PairsInTime, layout: Layout, person: int) -> Sequence:
-    """One person's pairs in the order they came in."""
-    frames = given.n_frames
-    unpaired = np.full((frames, len(layout.unpaired), 3), np.nan)
-    if given.midline_m is not None:
-        unpaired = np.asarray(given.midline_m)[:, person, layout.unpaired]
-    points = given.by_frame(given.pairs.points_m)[:, person]
-    present = np.isfinite(points).all(axis=-1, keepdims=True)
-    covariance = given.by_frame(given.pairs.covariance_m2)[:, person]
-    return Sequence(
-        points=np.ascontiguousarray(np.where(present, points, np.nan)),
-        covariance=np.ascontiguousarray(np.where(present, covariance, np.nan)),
-        odds=np.ascontiguousarray(given.by_frame(evidence.odds_of(given.pairs))[:, person]),
-        time_s=np.asarray(given.time_s, dtype=np.float64),
-        unpaired=unpaired,
-    )
 
 
 def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> tuple[np.ndarray, Learned]:
@@ -53,38 +40,62 @@ def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> t
     learned = at_first(sequence, layout, options)
     ordered = sequence
     for turn in range(1 + options.rounds):
-        change = decode(ordered, layout, learned, decided=turn > 0)
+        change = decode(ordered, layout, learned, Before.nothing(layout, len(learned.share)), decided=turn > 0)
         flipped ^= change
         ordered = sequence.ordered(flipped)
         learned = learn(ordered, layout, options)
+        if turn > 0 and not change.any():
+            break
     return flipped, learned
 
 
-def decode(sequence: Sequence, layout: Layout, learned: Learned, *, decided: bool) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What came before a stretch of frames; decoding goes on from it and writes what comes after into it.
+
+    Attributes:
+        memory: what was seen last.
+        costs: of each block, shape (2^J,): what its orientations cost so far, against the order decided on.
+    """
+
+    memory: Memory
+    costs: tuple[np.ndarray, ...]
+
+    @classmethod
+    def nothing(cls, layout: Layout, n_views: int) -> Self:
+        """The beginning."""
+        memory = Memory.empty(len(layout.chain_of), n_views)
+        return cls(memory, tuple(np.zeros(1 << len(block)) for block in layout.blocks))
+
+    def copy(self) -> Self:
+        """Another of the same."""
+        return type(self)(self.memory.copy(), tuple(costs.copy() for costs in self.costs))
+
+
+def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before, *, decided: bool) -> np.ndarray:
     """Shape (frame, pair), bool: the most likely exchanges of a sequence, block by block.
 
     Args:
         sequence: in some order.
         layout: of its skeleton.
         learned: of its person and views.
+        before: written: costs after the last frame, memory in the sequence's order.
         decided: whether that order is a decision; if not, blocks go by those before them only.
     """
-    frames, pairs, views = sequence.odds.shape
-    memory = evidence.Memory.empty(pairs, views)
+    frames, pairs, _ = sequence.odds.shape
     time_cost = np.empty((frames, pairs, 2, 2))
     all_time_costs(
-        sequence.points, sequence.covariance, sequence.odds, sequence.time_s, *memory.arrays,
+        sequence.points, sequence.covariance, sequence.odds, sequence.time_s, *before.memory.arrays,
         *evidence.how_things_move(layout, learned), np.empty((2, 6)), time_cost,
     )  # fmt: skip
     field = evidence.fields(sequence, layout, learned)
     link_cost = evidence.links(sequence, layout, learned)
     out = np.zeros((frames, pairs), dtype=bool)
     known = np.full(pairs, decided)
-    for block, (inside, ends) in zip(layout.blocks, layout.within, strict=True):
+    for block, (inside, ends), costs in zip(layout.blocks, layout.within, before.costs, strict=True):
         told = field + from_other_blocks(link_cost, out, known, layout)
-        n_states = 1 << len(block)
-        origin = np.empty((frames, n_states), dtype=np.int64)
-        decide_block(time_cost, told, link_cost, block, inside, ends, np.zeros(n_states), origin, out)
+        origin = np.empty((frames, len(costs)), dtype=np.int64)
+        decide_block(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
         known[block] = True
     return out
 

@@ -6,22 +6,15 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.sides import link_costs
-from posefuse.triangulation.pairs.results import SolvedPairs
 from posefuse.triangulation.sides.layout import Layout
-from posefuse.triangulation.sides.learning import Learned, Sequence, along_normals
+from posefuse.triangulation.sides.learning import Learned, along_normals
+from posefuse.triangulation.sides.sequence import Sequence
 
-ODDS_AT_MOST = 4.0
-"""No view's labels of one pair say more: an outlier may look like anything."""
 _BONES_AT_MOST = 6.0
 _BONES_COUNT = 0.35
 _FACING_AT_MOST = 4.0
 _FACING_COUNTS = 0.15
 """Poses that bones and symmetry misjudge last some frames; each of these frames counts for so much."""
-
-
-def odds_of(pairs: SolvedPairs) -> np.ndarray:
-    """Shape (person_frame, pair, view): half the squared sigmas, bounded."""
-    return np.clip(0.5 * np.nan_to_num(np.asarray(pairs.evidence, dtype=np.float64)), -ODDS_AT_MOST, ODDS_AT_MOST)
 
 
 @dataclass(frozen=True, eq=False)

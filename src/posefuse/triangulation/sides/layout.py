@@ -1,6 +1,7 @@
 """Which pairs are decided together: limbs, the bones between them, and the points of the body's midline."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -88,7 +89,7 @@ def _chains(skeleton: Skeleton) -> tuple[tuple[str, ...], list[list[int]]]:
 def _links(skeleton: Skeleton, members: list[list[int]]) -> np.ndarray:
     """Neighbours in a chain, pairs that an edge joins on one side, and the trunk: the roots of all chains."""
     place = {name: (p, side) for p, pair in enumerate(skeleton.pairs) for side, name in enumerate(pair)}
-    found = {tuple(sorted(two)) for chain in members for two in zip(chain, chain[1:], strict=False)}
+    found = {tuple(sorted(two)) for chain in members for two in pairwise(chain)}
     for a, b in skeleton.edges:
         if a in place and b in place and place[a][1] == place[b][1] and place[a][0] != place[b][0]:
             found.add(tuple(sorted((place[a][0], place[b][0]))))

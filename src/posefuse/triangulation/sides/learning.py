@@ -11,6 +11,7 @@ import numpy as np
 
 from posefuse.model.side_options import SideOptions
 from posefuse.triangulation.sides.layout import Layout
+from posefuse.triangulation.sides.sequence import Sequence
 
 _FRAMES = 300
 _TRIPLES = 3
@@ -21,45 +22,6 @@ _LIKENESS_OF_TRUNK, _LIKENESS_SD = 0.6, 0.5
 _ALONG_BY_FACING, _ALONG_SD = 0.45, 0.35
 _EXPECTED_FRAMES = 60.0
 """What is expected of any body is given up for what is seen after so many frames."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sequence:
-    """One person's pairs over time, in some order.
-
-    Attributes:
-        points: shape (frame, pair, 2, 3), NaN where missing.
-        covariance: shape (frame, pair, 2, 6).
-        odds: shape (frame, pair, view): logarithms of the odds that the view's labels are swapped against the order.
-        time_s: shape (frame,).
-        unpaired: shape (frame, U, 3): keypoints without a partner.
-    """
-
-    points: np.ndarray
-    covariance: np.ndarray
-    odds: np.ndarray
-    time_s: np.ndarray
-    unpaired: np.ndarray
-
-    def ordered(self, flipped: np.ndarray) -> "Sequence":
-        """With the two points of pairs exchanged where ``flipped`` (frame, pair) says so."""
-        which = flipped[..., None, None]
-        return Sequence(
-            np.where(which, self.points[:, :, ::-1], self.points),
-            np.where(which, self.covariance[:, :, ::-1], self.covariance),
-            np.where(flipped[..., None], -self.odds, self.odds),
-            self.time_s,
-            self.unpaired,
-        )
-
-    @property
-    def across(self) -> np.ndarray:
-        """Shape (frame, pair, 3): from the first to the second point."""
-        return self.points[:, :, 1] - self.points[:, :, 0]
-
-    def middle(self, layout: Layout) -> np.ndarray:
-        """Shape (frame, U + M, 3): the points of the midline."""
-        return np.concatenate([self.unpaired, self.points[:, layout.middles].mean(axis=2)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +193,7 @@ def _links(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _middle_and_spread(values: np.ndarray, middle: float, spread: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of each column: median, and standard deviation by the median absolute deviation; as given where all is missing."""
+    """Of each column: median, and standard deviation by the median deviation; as given where all is missing."""
     centre = _percentile(values, 50, middle)
     return centre, np.where(
         np.isfinite(values).any(axis=0), 1.4826 * _percentile(np.abs(values - centre), 50, spread), spread

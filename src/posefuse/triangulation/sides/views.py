@@ -3,10 +3,22 @@
 import numpy as np
 
 from posefuse.kernels.sides import swap_states
+from posefuse.model.side_options import SideOptions
 from posefuse.triangulation.sides.layout import Layout
-from posefuse.triangulation.sides.learning import Learned, Sequence
+from posefuse.triangulation.sides.learning import Learned, learn
+from posefuse.triangulation.sides.results import PairsInTime
+from posefuse.triangulation.sides.sequence import Sequence
 
 _TELLS = 0.5
+
+
+def views_of(given: PairsInTime, flipped: np.ndarray, layout: Layout, options: SideOptions) -> np.ndarray:
+    """Shape (frame, person, view, chain), int8, of a decision (frame, person, pair); see :func:`swapped_views`."""
+    out = np.empty((*flipped.shape[:2], len(given.rig), len(layout.chains)), dtype=np.int8)
+    for person in range(given.n_people):
+        ordered = Sequence.of(given, layout, person).ordered(flipped[:, person])
+        out[:, person] = swapped_views(ordered, layout, learn(ordered, layout, options))
+    return out
 
 
 def swapped_views(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
