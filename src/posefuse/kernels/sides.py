@@ -12,6 +12,8 @@ from posefuse.kernels.jit import inline, kernel
 _NU = 4.0
 """Degrees of freedom of the motion between frames, which has tails: most frames are calm, a kick is not."""
 _CONTINUITY_AT_MOST = 12.0
+_UNSEEN = 50.0
+"""Cost of exchanging a pair where nothing of it is seen: the order is that of the last points, so it stays."""
 
 
 @inline
@@ -99,28 +101,11 @@ def _labels(now, then, since_s, share, rate, weight, out):
             out[b, c] -= weight * math.log(is_now * expected + (1.0 - is_now) * (1.0 - expected))
 
 
-@kernel
-def time_costs(
-    points, covariance, odds, now_s, then, then_covariance, then_s, then_odds, odds_s, turn_speed, speed, share, rate,
-    weight, both, out,
-):  # fmt: skip
-    """What every orientation of every pair costs, given the one before.
-
-    Args:
-        points: shape (pair, 2, 3), NaN where missing.
-        covariance: shape (pair, 2, 6).
-        odds: shape (pair, view): logarithms of the odds that the view's labels are swapped against the points' order.
-        now_s: when.
-        then, then_covariance, then_s: shapes (pair, 2, 3), (pair, 2, 6), (pair, 2): the memory of points.
-        then_odds, odds_s: shape (pair, view): the memory of labels.
-        turn_speed: shape (pair,): how fast the vector between the two points changes, m/s per axis.
-        speed: shape (pair,): how fast a point moves.
-        share: shape (view,): how much of the time its labels are swapped.
-        rate: shape (view,): how fast it forgets whether they are, 1/s.
-        weight: shape (pair, view): how much a pair's label counts, less than 1 where its limb's labels go together.
-        both: shape (2, 6), scratch.
-        out: shape (pair, 2, 2), written: orientation then, orientation now.
-    """
+@inline
+def _time_costs(points, covariance, odds, now_s, memory, speeds, views, both, out):
+    """What every orientation of every pair costs, given the one before; as :func:`all_time_costs`, of one frame."""
+    then, then_covariance, then_s, then_odds, odds_s = memory
+    share, rate, weight = views
     for p in range(points.shape[0]):
         for b in range(2):
             out[p, b, 0] = 0.0
@@ -129,28 +114,60 @@ def time_costs(
             if odds[p, v] != 0.0:
                 since_s = now_s - odds_s[p, v]
                 _labels(odds[p, v], then_odds[p, v], since_s, share[v], rate[v], weight[p, v], out[p])
-        exchange = 50.0
+        exchange = _UNSEEN
         if not (math.isnan(points[p, 0, 0]) and math.isnan(points[p, 1, 0])):
             exchange = _continuity(
-                points[p], covariance[p], then[p], then_covariance[p], then_s[p], now_s, turn_speed[p], speed[p], both
+                points[p], covariance[p], then[p], then_covariance[p], then_s[p], now_s, speeds[0][p], speeds[1][p],
+                both,
             )  # fmt: skip
         out[p, 0, 1] += exchange
         out[p, 1, 0] += exchange
 
 
-@kernel
-def remember(points, covariance, odds, now_s, then, then_covariance, then_s, then_odds, odds_s):
-    """Put a frame, in the order decided on, into the memory; shapes as in :func:`time_costs`."""
+@inline
+def _remember(points, covariance, odds, now_s, memory):
+    then, then_covariance, then_s, then_odds, odds_s = memory
     for p in range(points.shape[0]):
         for i in range(2):
             if not math.isnan(points[p, i, 0]):
-                then[p, i] = points[p, i]
-                then_covariance[p, i] = covariance[p, i]
+                for k in range(3):
+                    then[p, i, k] = points[p, i, k]
+                for k in range(6):
+                    then_covariance[p, i, k] = covariance[p, i, k]
                 then_s[p, i] = now_s
         for v in range(odds.shape[1]):
             if abs(odds[p, v]) > 0.5:
                 then_odds[p, v] = odds[p, v]
                 odds_s[p, v] = now_s
+
+
+@kernel
+def remember(points, covariance, odds, time_s, memory):
+    """Put frames, in the order decided on, into the memory; arguments as of :func:`all_time_costs`."""
+    for t in range(points.shape[0]):
+        _remember(points[t], covariance[t], odds[t], time_s[t], memory)
+
+
+@kernel
+def all_time_costs(points, covariance, odds, time_s, memory, speeds, views, both, out):
+    """What every orientation of every pair costs, given the one before, frame after frame.
+
+    Args:
+        points: shape (frame, pair, 2, 3), NaN where missing.
+        covariance: shape (frame, pair, 2, 6).
+        odds: shape (frame, pair, view): logarithms of the odds that a view's labels are swapped against the order.
+        time_s: shape (frame,).
+        memory: what was seen last, updated: points (pair, 2, 3), covariances (pair, 2, 6), when (pair, 2), odds
+            (pair, view), when (pair, view).
+        speeds: shape (pair,), twice: how fast the vector between two points changes, how fast a point does, m/s.
+        views: the share of the time that a view's labels are swapped (view,), how fast it forgets whether they are
+            (view,), 1/s, and how much a pair's label counts (pair, view).
+        both: shape (2, 6), scratch.
+        out: shape (frame, pair, 2, 2), written: orientation before, orientation now.
+    """
+    for t in range(points.shape[0]):
+        _time_costs(points[t], covariance[t], odds[t], time_s[t], memory, speeds, views, both, out[t])
+        _remember(points[t], covariance[t], odds[t], time_s[t], memory)
 
 
 @inline
@@ -197,20 +214,6 @@ def _advance(costs, origin, time_cost, field, link_cost, members, links, link_en
         least = min(least, costs[s])
     for s in range(costs.shape[0]):
         costs[s] -= least
-
-
-@kernel
-def all_time_costs(
-    points, covariance, odds, time_s, then, then_covariance, then_s, then_odds, odds_s, turn_speed, speed, share, rate,
-    weight, both, out,
-):  # fmt: skip
-    """:func:`time_costs` of frame after frame, each remembered: a frame axis before those of the arrays and of out."""
-    for t in range(points.shape[0]):
-        time_costs(
-            points[t], covariance[t], odds[t], time_s[t], then, then_covariance, then_s, then_odds, odds_s, turn_speed,
-            speed, share, rate, weight, both, out[t],
-        )  # fmt: skip
-        remember(points[t], covariance[t], odds[t], time_s[t], then, then_covariance, then_s, then_odds, odds_s)
 
 
 @kernel

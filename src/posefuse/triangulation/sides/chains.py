@@ -13,6 +13,7 @@ from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.learning import Learned, at_first, learn
 from posefuse.triangulation.sides.results import PairsInTime, Sides
 from posefuse.triangulation.sides.sequence import Sequence
+from posefuse.triangulation.sides.settling import settle
 from posefuse.triangulation.sides.views import swapped_views
 
 
@@ -41,12 +42,20 @@ def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> t
     ordered = sequence
     for turn in range(1 + options.rounds):
         change = decode(ordered, layout, learned, Before.nothing(layout, len(learned.share)), decided=turn > 0)
+        change = settled(ordered, change, layout, learned)
         flipped ^= change
         ordered = sequence.ordered(flipped)
         learned = learn(ordered, layout, options)
         if turn > 0 and not change.any():
             break
     return flipped, learned
+
+
+def settled(sequence: Sequence, flipped: np.ndarray, layout: Layout, learned: Learned) -> np.ndarray:
+    """Shape (frame, pair): a decision on a sequence, put right where all of it is better the other way round."""
+    ordered = sequence.ordered(flipped)
+    memory = Memory.empty(len(layout.chain_of), len(learned.share))
+    return flipped ^ settle(ordered, layout, learned, time_costs_of(ordered, layout, learned, memory))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +92,7 @@ def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before,
         decided: whether that order is a decision; if not, blocks go by those before them only.
     """
     frames, pairs, _ = sequence.odds.shape
-    time_cost = np.empty((frames, pairs, 2, 2))
-    all_time_costs(
-        sequence.points, sequence.covariance, sequence.odds, sequence.time_s, *before.memory.arrays,
-        *evidence.how_things_move(layout, learned), np.empty((2, 6)), time_cost,
-    )  # fmt: skip
+    time_cost = time_costs_of(sequence, layout, learned, before.memory)
     field = evidence.fields(sequence, layout, learned)
     link_cost = evidence.links(sequence, layout, learned)
     out = np.zeros((frames, pairs), dtype=bool)
@@ -97,6 +102,17 @@ def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before,
         origin = np.empty((frames, len(costs)), dtype=np.int64)
         decide_block(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
         known[block] = True
+    return out
+
+
+def time_costs_of(sequence: Sequence, layout: Layout, learned: Learned, memory: Memory) -> np.ndarray:
+    """Shape (frame, pair, 2, 2): what orientations cost, given those before; ``memory`` is written."""
+    frames, pairs, _ = sequence.odds.shape
+    out = np.empty((frames, pairs, 2, 2))
+    speeds = learned.turn_speed, learned.speed
+    views = learned.share, learned.rate, evidence.label_weights(layout, learned)
+    frame = sequence.points, sequence.covariance, sequence.odds, sequence.time_s
+    all_time_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
     return out
 
 

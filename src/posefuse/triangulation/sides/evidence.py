@@ -62,11 +62,6 @@ def label_weights(layout: Layout, learned: Learned) -> np.ndarray:
     return 1.0 / (1.0 + (size[:, None] - 1) * learned.alike)
 
 
-def how_things_move(layout: Layout, learned: Learned) -> tuple[np.ndarray, ...]:
-    """The arguments of the kernels of time that do not change from frame to frame."""
-    return learned.turn_speed, learned.speed, learned.share, learned.rate, label_weights(layout, learned)
-
-
 def fields(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
     """Shape (frame, pair): what exchanging a pair costs by the body's plane of symmetry."""
     cosines = np.nan_to_num(along_normals(sequence, layout, learned.triples))

@@ -4,7 +4,7 @@ Nothing here is told of a particular body. Each number is a robust estimate over
 far; while most of that order is right, so is the estimate, and the next decision is better.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -72,6 +72,22 @@ def at_first(sequence: Sequence, layout: Layout, options: SideOptions) -> Learne
         share=np.full(views, options.swap_share),
         rate=np.full(views, 1.0 / (options.dwell_s * (1.0 - options.swap_share))),
         alike=np.full(views, 0.5),
+    )
+
+
+def expected(layout: Layout, learned: Learned) -> Learned:
+    """The same of movements and views, but of the body only what any body is like."""
+    links = len(layout.links)
+    triples, along, along_sd = _expected_symmetry(layout)
+    return replace(
+        learned,
+        length=np.zeros(links),
+        length_sd=np.full(links, 1e6),
+        likeness=_expected_likeness(layout),
+        likeness_sd=np.full(links, _LIKENESS_SD),
+        triples=triples,
+        along=along,
+        along_sd=along_sd,
     )
 
 
@@ -190,6 +206,16 @@ def _links(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, 
     seen = np.isfinite(cosines).sum(axis=0)
     likeness = (likeness * seen + _expected_likeness(layout) * _EXPECTED_FRAMES) / (seen + _EXPECTED_FRAMES)
     return length, np.maximum(length_sd, 0.02 * length + 1e-6), likeness, np.maximum(likeness_sd, _LEAST_SD)
+
+
+def spreads(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each link, how far the bone's length varies as ordered and with one pair exchanged, and in how many frames."""
+    a, b = sequence.points[:, layout.links[:, 0]], sequence.points[:, layout.links[:, 1]]
+    out = []
+    for other in (b, b[:, :, ::-1]):
+        lengths = np.linalg.norm(a - other, axis=-1)
+        out.append(_middle_and_spread(np.concatenate([lengths[..., 0], lengths[..., 1]]), 0.0, 1.0)[1] + 1e-4)
+    return out[0], out[1], np.isfinite(lengths).all(axis=-1).sum(axis=0)
 
 
 def _middle_and_spread(values: np.ndarray, middle: float, spread: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 from posefuse.kernels.sides import remember
 from posefuse.model.side_options import SideOptions
 from posefuse.model.skeletons import Skeleton
-from posefuse.triangulation.sides.chains import Before, decode
+from posefuse.triangulation.sides.chains import Before, decode, settled
 from posefuse.triangulation.sides.evidence import Memory
 from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.learning import Learned, at_first, learn
@@ -66,8 +66,7 @@ def advance(state: OnlineSides, frame: PairsInTime) -> tuple[OnlineSides, Sides]
     recent = recent.frames(max(0, len(recent.time_s) - state.options.memory), len(recent.time_s))
     n_frames = state.n_frames + 1
     if n_frames in _EARLY or n_frames % state.options.learn_every == 0:
-        learned = learn(recent, layout, state.options)
-        change, before = _decide_again(recent, layout, learned)
+        change, learned, before = _decide_again(recent, layout, learned, state.options)
         recent, flipped = recent.ordered(change), flipped ^ change[-1:]
     latest = recent.frames(max(0, len(recent.time_s) - _SWAPS_FROM), len(recent.time_s))
     swapped = swapped_views(latest, layout, learned)[-1:, None]
@@ -85,21 +84,25 @@ def _decide(now: Sequence, layout: Layout, learned: Learned, before: Before) -> 
     return flipped, Before(_with(before.memory, now.ordered(flipped)), _reordered(after.costs, layout, change[-1]))
 
 
-def _decide_again(recent: Sequence, layout: Layout, learned: Learned) -> tuple[np.ndarray, Before]:
-    """The same of all frames remembered: shape (frame, pair)."""
+def _decide_again(
+    recent: Sequence, layout: Layout, learned: Learned, options: SideOptions
+) -> tuple[np.ndarray, Learned, Before]:
+    """The same of all frames remembered, shape (frame, pair), with what is learned from them."""
+    as_they_are = np.zeros(recent.points.shape[:2], dtype=bool)
+    whole = settled(recent, as_they_are, layout, learned)
+    ordered = recent.ordered(whole)
+    learned = learn(ordered, layout, options)
     n_views = recent.odds.shape[2]
     after = Before.nothing(layout, n_views)
-    change = decode(recent, layout, learned, after, decided=True)
-    memory = _with(Memory.empty(len(layout.chain_of), n_views), recent.ordered(change))
-    return change, Before(memory, _reordered(after.costs, layout, change[-1]))
+    change = decode(ordered, layout, learned, after, decided=True)
+    memory = _with(Memory.empty(len(layout.chain_of), n_views), ordered.ordered(change))
+    return whole ^ change, learned, Before(memory, _reordered(after.costs, layout, change[-1]))
 
 
 def _with(memory: Memory, ordered: Sequence) -> Memory:
     """What is remembered after frames in the order decided on."""
     out = memory.copy()
-    for t in range(len(ordered.time_s)):
-        frame = ordered.points[t], ordered.covariance[t], ordered.odds[t], ordered.time_s[t]
-        remember(*frame, *out.arrays)
+    remember(ordered.points, ordered.covariance, ordered.odds, ordered.time_s, out.arrays)
     return out
 
 
