@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from posefuse.kernels import codes
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
@@ -53,14 +54,16 @@ def solved(
     evidence[missing.any(axis=-1)] = 0.0
     wrong = np.clip(evidence, -8, 8).sum(axis=-1) > 0
     flip = wrong[:, :, None]
-    as_labelled = np.broadcast_to(np.array([0, 1], dtype=np.int8)[:, None], seen.shape)
-    used = np.where(evidence[:, :, None] > 0, 1 - as_labelled, as_labelled)
-    used = np.where(two & ~missing[..., None], used, -1).astype(np.int8)
+    labels = np.where(evidence[..., None] > 0, [1, 0], [0, 1])
+    there = np.moveaxis(two & ~missing[..., None], 2, 3)
+    used = np.where(there, labels, -1).astype(np.int8)
     return SolvedPairs(
         points_m=np.where(flip[..., None], points[:, :, ::-1], points),
         covariance_m2=np.where(flip[..., None], entries[:, :, ::-1], entries),
-        status=np.where(missing, 17, 0).astype(np.int8),
-        used=np.where(flip[..., None], used[:, :, ::-1], used),
-        view_error_px=np.full(seen.shape, sigma_px, dtype=np.float32),
+        status=np.where(missing, codes.POINT_TOO_FEW_VIEWS, codes.POINT_OK).astype(np.int8),
+        used=np.where(flip[..., None], used[..., ::-1], used),
+        view_error_px=np.full(used.shape, sigma_px, dtype=np.float32),
+        view_status=np.where(there, codes.VIEW_USED, codes.VIEW_UNSEEN).astype(np.int8),
         evidence=np.where(wrong[..., None], -evidence, evidence).astype(np.float32),
+        cost=np.zeros(wrong.shape),
     )

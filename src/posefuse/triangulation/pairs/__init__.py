@@ -1,1 +1,1 @@
-"""Two points from left and right rays whose labels are not believed."""
+"""Left and right points of pairs of keypoints, solved together; one file per method."""

@@ -22,7 +22,7 @@ class PairsInTime:
         skeleton: which pairs there are, and which belong together.
         rig: the cameras, in the order of the view axis.
         time_s: shape (frame,): when, finite and increasing.
-        confidence: shape (frame, person, pair, 2, view): the detector's, of the left and the right label, or None.
+        confidence: shape (frame, person, pair, view, 2): the detector's, of the left and the right label, or None.
         midline_m: shape (frame, person, keypoint, 3): where keypoints without a partner are; NaN elsewhere, or None.
         n_people: how many people the person_frame axis interleaves.
     """
@@ -55,7 +55,7 @@ class PairsInTime:
             skeleton=skeleton,
             rig=rig,
             time_s=frame_times(detections),
-            confidence=np.moveaxis(confidence, 2, -1),
+            confidence=np.moveaxis(confidence, 2, 3),
             midline_m=midline_m,
             n_people=rows.shape[1],
         )
@@ -90,14 +90,16 @@ class Sides:
     def applied(self, pairs: SolvedPairs) -> SolvedPairs:
         """The pairs with the left point first; the evidence then says whether a view's labels are swapped."""
         flipped = self.flipped.reshape(-1, self.flipped.shape[-1])
-
-        def ordered(array: np.ndarray) -> np.ndarray:
-            which = flipped.reshape(*flipped.shape, *[1] * (array.ndim - 2))
-            return np.where(which, array[:, :, ::-1], array)
-
-        names = ("points_m", "covariance_m2", "status", "used", "view_error_px")
-        evidence = np.where(flipped[..., None], -pairs.evidence, pairs.evidence)
-        return replace(pairs, evidence=evidence, **{name: ordered(getattr(pairs, name)) for name in names})
+        by_point = flipped[:, :, None, None]
+        return replace(
+            pairs,
+            points_m=np.where(by_point, pairs.points_m[:, :, ::-1], pairs.points_m),
+            covariance_m2=np.where(by_point, pairs.covariance_m2[:, :, ::-1], pairs.covariance_m2),
+            status=np.where(flipped[:, :, None], pairs.status[:, :, ::-1], pairs.status),
+            used=np.where(by_point, pairs.used[..., ::-1], pairs.used),
+            view_error_px=np.where(by_point, pairs.view_error_px[..., ::-1], pairs.view_error_px),
+            evidence=np.where(flipped[:, :, None], -pairs.evidence, pairs.evidence),
+        )
 
 
 def frame_times(detections: Detections) -> np.ndarray:

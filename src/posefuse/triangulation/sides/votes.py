@@ -30,12 +30,12 @@ def votes(given: PairsInTime) -> np.ndarray:
     across = points[:, :, 1] - points[:, :, 0]
     across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
     centres = np.array([camera.centre_m for camera in given.rig.cameras])
-    rays = points[:, :, :, None] - centres
+    rays = points[:, :, None] - centres[:, None]
     rays = rays / np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1e-12)
-    weight = 1.0 - np.abs(np.einsum("npivx,npx->npiv", rays, across))
+    weight = 1.0 - np.abs(np.einsum("npvix,npx->npvi", rays, across))
     if given.confidence is not None:
         trust = given.confidence.reshape(-1, *given.confidence.shape[2:])
-        weight = weight * np.take_along_axis(trust, np.maximum(used, 0).astype(np.int64), axis=2)
-    place = np.arange(2)[:, None]
-    total: np.ndarray = np.where(used == place, 1.0, -1.0) * np.where(used >= 0, np.nan_to_num(weight), 0.0)
+        weight = weight * np.take_along_axis(trust, np.maximum(used, 0).astype(np.int64), axis=3)
+    for_it = np.where(used == np.arange(2), 1.0, -1.0)
+    total: np.ndarray = for_it * np.where(used >= 0, np.nan_to_num(weight), 0.0)
     return total.sum(axis=(2, 3))
