@@ -245,6 +245,30 @@ def decide_block(time_cost, field, link_cost, members, links, link_ends, costs, 
 
 
 @kernel
+def add_across(field, link_cost, links, across, flipped, known, out):
+    """What exchanging each pair costs: its field, and its links to known pairs of other blocks, as these stand.
+
+    Args:
+        field: shape (frame, pair).
+        link_cost: shape (frame, link).
+        links: shape (link, 2), int64: pairs.
+        across: shape (A,), int64: links that join two blocks.
+        flipped: shape (frame, pair), bool.
+        known: shape (pair,), bool.
+        out: shape (frame, pair), written.
+    """
+    for t in range(field.shape[0]):
+        for p in range(field.shape[1]):
+            out[t, p] = field[t, p]
+        for k in across:
+            a, b = links[k, 0], links[k, 1]
+            if known[b]:
+                out[t, a] += -link_cost[t, k] if flipped[t, b] else link_cost[t, k]
+            if known[a]:
+                out[t, b] += -link_cost[t, k] if flipped[t, a] else link_cost[t, k]
+
+
+@kernel
 def swap_states(odds, time_s, share, rate, came_from, out):
     """Whether each view's labels are swapped, by Viterbi over the two states.
 

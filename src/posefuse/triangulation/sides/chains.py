@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.sides import all_time_costs, decide_block
+from posefuse.kernels.sides import add_across, all_time_costs, decide_block
 from posefuse.model.side_options import SideOptions
 from posefuse.triangulation.sides import evidence
 from posefuse.triangulation.sides.evidence import Memory
@@ -89,19 +89,21 @@ def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before,
         layout: of its skeleton.
         learned: of its person and views.
         before: written: costs after the last frame, memory in the sequence's order.
-        decided: whether that order is a decision; if not, blocks go by those before them only.
+        decided: whether that order is a decision. If not, blocks are decided twice: first each by itself and by those
+            before it, then told of all others.
     """
-    frames, pairs, _ = sequence.odds.shape
     time_cost = time_costs_of(sequence, layout, learned, before.memory)
     field = evidence.fields(sequence, layout, learned)
     link_cost = evidence.links(sequence, layout, learned)
-    out = np.zeros((frames, pairs), dtype=bool)
-    known = np.full(pairs, decided)
-    for block, (inside, ends), costs in zip(layout.blocks, layout.within, before.costs, strict=True):
-        told = field + from_other_blocks(link_cost, out, known, layout)
-        origin = np.empty((frames, len(costs)), dtype=np.int64)
-        decide_block(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
-        known[block] = True
+    out = np.zeros(field.shape, dtype=bool)
+    known, told = np.full(field.shape[1], decided), np.empty_like(field)
+    for last in (True,) if decided else (False, True):
+        for block, (inside, ends), start in zip(layout.blocks, layout.within, before.costs, strict=True):
+            costs = start if last else start.copy()
+            add_across(field, link_cost, layout.links, layout.across, out, known, told)
+            origin = np.empty((len(field), len(costs)), dtype=np.int64)
+            decide_block(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
+            known[block] = True
     return out
 
 
@@ -113,15 +115,4 @@ def time_costs_of(sequence: Sequence, layout: Layout, learned: Learned, memory: 
     views = learned.share, learned.rate, evidence.label_weights(layout, learned)
     frame = sequence.points, sequence.covariance, sequence.odds, sequence.time_s
     all_time_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
-    return out
-
-
-def from_other_blocks(link_cost: np.ndarray, flipped: np.ndarray, known: np.ndarray, layout: Layout) -> np.ndarray:
-    """Shape (frame, pair): what exchanging a pair costs by its links to known pairs of other blocks, as these stand."""
-    out = np.zeros(flipped.shape)
-    for k in np.flatnonzero(layout.across):
-        a, b = layout.links[k]
-        for one, other in ((a, b), (b, a)):
-            if known[other]:
-                out[:, one] += np.where(flipped[:, other], -link_cost[:, k], link_cost[:, k])
     return out

@@ -22,7 +22,7 @@ class Layout:
         blocks: pairs that are decided jointly, shape (J,), int64, J at most 6: a chain, or a stretch of a long one.
         links: shape (link, 2), int64: pairs that bones join, on each side alike.
         within: of each block, the links it holds, shape (K,), and the bits they join, shape (K, 2).
-        across: shape (link,), bool: links that join two blocks.
+        across: shape (A,), int64: links that join two blocks.
         unpaired: shape (U,), int64: keypoints without a partner.
         middles: shape (M,), int64: pairs whose midpoints, after the unpaired keypoints, show the body's midline.
         trunk: shape (pair,), bool: pairs where limbs join the trunk, whose vectors point the same way at rest.
@@ -55,7 +55,7 @@ class Layout:
         block_of = np.zeros(len(skeleton.pairs), dtype=np.int64)
         for b, block in enumerate(blocks):
             block_of[block] = b
-        across = block_of[links[:, 0]] != block_of[links[:, 1]]
+        across = np.flatnonzero(block_of[links[:, 0]] != block_of[links[:, 1]])
         within = tuple(_within(block, links) for block in blocks)
         unpaired = np.flatnonzero(skeleton.mirror == np.arange(len(skeleton)))[:_UNPAIRED]
         # From the trunk outwards, a ring of all chains at a time.

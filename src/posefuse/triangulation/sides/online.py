@@ -76,12 +76,9 @@ def advance(state: OnlineSides, frame: PairsInTime) -> tuple[OnlineSides, Sides]
 
 def _decide(now: Sequence, layout: Layout, learned: Learned, before: Before) -> tuple[np.ndarray, Before]:
     """Shape (1, pair), bool: which pairs of a frame to exchange; and what it leaves behind, in that order."""
-    # What the blocks say for themselves comes first, so that each can then be told of all others.
-    alone = decode(now, layout, learned, before.copy(), decided=False)
     after = before.copy()
-    change = decode(now.ordered(alone), layout, learned, after, decided=True)
-    flipped = alone ^ change
-    return flipped, Before(_with(before.memory, now.ordered(flipped)), _reordered(after.costs, layout, change[-1]))
+    flipped = decode(now, layout, learned, after, decided=False)
+    return flipped, Before(_with(before.memory, now.ordered(flipped)), _reordered(after.costs, layout, flipped[-1]))
 
 
 def _decide_again(
