@@ -1,9 +1,9 @@
 """Sides: which of two points is left, on a walking, a turning and a side-on figure whose labels are swapped.
 
 ``python -m benchmarks.sides [--seconds N] [--seeds N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 and 2.5 m
-high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a) limb
-by limb, each view by itself, 0.4 s at a time; (b) each pair in each view and frame by itself; (c) whole bodies in one
-view for 1 s. Pairs are solved label-free (``enumerate``) with the true noise. A joint-frame is scored where the two
+high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a)
+limb by limb, each view by itself, 0.4 s at a time; (b) each pair in each view and frame by itself; (c) whole bodies in
+one view for 1 s. Pairs are solved label-free (``enumerate``) with the true noise. A joint-frame is scored where the two
 joints are over 5 cm apart; it is wrong where its point lies nearer to the other joint's place than to its own (both
 points of a pair taken together where there are two). A single-frame flip is a pair that is wrong in one frame and right
 in the one before and the one after, or the reverse, where that is clear: points about as near to either place, as of

@@ -86,7 +86,9 @@ def test_costs_over_time(rng):
                 second += weight[p, v] * labels
         cost = 50.0
         if p < 2:
-            cost = naive.turn_cost(points[1, p], covariance[1, p], points[0, p], covariance[0, p], (turn[p] * 0.04) ** 2)
+            cost = naive.turn_cost(
+                points[1, p], covariance[1, p], points[0, p], covariance[0, p], (turn[p] * 0.04) ** 2
+            )
         np.testing.assert_allclose(out[0, p], first, atol=1e-9)
         np.testing.assert_allclose(out[1, p], second + cost * (1 - np.eye(2)), atol=1e-9)
     np.testing.assert_array_equal(memory[0][:2], points[1, :2])

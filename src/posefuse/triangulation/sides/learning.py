@@ -16,7 +16,7 @@ from posefuse.triangulation.sides.sequence import Sequence
 _FRAMES = 300
 _TRIPLES = 3
 _NOT_SURE_OF = 30.0
-"""An average over n frames is taken for n / (n + 30) of itself."""
+"""An average over n frames is taken for n / (n + 30) of itself, a spread for (n + 30) / n of itself."""
 _LEAST_SD = 0.2
 _LIKENESS_OF_TRUNK, _LIKENESS_SD = 0.6, 0.5
 _ALONG_BY_FACING, _ALONG_SD = 0.45, 0.35
@@ -205,7 +205,8 @@ def _links(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, 
     likeness, likeness_sd = _middle_and_spread(cosines, 0.0, 1.0)
     seen = np.isfinite(cosines).sum(axis=0)
     likeness = (likeness * seen + _expected_likeness(layout) * _EXPECTED_FRAMES) / (seen + _EXPECTED_FRAMES)
-    return length, np.maximum(length_sd, 0.02 * length + 1e-6), likeness, np.maximum(likeness_sd, _LEAST_SD)
+    length_sd = np.maximum(length_sd, 0.02 * length + 1e-6) * (seen + _NOT_SURE_OF) / np.maximum(seen, 1)
+    return length, length_sd, likeness, np.maximum(likeness_sd, _LEAST_SD)
 
 
 def spreads(sequence: Sequence, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

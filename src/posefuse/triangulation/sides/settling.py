@@ -31,20 +31,20 @@ def settle(sequence: Sequence, layout: Layout, learned: Learned, time_cost: np.n
     moves = _moves(layout)
     flipped = np.zeros(len(field), dtype=bool)
     for _ in range(2 * len(field)):
-        gains = np.array([_cost(flipped ^ move, field, link, layout) for move in moves])
-        best = int(np.argmin(gains))
-        if gains[best] >= _cost(flipped, field, link, layout) - 1e-6:
+        costs = np.array([_cost(flipped ^ move, field, link, layout) for move in moves])
+        best = int(np.argmin(costs))
+        if costs[best] >= _cost(flipped, field, link, layout) - 1e-6:
             break
         flipped = flipped ^ moves[best]
     return flipped
 
 
-def _moves(layout: Layout) -> list[np.ndarray]:
-    """Blocks, single pairs, and everything at once: the pairs that are tried together, shape (pair,), bool."""
+def _moves(layout: Layout) -> np.ndarray:
+    """Shape (move, pair), bool, the pairs that are tried together: limbs, limbs from some joint on, pairs, all."""
     n = len(layout.chain_of)
-    moves = [np.isin(np.arange(n), block) for block in layout.blocks]
-    moves += [np.arange(n) == p for p in range(n) if not any((move == (np.arange(n) == p)).all() for move in moves)]
-    return [*moves, np.ones(n, dtype=bool)]
+    blocks = [block[j:] for block in layout.blocks for j in range(len(block))]
+    tried = [*blocks, *(np.array([p]) for p in range(n)), np.arange(n)]
+    return np.unique(np.array([np.isin(np.arange(n), move) for move in tried]), axis=0)
 
 
 def _cost(flipped: np.ndarray, field: np.ndarray, link: np.ndarray, layout: Layout) -> float:
