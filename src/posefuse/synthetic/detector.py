@@ -9,6 +9,7 @@ law is for benchmarks: white noise of one size, confidences that say nothing.
 import numpy as np
 from scipy.special import gammaincinv, ndtr
 
+from posefuse.errors import OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
@@ -17,6 +18,7 @@ from posefuse.synthetic.options import DetectorOptions
 _SCALE_PX_AT_1000 = 4.5
 _TAILS = 2.7
 _CORRELATION_AT_25_HZ = 0.85
+_SWAP_DWELL_S = {"chain": 0.4, "body": 1.0}
 
 
 def clock_offsets(rig: CameraRig, options: DetectorOptions, rng: np.random.Generator) -> np.ndarray:
@@ -97,15 +99,24 @@ def _confidences(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generato
 
 
 def _spells(
-    shape: tuple[int, ...], share: float, dwell_s: float, rate_hz: float, rng: np.random.Generator
+    shape: tuple[int, ...],
+    share: float | np.ndarray,
+    dwell_s: float,
+    rate_hz: float,
+    rng: np.random.Generator,
 ) -> np.ndarray:
-    """Two-state chains along the first axis that are on for ``share`` of the time, ``dwell_s`` at a stretch."""
+    """Two-state chains along the first axis that are on for ``share`` of the time, ``dwell_s`` at a stretch.
+
+    A share may be an array that broadcasts against ``shape[1:]``.
+    """
     on = np.zeros(shape, dtype=bool)
-    if share <= 0 or not shape[0]:
+    share = np.asarray(share, dtype=np.float64)
+    if (share <= 0).all() or not shape[0]:
         return on
-    # No chain is on for most of the time at short stretches only: then the stretches are longer.
-    leave = min(1.0, 1.0 / (dwell_s * rate_hz), (1.0 - share) / share)
-    enter = leave * share / (1.0 - share) if share < 1.0 else 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # No chain is on for most of the time at short stretches only: then the stretches are longer.
+        leave = np.minimum(min(1.0, 1.0 / (dwell_s * rate_hz)), (1.0 - share) / share)
+        enter = np.where(share < 1.0, leave * share / (1.0 - share), 1.0)
     draws = rng.random(shape)
     on[0] = draws[0] < share
     for t in range(1, shape[0]):
@@ -121,8 +132,12 @@ def _swap_limbs(
     options: DetectorOptions,
     rng: np.random.Generator,
 ) -> None:
-    for pairs in skeleton.chains.values():
-        swapped = _spells(pixels.shape[:2], options.swap_share, 0.4, rate_hz, rng)
+    share = _swap_shares(pixels.shape[1], options)
+    for pairs in _swapped_together(skeleton, options):
+        if options.swap_law == "pair":
+            swapped = rng.random(pixels.shape[:2]) < share
+        else:
+            swapped = _spells(pixels.shape[:2], share, _SWAP_DWELL_S[options.swap_law], rate_hz, rng)
         for left, right in pairs:
             both = [skeleton.index(left), skeleton.index(right)]
             for values in (pixels, confidence):
@@ -131,3 +146,17 @@ def _swap_limbs(
                     values[:, :, both[::-1]],
                     values[:, :, both],
                 )
+
+
+def _swapped_together(skeleton: Skeleton, options: DetectorOptions) -> tuple[tuple[tuple[str, str], ...], ...]:
+    if options.swap_law == "chain":
+        return tuple(skeleton.chains.values())
+    return (skeleton.pairs,) if options.swap_law == "body" else tuple((pair,) for pair in skeleton.pairs)
+
+
+def _swap_shares(n_views: int, options: DetectorOptions) -> float | np.ndarray:
+    if not options.swap_shares:
+        return options.swap_share
+    if len(options.swap_shares) != n_views:
+        raise OptionsError(f"swap_shares needs one share for each of {n_views} views, got {len(options.swap_shares)}.")
+    return np.array(options.swap_shares)

@@ -8,6 +8,7 @@ from posefuse.errors import OptionsError, suggestion
 Layout = Literal["ring", "corners", "aisle"]
 LensKind = Literal["pinhole", "barrel", "fisheye"]
 NoiseLaw = Literal["measured", "gaussian"]
+SwapLaw = Literal["chain", "pair", "body"]
 Activity = Literal["walk", "turn", "reach", "sit", "jump", "stand"]
 ACTIVITIES: tuple[Activity, ...] = get_args(Activity)
 MOST_CAMERAS = 32
@@ -23,8 +24,11 @@ class DetectorOptions:
         outlier_share: Share of keypoints thrown somewhere else.
         outlier_px: How far they are thrown, from and to, in px.
         miss_share: Share of keypoints not detected, in spells of 0.2 s on average.
-        swap_share: Share of time a limb's left and right are taken for each other in a view, in spells of 0.4 s.
+        swap_share: Share of time a limb's left and right are taken for each other in a view.
         max_offset_s: Each view's clock is off by up to this much either way.
+        swap_law: What is swapped together: a limb in spells of 0.4 s, each pair in each frame by itself, or the whole
+            body in spells of 1 s.
+        swap_shares: The same share for each view, where views differ; by default all have swap_share.
     """
 
     noise: NoiseLaw = "measured"
@@ -34,11 +38,18 @@ class DetectorOptions:
     miss_share: float = 0.02
     swap_share: float = 0.003
     max_offset_s: float = 0.0
+    swap_law: SwapLaw = "chain"
+    swap_shares: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("outlier_share", "miss_share", "swap_share"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise OptionsError(f"{name} must lie between 0 and 1, got {getattr(self, name)}.")
+        object.__setattr__(self, "swap_shares", tuple(self.swap_shares))
+        if not all(0.0 <= share < 1.0 for share in self.swap_shares):
+            raise OptionsError(f"swap_shares must lie between 0 and 1, got {self.swap_shares}.")
+        if self.swap_law not in get_args(SwapLaw):
+            raise OptionsError(f"swap_law: no {self.swap_law!r}. {suggestion(self.swap_law, get_args(SwapLaw))}")
         if self.sigma_px < 0 or self.max_offset_s < 0 or not 0 <= self.outlier_px[0] <= self.outlier_px[1]:
             raise OptionsError(
                 "sigma_px, max_offset_s and outlier_px must be 0 or more, outlier_px from small to large."

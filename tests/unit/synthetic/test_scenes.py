@@ -178,6 +178,36 @@ class TestDetector:
         assert (as_is ^ swapped).all()
         assert swapped.mean() == pytest.approx(0.3, abs=0.12)
 
+    def swapped_pairs(self, **options: object) -> np.ndarray:
+        """Shape (frame, view, pair), bool: of a scene without other faults."""
+        errors = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, **options)  # type: ignore[arg-type]
+        scene = simulate(SceneOptions(skeleton="coco_17", duration_s=40, cameras=4, detector=errors))
+        pixels, _ = scene.detections.dense()
+        truth = np.moveaxis(scene.rig.project(scene.truth.layers["measured"].points_m[:, 0]), 0, 1)
+        skeleton = scene.truth.skeleton
+        left = [skeleton.index(name) for name, _ in skeleton.pairs]
+        return ~np.isclose(pixels[:, :, left], truth[:, :, left], atol=1e-6).all(axis=-1)
+
+    def test_pairs_swap_each_by_itself(self):
+        swapped = self.swapped_pairs(swap_share=0.25, swap_law="pair")
+        assert swapped.mean() == pytest.approx(0.25, abs=0.01)
+        flat = swapped.reshape(len(swapped), -1).astype(float)
+        assert np.abs(np.corrcoef(flat.T) - np.eye(flat.shape[1])).max() < 0.15
+        assert (swapped[1:] & swapped[:-1]).mean() == pytest.approx(0.25**2, abs=0.01)
+
+    def test_bodies_swap_for_a_second(self):
+        swapped = self.swapped_pairs(swap_share=0.25, swap_law="body")
+        assert (swapped == swapped[..., :1]).all()
+        starts = (swapped[1:, :, 0] & ~swapped[:-1, :, 0]).sum()
+        assert swapped[..., 0].sum() / starts == pytest.approx(30.0, rel=0.5)
+
+    def test_views_may_swap_differently(self):
+        shares = (0.5, 0.25, 0.0, 0.1)
+        swapped = self.swapped_pairs(swap_law="pair", swap_shares=shares)
+        np.testing.assert_allclose(swapped.mean(axis=(0, 2)), shares, atol=0.02)
+        one = self.swapped_pairs(swap_share=0.25)
+        np.testing.assert_array_equal(one, self.swapped_pairs(swap_shares=(0.25,) * 4))
+
     def test_clocks_may_be_off(self):
         options = DetectorOptions("gaussian", 0.0, outlier_share=0, miss_share=0, swap_share=0, max_offset_s=0.05)
         scene = simulate(SceneOptions(duration_s=2, detector=options))
@@ -193,10 +223,23 @@ class TestDetector:
             expected = camera.project(np.moveaxis(moved, -1, 0))[0]
             assert np.nanmedian(np.abs(expected - pixels[:, v])[inner]) < 0.5
 
-    @pytest.mark.parametrize("change", [{"miss_share": 1.0}, {"sigma_px": -1}, {"outlier_px": (5.0, 3.0)}])
+    @pytest.mark.parametrize(
+        "change",
+        [
+            {"miss_share": 1.0},
+            {"sigma_px": -1},
+            {"outlier_px": (5.0, 3.0)},
+            {"swap_shares": (0.2, 1.0)},
+            {"swap_law": "limb"},
+        ],
+    )
     def test_impossible_detectors(self, change):
         with pytest.raises(OptionsError):
             DetectorOptions(**change)
+
+    def test_one_share_for_each_view(self):
+        with pytest.raises(OptionsError, match="one share for each of 5 views, got 2"):
+            simulate(SceneOptions(duration_s=0.1, detector=DetectorOptions(swap_shares=(0.1, 0.2))))
 
 
 class TestScenes:

@@ -1,0 +1,243 @@
+"""Sides: which of two points is left, on a walking, a turning and a side-on figure whose labels are swapped.
+
+``python -m benchmarks.sides [--seconds N] [--seeds N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 and 2.5 m
+high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a)
+limb by limb, each view by itself, 0.4 s at a time; (b) each pair in each view and frame by itself; (c) whole bodies in
+one view for 1 s. Pairs are solved label-free (``enumerate``) with the true noise. A joint-frame is scored where the two
+joints are over 5 cm apart; it is wrong where its point lies nearer to the other joint's place than to its own (both
+points of a pair taken together where there are two). A single-frame flip is a pair that is wrong in one frame and right
+in the one before and the one after, or the reverse, where that is clear: points about as near to either place, as of
+eyes before three cameras, lie in no order.
+"""
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from time import process_time
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import TriangulationOptions
+from posefuse.model.side_options import SideOptions
+from posefuse.model.skeletons import find_skeleton
+from posefuse.model.tracks import Tracks, TrackState
+from posefuse.synthetic.detector import detect
+from posefuse.synthetic.figures import human
+from posefuse.synthetic.motions import HumanMotion
+from posefuse.synthetic.options import DetectorOptions, SwapLaw
+from posefuse.synthetic.rigs import build_rig
+from posefuse.triangulation import consensus
+from posefuse.triangulation.pairs import enumerated
+from posefuse.triangulation.pairs.results import SolvedPairs
+from posefuse.triangulation.sides.online import OnlineSides, advance
+from posefuse.triangulation.sides.registry import decide_sides
+from posefuse.triangulation.sides.results import PairsInTime
+
+RATE_HZ = 30.0
+SIGMA_PX = 5.0
+APART_M = 0.05
+SEQUENCES = ("walking", "turning", "side-on")
+LAWS: dict[str, SwapLaw] = {"a": "chain", "b": "pair", "c": "body"}
+ASKED = {8: 0.5, 5: 1.0, 3: 2.0}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Solved pairs and their truth.
+
+    Attributes:
+        given: what a decision is made from.
+        truth_m: shape (frame, pair, 2, 3): left and right.
+    """
+
+    given: PairsInTime
+    truth_m: np.ndarray
+
+    @property
+    def scored(self) -> np.ndarray:
+        """Shape (frame, pair, 2), bool: there, and the two joints far enough apart."""
+        apart = np.linalg.norm(self.truth_m[:, :, 0] - self.truth_m[:, :, 1], axis=-1) > APART_M
+        return np.isfinite(self.given.pairs.points_m).all(axis=-1) & apart[..., None]
+
+    def distances_m(self, flipped: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shape (frame, pair), twice: of a pair's points as decided, from their own joints and from each other's."""
+        points = np.where(flipped[..., None, None], self.given.pairs.points_m[:, :, ::-1], self.given.pairs.points_m)
+        own = np.nansum(np.linalg.norm(points - self.truth_m, axis=-1), axis=-1)
+        other = np.nansum(np.linalg.norm(points - self.truth_m[:, :, ::-1], axis=-1), axis=-1)
+        return own, other
+
+
+@dataclass(frozen=True)
+class Score:
+    """Counts that add up over recordings.
+
+    Attributes:
+        scored: joint-frames.
+        wrong: of these, with the wrong side.
+        flips: pair-frames that differ from both neighbours in being wrong.
+        spent_s: CPU time of the decisions.
+        frames: decided.
+    """
+
+    scored: int = 0
+    wrong: int = 0
+    flips: int = 0
+    spent_s: float = 0.0
+    frames: int = 0
+
+    def __add__(self, other: "Score") -> "Score":
+        return Score(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+
+    @property
+    def percent(self) -> float:
+        """Wrong, in percent."""
+        return 100.0 * self.wrong / max(self.scored, 1)
+
+
+def body(sequence: str, seconds: float, skeleton: str, rng: np.random.Generator) -> np.ndarray:
+    """Shape (frame, keypoint, 3): a figure that walks in a circle, turns on the spot, or walks on a treadmill.
+
+    On the treadmill it faces y: the first camera of the ring sees it from the side all the time.
+    """
+    figure = human(1.75)
+    motion = HumanMotion.random(("turn",) if sequence == "turning" else ("walk",), rng)
+    if sequence == "side-on":
+        motion = replace(motion, stride_m=0.0, heading=np.pi / 2)
+    times = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    return motion.positions(figure, times)[:, figure.columns(find_skeleton(skeleton))]
+
+
+def recording(
+    sequence: str,
+    cameras: int,
+    law: SwapLaw,
+    skeleton: str = "halpe_26",
+    *,
+    shares: tuple[float, ...] = (),
+    faults: bool = False,
+    seconds: float = 20.0,
+    seed: int = 0,
+) -> Recording:
+    """A figure seen by a ring of cameras, its pairs solved.
+
+    Args:
+        sequence: one of SEQUENCES.
+        cameras: how many.
+        law: of the swaps.
+        skeleton: by name.
+        shares: of swaps, of each camera; a quarter by default.
+        faults: also a tenth of keypoints missing, in spells, and a twentieth thrown 30 to 200 px away.
+        seconds: how long.
+        seed: of everything random.
+    """
+    rng = np.random.default_rng(seed)
+    keypoints = find_skeleton(skeleton)
+    rig = build_rig("ring", cameras, radius_m=4.5, focal_px=1500.0)
+    truth = body(sequence, seconds, skeleton, rng)
+    errors = DetectorOptions(
+        "gaussian", SIGMA_PX, outlier_share=0.05 * faults, outlier_px=(30.0, 200.0), miss_share=0.1 * faults,
+        swap_share=0.25, swap_law=law, swap_shares=shares,
+    )  # fmt: skip
+    seen = np.repeat(truth[:, None], cameras, axis=1)
+    given = solved(rig, detect(rig, seen, keypoints, RATE_HZ, errors, rng))
+    columns = [[keypoints.index(name) for name in pair] for pair in keypoints.pairs]
+    return Recording(given, truth[:, columns])
+
+
+def solved(rig: CameraRig, detections: Detections) -> PairsInTime:
+    """Pairs label-free, keypoints without a partner by consensus, both with the true noise."""
+    skeleton = detections.skeleton
+    detection = np.where(detections.people_counts > 0, 0, -1)[:, None].astype(np.int32)
+    tracks = Tracks(("person_1",), detection, np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8))
+    noise, options = NoiseModel(np.full(len(rig), SIGMA_PX)), TriangulationOptions(min_views=2)
+    columns = np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs])
+    pairs = enumerated.solve(rig, detections, tracks, noise, options, columns)
+    points = np.array(consensus.solve(rig, detections, tracks, noise, options).points_m)
+    points[:, :, columns.ravel()] = np.nan
+    return PairsInTime.of(pairs, rig, detections, tracks, points)
+
+
+def online(given: PairsInTime) -> np.ndarray:
+    """Shape (frame, pair), bool: decided frame by frame."""
+    state, out = OnlineSides.start(given.skeleton), []
+    for t in range(given.n_frames):
+        now = SolvedPairs(*(getattr(given.pairs, field.name)[t : t + 1] for field in fields(SolvedPairs)))
+        midline = None if given.midline_m is None else given.midline_m[t : t + 1]
+        state, sides = advance(state, replace(given, pairs=now, time_s=given.time_s[t : t + 1], midline_m=midline))
+        out.append(sides.flipped[0, 0])
+    return np.array(out)
+
+
+DECISIONS: dict[str, Callable[[PairsInTime], np.ndarray]] = {
+    "votes": lambda given: decide_sides(given, SideOptions("votes")).flipped[:, 0],
+    "chains": lambda given: decide_sides(given, SideOptions("chains")).flipped[:, 0],
+    "online": online,
+}
+
+
+def score(data: Recording, decision: str) -> Score:
+    """A decision's score on a recording."""
+    start = process_time()
+    flipped = DECISIONS[decision](data.given)
+    spent = process_time() - start
+    own, other = data.distances_m(flipped)
+    wrong, scored = other < own, data.scored
+    apart = np.linalg.norm(data.truth_m[:, :, 0] - data.truth_m[:, :, 1], axis=-1)
+    clear = scored.any(axis=-1) & (np.abs(own - other) > apart)
+    changed = (wrong[1:-1] != wrong[:-2]) & (wrong[1:-1] != wrong[2:])
+    flips = changed & clear[1:-1] & clear[:-2] & clear[2:]
+    return Score(
+        int(scored.sum()), int((scored & wrong[..., None]).sum()), int(flips.sum()), spent, data.given.n_frames
+    )
+
+
+def lines(name: str, asked: float, recordings: Sequence[Recording]) -> str:
+    """Of one set: each decision's share of wrong joint-frames, flips, and time."""
+    cells = []
+    for decision in DECISIONS:
+        total = sum((score(data, decision) for data in recordings), Score())
+        ms = 1000.0 * total.spent_s / total.frames
+        cells.append(f"{total.percent:9.3f}{total.flips:7d}{ms:8.2f}")
+    return f"{name:34}{sum(len(data.given.time_s) for data in recordings):7d}{asked:7.1f}" + "".join(cells)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--only", default="rates,half,faults,none")
+    chosen = parser.parse_args(arguments)
+    only = chosen.only.split(",")
+    print("Wrong joint-frames %, single-frame flips, CPU ms per frame; asked of chains, online may be twice that")
+    print(f"{'':34}{'frames':>7}{'asked':>7}" + "".join(f"{name:>9}{'flips':>7}{'ms':>8}" for name in DECISIONS))
+
+    def show(name: str, asked: float, cameras: int, law: str, sequences: Sequence[str], **given: object) -> None:
+        data = [
+            recording(sequence, cameras, LAWS[law], skeleton, seconds=chosen.seconds, seed=seed, **given)  # type: ignore[arg-type]
+            for sequence in sequences
+            for skeleton in ("halpe_26", "coco_17")
+            for seed in range(chosen.seeds)
+        ]
+        print(lines(name, asked, data), flush=True)
+
+    if "rates" in only:
+        for cameras, asked in ASKED.items():
+            for law in LAWS:
+                for sequence in SEQUENCES:
+                    show(f"{cameras} cameras, ({law}) {sequence}", asked, cameras, law, [sequence])
+    if "half" in only:
+        for law in LAWS:
+            show(f"8 cameras, ({law}) 50 % in half", 1.0, 8, law, SEQUENCES, shares=(0.5, 0.25) * 4)
+    if "faults" in only:
+        for cameras in ASKED:
+            show(f"{cameras} cameras, (a) and faults", np.nan, cameras, "a", SEQUENCES, faults=True)
+    if "none" in only:
+        for cameras in ASKED:
+            show(f"{cameras} cameras, no swaps", 0.0, cameras, "a", SEQUENCES, shares=(0.0,) * cameras)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""What a user can choose about keypoints that come in pairs."""
+
+import math
+from dataclasses import dataclass, field
+
+from posefuse.errors import OptionsError, suggestion
+
+PAIR_METHODS: dict[str, str] = {
+    "enumerate": "every view as labelled, swapped, in part or not at all, whichever explains the rays best",
+    "sds": "two points apart around the middle of all rays, by a small population search (the specification's)",
+    "labels": "the labels are believed, each keypoint is solved by itself",
+}
+"""Methods for pairs and their line in help; one file each under ``triangulation/pairs/``."""
+
+
+@dataclass(frozen=True)
+class SdsOptions:
+    """Of the method `sds`; lengths in mm, as its terms have them.
+
+    Attributes:
+        apart_weight: How much it counts that the two points keep apart (e0).
+        ray_weight: How much the distances of the points to the rays count (e1).
+        equidistance_weight: How much it counts that both are as far from the centre (e2).
+        opposite_weight: How much it counts that the centre lies between them (e3).
+        separation_mm: Points farther apart than this need not keep apart any more.
+        jitter_mm: The spread of the population about the centre at the start.
+        agents: How many search.
+        max_iterations: When to stop at the latest.
+        tolerance_mm: When the population has shrunk to this, the search ends.
+    """
+
+    apart_weight: float = 1.0
+    ray_weight: float = 1.0
+    equidistance_weight: float = 1.0
+    opposite_weight: float = 1.0
+    separation_mm: float = 20.0
+    jitter_mm: float = 15.0
+    agents: int = 25
+    max_iterations: int = 5000
+    tolerance_mm: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("apart_weight", "ray_weight", "equidistance_weight", "opposite_weight"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise OptionsError(f"pairs.sds.{name} must be 0 or more, got {value}.")
+        for name in ("separation_mm", "jitter_mm", "tolerance_mm"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise OptionsError(f"pairs.sds.{name} must be positive, got {value}.")
+        if self.agents < 2:
+            raise OptionsError(f"pairs.sds.agents must be at least 2, got {self.agents}.")
+        if self.max_iterations < 1:
+            raise OptionsError(f"pairs.sds.max_iterations must be at least 1, got {self.max_iterations}.")
+
+
+@dataclass(frozen=True)
+class PairOptions:
+    """How left and right keypoints are told apart.
+
+    Attributes:
+        method: How the two points of a pair are found: enumerate, sds or labels.
+        prior_m: How far a keypoint moves from one frame to the next, in m; between two explanations that fit about as
+            well, the one nearer to the frame before is taken. By default every frame is solved by itself.
+        seed: Of the draws of sds.
+        sds: Of the method of that name.
+    """
+
+    method: str = "enumerate"
+    prior_m: float = math.inf
+    seed: int = 0
+    sds: SdsOptions = field(default_factory=SdsOptions)
+
+    def __post_init__(self) -> None:
+        if self.method not in PAIR_METHODS:
+            raise OptionsError(f"pairs.method: no method {self.method!r}. {suggestion(self.method, PAIR_METHODS)}")
+        if not self.prior_m > 0.0:
+            raise OptionsError(f"pairs.prior_m must be positive (inf: no evidence), got {self.prior_m}.")
+        if self.seed < 0:
+            raise OptionsError(f"pairs.seed must be 0 or more, got {self.seed}.")
