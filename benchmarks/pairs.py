@@ -246,7 +246,9 @@ def table(trials: int) -> None:
 
 def flags(trials: int) -> None:
     """Points that only two inlier views see: how many are wrong, and how many of them say so."""
-    print("\npoints that two inlier views see: how many, beyond 100 mm, of these ambiguous; and of the others with points")
+    print(
+        "\npoints that two inlier views see: how many, beyond 100 mm, of these ambiguous; and of the others with points"
+    )
     for name, (drawn, _) in CASES.items():
         data = scene(trials, **drawn)  # type: ignore[arg-type]
         result = solved(data, enumerated.solve)

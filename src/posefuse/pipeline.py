@@ -9,6 +9,7 @@ from platform import python_version
 import numpy as np
 
 from posefuse import survey
+from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
 from posefuse.model.cameras import CameraRig
@@ -16,10 +17,14 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
-from posefuse.triangulation import single_view
+from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
+
+_CONTEXT_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class Plan:
     Attributes:
         rig: one camera per view, in the views' order.
         detections: the frames and views to reconstruct.
-        options: as given, with ``min_views`` settled.
+        options: as given, with ``pairs`` and ``min_views`` settled.
         subject_ids: the subject's 2D track id in each view.
         noise: of the detections.
         provenance: how the result is made.
@@ -71,7 +76,7 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
     Arguments, result and errors are those of :func:`reconstruct`.
     """
     plan = prepare(rig, detections, options or Options(), Silent())
-    return measure(plan, plan.detections.frames(0, plan.detections.n_frames))
+    return measure(plan, 0, plan.detections.n_frames)
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
@@ -109,6 +114,7 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
     options = plan.options
     if method is not None:
         options = replace(options, triangulation=replace(options.triangulation, method=method))
+    options = settle_pairs(options, len(plan.rig), plan.detections.skeleton)
     options, warning = settle_min_views(options, len(plan.rig))
     options, remarks = settle_method(plan.rig, plan.detections, options, plan.subject_ids, plan.noise)
     notes = (*plan.provenance.notes, *warning, *remarks)
@@ -117,15 +123,21 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
-    chunks = plan.detections.chunks(size)
-    for chunk in watched(chunks, plan.detections.n_frames, "triangulating", progress):
-        yield measure(plan, chunk)
+    n_frames = plan.detections.n_frames
+    parts = (measure(plan, start, stop) for start, stop in ranges(n_frames, size))
+    yield from watched(parts, n_frames, "triangulating", progress)
 
 
-def measure(plan: Plan, detections: Detections) -> Reconstruction:
-    """The measured layer of a range of frames."""
-    tracks = one_subject.follow(detections, plan.options.pick, plan.subject_ids)
-    layer = triangulate_layer(plan.rig, detections, tracks, plan.noise, plan.options.triangulation)
+def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
+    """The measured layer of the frames ``start`` to ``stop``."""
+    # Sides are decided over time: some of what comes before and after is looked at too.
+    around = _context_frames(plan)
+    first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
+    seen = plan.detections.frames(first, last)
+    followed = one_subject.follow(seen, plan.options.pick, plan.subject_ids)
+    layer, swaps = measure_layer(plan, seen, followed)
+    start, stop = start - first, stop - first
+    detections, tracks = seen.frames(start, stop), followed.frames(start, stop)
     recorded = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
     count = recorded.sum(axis=1)
@@ -135,9 +147,10 @@ def measure(plan: Plan, detections: Detections) -> Reconstruction:
         person_ids=tracks.person_ids,
         frame_numbers=detections.frame_numbers,
         time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),
-        layers={"measured": layer},
+        layers={"measured": layer.frames(start, stop)},
         tracks=tracks,
         noise=plan.noise,
+        swaps=None if swaps is None else swaps.frames(start, stop),
         rate_hz=detections.rate_hz,
         unit="px" if len(plan.rig) == 1 else "m",
         options=plan.options,
@@ -145,14 +158,23 @@ def measure(plan: Plan, detections: Detections) -> Reconstruction:
     )
 
 
-def triangulate_layer(
-    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
-) -> Layer:
-    """Triangulate the people of the tracks by the chosen method; one camera is only flattened."""
+def _context_frames(plan: Plan) -> int:
+    """How many frames before and after a range its sides are decided with."""
+    return 0 if plan.options.pairs == "labels" else round(_CONTEXT_S * (plan.detections.rate_hz or 30.0))
+
+
+def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[Layer, Swaps | None]:
+    """The points of a range of frames, and which views took left for right; one camera is only flattened."""
+    rig, noise, options = plan.rig, plan.noise, plan.options
     if len(rig) == 1:
-        return single_view.solve(detections, tracks, noise, options)
-    layer = load_method(options.method).solve(rig, detections, tracks, noise, options)
-    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2)
+        return single_view.solve(detections, tracks, noise, options.triangulation), None
+    swaps = None
+    if options.pairs == "labels":
+        method = load_method(options.triangulation.method)
+        layer = method.solve(rig, detections, tracks, noise, options.triangulation)
+    else:
+        layer, swaps = paired.solve(rig, detections, tracks, noise, options)
+    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2), swaps
 
 
 def calibrate_noise(
@@ -286,6 +308,16 @@ def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[s
         notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
         warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
     return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
+
+
+def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
+    """Fill in how keypoints that come in pairs are solved.
+
+    Other methods than the default are asked for by name for what they do with the labels as they are.
+    """
+    believed = options.triangulation.method != TriangulationOptions().method
+    pairs = options.pairs or ("labels" if believed else "enumerate")
+    return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 
 
 def settle_method(

@@ -12,7 +12,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline import Plan, examine, reconstruct_chunks, settle, triangulate_layer
+from posefuse.pipeline import Plan, examine, measure_layer, reconstruct_chunks, settle
 from posefuse.progress import Progress, Silent
 
 _FEWEST_TURNS, _MOST_TURNS, _ENOUGH_S = 3, 20, 0.2
@@ -38,7 +38,8 @@ def compare_methods(
         rig: calibrated cameras, as :func:`reconstruct` takes them.
         detections: 2D keypoints.
         methods: which, each one of :data:`posefuse.model.options.METHODS`.
-        options: of every method; the method they name is not looked at.
+        options: of every method; the method they name is not looked at. Labels of left and right are believed unless
+            they say otherwise.
         truth_of: known positions of the frames of a result, where they are known.
         timed: whether to take the time; it is the only number that differs from run to run.
         progress: told how far the work is.
@@ -50,7 +51,9 @@ def compare_methods(
         ResultError: if a result cannot be compared with the truth.
     """
     progress = progress or Silent()
-    examined = examine(rig, detections, replace(options or Options(), layer="measured"), progress)
+    options = options or Options()
+    options = replace(options, layer="measured", pairs=options.pairs or "labels")
+    examined = examine(rig, detections, options, progress)
     if len(examined.rig) == 1:
         raise DetectionsError("There is one camera, so no method triangulates; a comparison needs two or more.")
     plans = [settle(examined, method) for method in methods]
@@ -85,7 +88,7 @@ def triangulation_cpu_s(plan: Plan) -> float:
     turns: list[float] = []
     for _ in range(1 + _MOST_TURNS):
         start_s = process_time()
-        triangulate_layer(plan.rig, chunk, tracks, plan.noise, plan.options.triangulation)
+        measure_layer(plan, chunk, tracks)
         turns.append(process_time() - start_s)
         if len(turns) > _FEWEST_TURNS and sum(turns[1:]) > _ENOUGH_S:
             break

@@ -31,9 +31,7 @@ state, sums: of both points, as in :mod:`posefuse.kernels.points`.
 agreeing, valid, status: how many views each point rests on, how many observations there are, point codes.
 """
 
-SearchRoom = namedtuple(
-    "SearchRoom", "rows weights normal places points costs alone rests_on groups kept kept_places"
-)
+SearchRoom = namedtuple("SearchRoom", "rows weights normal places points costs alone rests_on groups kept kept_places")
 """Of one lane, see :func:`posefuse.kernels.pair_search.search_lane`."""
 
 

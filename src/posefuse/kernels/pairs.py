@@ -31,7 +31,9 @@ _SETTLED = 1e-2
 
 
 @step
-def _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room):
+def _load(
+    cameras, distorted, fisheye, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room
+):
     """Read both observations of every lane, and rank the views by what confidence either has."""
     for label in range(2):
         for j in range(BLOCK):
@@ -40,7 +42,7 @@ def _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent,
         pixels, trust, view_codes = room.pixels[label], room.trust[label], room.codes[label]
         load_block(keypoints_px, confidence, rows_of, room.keypoints, min_confidence, pixels, trust, view_codes)
         for v in range(cameras.shape[0]):
-            rows_block(cameras, v, pixels, room.lens_codes, room.rows[label], room.scratch)
+            rows_block(cameras, distorted, fisheye, v, pixels, room.lens_codes, room.rows[label], room.scratch)
         weigh_block(scale_px, exponent, trust, room.lens_codes, view_codes, room.weights[label])
     for v in range(cameras.shape[0]):
         for j in range(BLOCK):
@@ -68,7 +70,7 @@ def _propose(tries, full, none, room, search_room):
 
 
 @step
-def _finish_side(cameras, room, side, bound, min_views):
+def _finish_side(cameras, distorted, fisheye, room, side, bound, min_views):
     """Status, covariance and errors of one of each lane's points."""
     take_side(room, side)
     judge_side(room.couple, side, _SETTLED, min_views, room.couple[MOVED], room.agreeing, room.valid, room.status)
@@ -76,13 +78,15 @@ def _finish_side(cameras, room, side, bound, min_views):
     keep_information(room.sums[0], room.state)
     doubt(room.couples, room.totals, room.best, room.couple, side, room.state, bound, room.status)
     judge_geometry(room.state, room.sums[0], room.status)
-    reproject_block(cameras, room.side_pixels, room.state, room.side_errors)
+    reproject_block(cameras, distorted, fisheye, room.side_pixels, room.state, room.side_errors)
     linear_errors(room.side_rows, room.side_weights, room.state, room.side_errors)
 
 
 @kernel
 def solve_pairs(
     cameras,
+    distorted,
+    fisheye,
     keypoints_px,
     confidence,
     rows_of,
@@ -109,6 +113,8 @@ def solve_pairs(
 
     Args:
         cameras: the camera array, shape (view, COLUMNS).
+        distorted: None if the rig has no lens with distortion polynomials.
+        fisheye: None if it has no fisheye.
         keypoints_px: shape (detection, keypoint, 2), NaN where missing.
         confidence: shape (detection, keypoint), NaN where the detector gives none.
         rows_of: shape (person_frame, view), int64: rows of the two above, or NO_DETECTION or NOT_RECORDED.
@@ -141,14 +147,26 @@ def solve_pairs(
     bound = full + (none - full) / 3.0
     for first in range(0, total, BLOCK):
         locate_lanes(first, total, n_pairs, room.places)
-        _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room)
+        _load(
+            cameras,
+            distorted,
+            fisheye,
+            keypoints_px,
+            confidence,
+            rows_of,
+            pairs,
+            scale_px,
+            exponent,
+            min_confidence,
+            room,
+        )
         _propose(tries, full, none, room, search_room)
         choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
         settle(room.rows, room.weights, _GENEROUS, _MOST_ROUNDS, full, none, room.couple, room.trial, room.sums)
         assign(room.rows, room.weights, full, none, room.couple, room.labels, room.evidence)
         put_in_order(room.trust, room.couple, room.labels, room.evidence)
         for side in range(2):
-            _finish_side(cameras, room, side, bound, min_views)
+            _finish_side(cameras, distorted, fisheye, room, side, bound, min_views)
             side_points, side_covariance, side_status = points[:, :, side], covariance[:, :, side], status[:, :, side]
             store_points(room.state, room.sums[0], room.status, room.places, side_points, side_covariance, side_status)
             store_side(room, side, used, view_errors_px)

@@ -8,6 +8,8 @@ from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.cameras import UP_AXES, UpAxis
+from posefuse.model.pair_options import PairOptions
+from posefuse.model.side_options import SideOptions
 
 People = Literal["one"]
 Pick = Literal["largest", "track-id"]
@@ -15,6 +17,8 @@ ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
 ErrorUnit = Literal["px", "normalised"]
 RansacUnit = Literal["px", "m"]
+PairMethod = Literal["enumerate", "sds", "labels"]
+SideMethod = Literal["chains", "votes", "plane"]
 LayerName = Literal["measured", "solved", "model"]
 
 METHODS: dict[str, str] = {
@@ -222,6 +226,12 @@ class Options:
         layer: Which layer exports and evaluation take; by default the best present.
         triangulation: How 3D points come from 2D detections.
         noise: The noise of each camera's detections, from a file.
+        pairs: How left and right keypoints are found, by solving for two points without believing the labels
+            (enumerate, sds) or each by its label; by default enumerate with the method consensus, labels with others.
+        sides: How it is decided which of the two points is left: limb by limb and over time (chains), frame by frame
+            (votes), or by where the person faces (plane).
+        pair_search: How pairs are solved.
+        side_search: How sides are decided.
     """
 
     people: People = "one"
@@ -240,6 +250,10 @@ class Options:
     layer: LayerName | None = None
     triangulation: TriangulationOptions = field(default_factory=TriangulationOptions)
     noise: NoiseOptions = field(default_factory=NoiseOptions)
+    pairs: PairMethod | None = None
+    sides: SideMethod = "chains"
+    pair_search: PairOptions = field(default_factory=PairOptions)
+    side_search: SideOptions = field(default_factory=SideOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):
@@ -253,7 +267,13 @@ class Options:
             if isinstance(value, str) or not all(isinstance(camera, str) for camera in value):
                 raise OptionsError(f"{name} is a tuple of camera names, got {value!r}.")
             object.__setattr__(self, name, tuple(value))
-        for name, allowed in (("up", UP_AXES), ("pick", get_args(Pick)), ("layer", get_args(LayerName))):
+        for name, allowed in (
+            ("up", UP_AXES),
+            ("pick", get_args(Pick)),
+            ("layer", get_args(LayerName)),
+            ("pairs", get_args(PairMethod)),
+            ("sides", get_args(SideMethod)),
+        ):
             value = getattr(self, name)
             if value is not None and value not in allowed:
                 raise OptionsError(f"{name}: no {value!r}. {suggestion(str(value), allowed)}")

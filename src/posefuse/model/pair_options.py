@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError
 
 PAIR_METHODS: dict[str, str] = {
     "enumerate": "every view as labelled, swapped, in part or not at all, whichever explains the rays best",
@@ -43,15 +43,15 @@ class SdsOptions:
         for name in ("apart_weight", "ray_weight", "equidistance_weight", "opposite_weight"):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
-                raise OptionsError(f"pairs.sds.{name} must be 0 or more, got {value}.")
+                raise OptionsError(f"pair_search.sds.{name} must be 0 or more, got {value}.")
         for name in ("separation_mm", "jitter_mm", "tolerance_mm"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
-                raise OptionsError(f"pairs.sds.{name} must be positive, got {value}.")
+                raise OptionsError(f"pair_search.sds.{name} must be positive, got {value}.")
         if self.agents < 2:
-            raise OptionsError(f"pairs.sds.agents must be at least 2, got {self.agents}.")
+            raise OptionsError(f"pair_search.sds.agents must be at least 2, got {self.agents}.")
         if self.max_iterations < 1:
-            raise OptionsError(f"pairs.sds.max_iterations must be at least 1, got {self.max_iterations}.")
+            raise OptionsError(f"pair_search.sds.max_iterations must be at least 1, got {self.max_iterations}.")
 
 
 @dataclass(frozen=True)
@@ -59,22 +59,18 @@ class PairOptions:
     """How left and right keypoints are told apart.
 
     Attributes:
-        method: How the two points of a pair are found: enumerate, sds or labels.
         prior_m: How far a keypoint moves from one frame to the next, in m; between two explanations that fit about as
             well, the one nearer to the frame before is taken. By default every frame is solved by itself.
         seed: Of the draws of sds.
         sds: Of the method of that name.
     """
 
-    method: str = "enumerate"
     prior_m: float = math.inf
     seed: int = 0
     sds: SdsOptions = field(default_factory=SdsOptions)
 
     def __post_init__(self) -> None:
-        if self.method not in PAIR_METHODS:
-            raise OptionsError(f"pairs.method: no method {self.method!r}. {suggestion(self.method, PAIR_METHODS)}")
         if not self.prior_m > 0.0:
-            raise OptionsError(f"pairs.prior_m must be positive (inf: no evidence), got {self.prior_m}.")
+            raise OptionsError(f"pair_search.prior_m must be positive (inf: no evidence), got {self.prior_m}.")
         if self.seed < 0:
-            raise OptionsError(f"pairs.seed must be 0 or more, got {self.seed}.")
+            raise OptionsError(f"pair_search.seed must be 0 or more, got {self.seed}.")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError
 
 SIDE_METHODS: dict[str, str] = {
     "chains": "limb by limb and over time: labels, continuity, bones and the body's own symmetry together",
@@ -21,7 +21,6 @@ class SideOptions:
     """How the two points of a pair become left and right.
 
     Attributes:
-        method: How sides are decided, chains, votes or plane.
         facing: With plane, where the person faces, +x, -x, +y, -y, or three numbers such as 1,0.5,0.
         swap_share: With chains, the share of time a view's labels are expected to be swapped before it is known.
         dwell_s: With chains, how long a swap is expected to last before it is known, in seconds.
@@ -30,7 +29,6 @@ class SideOptions:
         memory: Online, so many frames are remembered to learn from.
     """
 
-    method: str = "chains"
     facing: str = "+x"
     swap_share: float = 0.15
     dwell_s: float = 0.4
@@ -39,19 +37,17 @@ class SideOptions:
     memory: int = 300
 
     def __post_init__(self) -> None:
-        if self.method not in SIDE_METHODS:
-            raise OptionsError(f"sides.method: no method {self.method!r}. {suggestion(self.method, SIDE_METHODS)}")
         facing_vector(self.facing)
         if not 0.0 < self.swap_share < 0.5:
-            raise OptionsError(f"sides.swap_share must lie between 0 and 0.5, got {self.swap_share}.")
+            raise OptionsError(f"side_search.swap_share must lie between 0 and 0.5, got {self.swap_share}.")
         if not self.dwell_s > 0.0:
-            raise OptionsError(f"sides.dwell_s must be positive, got {self.dwell_s}.")
+            raise OptionsError(f"side_search.dwell_s must be positive, got {self.dwell_s}.")
         for name in ("rounds", "learn_every"):
             if getattr(self, name) < 1:
-                raise OptionsError(f"sides.{name} must be at least 1, got {getattr(self, name)}.")
+                raise OptionsError(f"side_search.{name} must be at least 1, got {getattr(self, name)}.")
         if self.memory < self.learn_every:
             raise OptionsError(
-                f"sides.memory must be at least learn_every ({self.learn_every} frames), got {self.memory}."
+                f"side_search.memory must be at least learn_every ({self.learn_every} frames), got {self.memory}."
             )
 
 
@@ -69,6 +65,6 @@ def facing_vector(facing: str) -> np.ndarray:
         vector = np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise OptionsError(
-            f"sides.facing: expected +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0, got {facing!r}."
+            f"side_search.facing: expected +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0, got {facing!r}."
         )
     return vector / np.linalg.norm(vector)

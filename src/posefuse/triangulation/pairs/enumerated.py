@@ -53,7 +53,7 @@ def solve(
     previous = np.array(before, dtype=np.float64).reshape(people, len(table), 6)
     out = SolvedPairs.empty(len(rows), len(table), len(rig))
     solve_pairs(
-        rig.packed,
+        *rig.packed,
         np.asarray(detections.keypoints_px),
         np.asarray(detections.confidence),
         rows,

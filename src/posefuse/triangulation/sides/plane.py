@@ -48,7 +48,7 @@ def up_of(given: PairsInTime) -> np.ndarray:
     """Shape (3,): the rig's up axis."""
     if given.rig.up_axis is None:
         raise OptionsError(
-            "sides.method is 'plane', but the calibration does not say which way is up. Say it with up, such as z, or "
+            "sides = 'plane', but the calibration does not say which way is up. Say it with up, such as z, or "
             "choose the method 'chains', which need not know."
         )
     return facing_vector(given.rig.up_axis)

@@ -1,0 +1,119 @@
+"""Keypoints by a method that believes labels, after the labels of left and right were put right.
+
+Pairs are solved from rays whose labels are not believed; which point is left is decided over time; what that says of
+each view's labels is put into the detections, and these are triangulated. Solving for two points needs to tell them
+apart in every view and frame by itself; where they are close to each other for the noise, that alone would push them
+apart. See docs/methods.md, "Left and right".
+"""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import Options
+from posefuse.model.reconstruction import Layer
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.status import ViewStatus
+from posefuse.model.swaps import Swaps, SwapState
+from posefuse.model.tracks import Tracks
+from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.sides.layout import Layout
+from posefuse.triangulation.sides.registry import decide_sides
+from posefuse.triangulation.sides.results import PairsInTime
+
+_MODULES = {"enumerate": "enumerated", "sds": "sds"}
+# A pair of keypoints is swapped while the rest of its limb is not, or the other way round, in so few cases.
+_ON_ITS_OWN = 0.05
+
+
+def solve(
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options
+) -> tuple[Layer, Swaps]:
+    """Triangulate every keypoint of every person, left and right put right.
+
+    Args:
+        rig: the cameras, in the order of the detections' views.
+        detections: in memory; some seconds of them, for sides are decided over time.
+        tracks: whose detection is whose, of the same frames.
+        noise: of the detections.
+        options: ``pairs`` is ``enumerate`` or ``sds``.
+
+    Returns:
+        The measured layer, and which views took left for right.
+    """
+    method = load_method(options.triangulation.method)
+    pairs = pair_columns(detections.skeleton)
+    swapped, swaps = find_swaps(rig, detections, tracks, noise, options)
+    layer = method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
+    status = np.array(layer.view_status)
+    used = status[:, :, pairs]
+    status[:, :, pairs] = np.where((used == ViewStatus.USED) & swapped[:, :, :, None], ViewStatus.USED_SWAPPED, used)
+    return replace(layer, view_status=status), swaps
+
+
+def pair_columns(skeleton: Skeleton) -> np.ndarray:
+    """Shape (pair, 2), int64: keypoints, left and right."""
+    return np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs], dtype=np.int64)
+
+
+def find_swaps(
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options
+) -> tuple[np.ndarray, Swaps]:
+    """Which labels are the wrong way round.
+
+    Returns:
+        Shape (frame, person, pair, view), bool: of single pairs. And of whole limbs.
+    """
+    pairs = pair_columns(detections.skeleton)
+    finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
+    solved = finder.solve(rig, detections, tracks, noise, options.triangulation, pairs, options.pair_search)
+    midline = _midline(rig, detections, tracks, noise, options)
+    given = PairsInTime.of(solved, rig, detections, tracks, midline)
+    sides = decide_sides(given, options.sides, options.side_search)
+    # The evidence is a log-likelihood ratio, twice; the limb's own state is the odds beforehand.
+    of_limb = np.moveaxis(sides.chain_swapped, 2, 3)[:, :, Layout.of(detections.skeleton).chain_of]
+    odds = 2.0 * np.log((1.0 - _ON_ITS_OWN) / _ON_ITS_OWN)
+    evidence = given.by_frame(sides.applied(solved).evidence)
+    swapped = evidence + np.where(of_limb == SwapState.SWAPPED, odds, -odds) > 0.0
+    return swapped, Swaps(sides.chains, sides.chain_swapped)
+
+
+def _midline(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options) -> np.ndarray:
+    """Shape (frame, person, keypoint, 3): where keypoints without a partner are; NaN elsewhere."""
+    skeleton = detections.skeleton
+    alone = np.flatnonzero(skeleton.mirror == np.arange(len(skeleton)))
+    midline = np.full((*tracks.state.shape, len(skeleton), 3), np.nan)
+    if len(alone):
+        seen = replace(
+            detections,
+            skeleton=Skeleton(skeleton.name, tuple(skeleton.keypoints[k] for k in alone)),
+            keypoints_px=np.ascontiguousarray(np.asarray(detections.keypoints_px)[:, alone]),
+            confidence=np.ascontiguousarray(np.asarray(detections.confidence)[:, alone]),
+            depth=None,
+        )
+        method = load_method(options.triangulation.method)
+        midline[:, :, alone] = method.solve(rig, seen, tracks, noise, options.triangulation).points_m
+    return midline
+
+
+def relabelled(detections: Detections, tracks: Tracks, swapped: np.ndarray, pairs: np.ndarray) -> Detections:
+    """The detections with left and right exchanged where they are swapped.
+
+    Args:
+        detections: in memory.
+        tracks: whose detection is whose.
+        swapped: shape (frame, person, pair, view), bool.
+        pairs: shape (pair, 2): keypoints, left and right.
+    """
+    rows = tracks.rows(detections)
+    keypoints_px = np.array(detections.keypoints_px)
+    confidence = np.array(detections.confidence)
+    for p, (left, right) in enumerate(pairs):
+        these = rows[swapped[:, :, p] & (rows >= 0)]
+        for values in (keypoints_px, confidence):
+            values[these, left], values[these, right] = values[these, right], values[these, left]
+    return replace(detections, keypoints_px=keypoints_px, confidence=confidence)
