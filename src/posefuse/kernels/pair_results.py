@@ -13,7 +13,7 @@ NONE = -1
 """In the place of a label: no observation."""
 
 
-@step
+@inline
 def assign(rows, weights, full, none, couple, labels, evidence):
     """Put every view into the state that costs least.
 
@@ -25,16 +25,15 @@ def assign(rows, weights, full, none, couple, labels, evidence):
         labels: shape (side, view, BLOCK), int64, written: the label of the observation that each point rests on.
         evidence: shape (view, BLOCK), written: cost as labelled less cost swapped.
     """
-    span = none - full
-    inverse_span = 1.0 / span
+    inverse_span = 1.0 / (none - full)
     for v in range(weights.shape[1]):
         for j in range(BLOCK):
             e0l = squared_residual(rows[0], weights[0], v, j, couple, 0, none)
             e0r = squared_residual(rows[1], weights[1], v, j, couple, 0, none)
             e1l = squared_residual(rows[0], weights[0], v, j, couple, 3, none)
             e1r = squared_residual(rows[1], weights[1], v, j, couple, 3, none)
-            straight = bounded(e0l, full, span, inverse_span) + bounded(e1r, full, span, inverse_span)
-            crossed = bounded(e0r, full, span, inverse_span) + bounded(e1l, full, span, inverse_span)
+            straight = bounded(e0l, full, inverse_span) + bounded(e1r, full, inverse_span)
+            crossed = bounded(e0r, full, inverse_span) + bounded(e1l, full, inverse_span)
             as_labelled = straight <= crossed
             evidence[v, j] = straight - crossed
             near_0 = (e0l if as_labelled else e0r) < none
@@ -72,7 +71,7 @@ def put_in_order(trust, couple, labels, evidence):
             evidence[v, j] = -evidence[v, j]
 
 
-@step
+@inline
 def take_side(room, side):
     """Gather the observations that one of the points rests on, and begin its state."""
     for j in range(BLOCK):
@@ -99,7 +98,7 @@ def take_side(room, side):
                 room.valid[j] += 0 if taken else 1
 
 
-@step
+@inline
 def keep_information(sums, state):
     """The information of a point, from the sums of its normal equations."""
     for i in range(6):

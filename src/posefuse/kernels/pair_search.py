@@ -25,13 +25,21 @@ _BITS = 62
 
 
 @inline
-def bounded(squared, full, span, inverse_span):
-    """The cost of a squared residual in sigma units: itself up to ``full``, then ever less, constant from ``none`` on.
+def bounded(squared, full, inverse_span):
+    """The cost of a squared residual in sigma units, which may be ``none`` at most: itself up to ``full``, then ever less.
 
-    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``. The constant is ``full + span / 3``.
+    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``, u from 0 at ``full`` to 1 at ``none``; past
+    that the cost would stay at ``full + (none - full) / 3``.
+
+    Args:
+        squared: at most ``none``.
+        full: from where on the cost grows more slowly.
+        inverse_span: ``1 / (none - full)``.
     """
-    fall = 1.0 - min(max((squared - full) * inverse_span, 0.0), 1.0)
-    return min(squared, full) + span * (1.0 - fall * fall * fall) * (1.0 / 3.0)
+    over = squared - full
+    over = over if over > 0.0 else 0.0
+    u = over * inverse_span
+    return squared - over * u * (1.0 - u * (1.0 / 3.0))
 
 
 @inline
@@ -95,10 +103,13 @@ def _two_ray_points(normal, lane_weights, ranks, seen, tries, j, places, points)
 @inline
 def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
     """What every observation costs every point, shape (observation, point)."""
-    span = none - full
-    inverse_span = 1.0 / span
+    inverse_span = 1.0 / (none - full)
     for o in range(lane_weights.shape[0]):
         w = lane_weights[o]
+        if w == 0.0:
+            for p in range(count):
+                costs[o, p] = full + (none - full) * (1.0 / 3.0)
+            continue
         g0, g1, g2, g3 = lane_rows[o, 0], lane_rows[o, 1], lane_rows[o, 2], lane_rows[o, 3]
         h0, h1, h2, h3 = lane_rows[o, 4], lane_rows[o, 5], lane_rows[o, 6], lane_rows[o, 7]
         c0, c1, c2, c3 = lane_rows[o, 8], lane_rows[o, 9], lane_rows[o, 10], lane_rows[o, 11]
@@ -107,13 +118,12 @@ def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
             y = points[1, p]
             z = points[2, p]
             depth = c0 * x + c1 * y + c2 * z + c3
-            inverse = 1.0 / depth
-            r = (g0 * x + g1 * y + g2 * z + g3) * inverse
-            s = (h0 * x + h1 * y + h2 * z + h3) * inverse
-            squared = w * (r * r + s * s)
+            r = g0 * x + g1 * y + g2 * z + g3
+            s = h0 * x + h1 * y + h2 * z + h3
+            squared = w * (r * r + s * s) / (depth * depth)
             # Not a number, where two rays are parallel, is not near either.
-            near = (squared < none) & (depth > 0.0) & (w > 0.0)
-            costs[o, p] = bounded(squared if near else none, full, span, inverse_span)
+            near = (squared < none) & (depth > 0.0)
+            costs[o, p] = bounded(squared if near else none, full, inverse_span)
 
 
 @inline
