@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.kernels.jit import inline, kernel
 from posefuse.kernels.pair_choice import choose, doubt
-from posefuse.kernels.pair_refine import COUPLE_ROWS, MOVED, settle
+from posefuse.kernels.pair_refine import COUPLE_COST, COUPLE_ROWS, MOVED, settle
 from posefuse.kernels.pair_results import (
     assign,
     judge_side,
@@ -80,6 +80,23 @@ def _refine(full, none, prior_sigma, previous, room):
 
 
 @inline
+def _take_given(given, room):
+    """Points that were found in another way, without rivals."""
+    for j in range(BLOCK):
+        n = room.places[0, j]
+        k = room.places[1, j]
+        room.best[j] = 0
+        room.couple[COUPLE_COST, j] = 0.0
+        room.couple[MOVED, j] = 0.0
+        for axis in range(6):
+            room.couple[axis, j] = given[n, k, axis] if n >= 0 else math.nan
+            for i in range(PROPOSALS):
+                room.couples[i, axis, j] = math.nan
+        for i in range(PROPOSALS):
+            room.totals[i, j] = 0.0
+
+
+@inline
 def _finish_side(cameras, room, side, bound, min_views):
     """Status, covariance and errors of one of each lane's points."""
     take_side(room, side)
@@ -108,6 +125,7 @@ def solve_pairs(
     none_sigma,
     prior_sigma,
     previous,
+    given,
     points,
     covariance,
     status,
@@ -134,6 +152,7 @@ def solve_pairs(
         none_sigma: a residual of more sigmas does not count; the observation is not this point's.
         prior_sigma: how far points move between frames, in the world's unit; inf to ask every frame alone.
         previous: shape (person, pair, 6), in and out: the points of the frame before; NaN where there are none.
+        given: shape (person_frame, pair, 6): points to take as they are; with no person_frame, they are sought.
         points: shape (person_frame, pair, 2, 3), written: left and right.
         covariance: shape (person_frame, pair, 2, 6), written: xx xy xz yy yz zz.
         status: shape (person_frame, pair, 2), int8, written: point codes.
@@ -187,8 +206,11 @@ def solve_pairs(
     for first in range(0, total, BLOCK):
         locate_lanes(first, total, n_pairs, room.places)
         _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room)
-        _propose(tries, full, none, room, search_room)
-        _refine(full, none, prior_sigma, previous, room)
+        if given.shape[0] > 0:
+            _take_given(given, room)
+        else:
+            _propose(tries, full, none, room, search_room)
+            _refine(full, none, prior_sigma, previous, room)
         assign(room.rows, room.weights, full, none, room.couple, room.labels, room.evidence)
         put_in_order(room.trust, room.couple, room.labels, room.evidence)
         for side in range(2):
