@@ -10,9 +10,12 @@ from posefuse.kernels.rows import BLOCK, residual
 # Rows of a couple's array, a column a lane.
 COUPLE_COST = 6
 MOVED = 7
-COUPLE_ROWS = 8
+HELD = 8
+COUPLE_ROWS = 10
 
 _GENEROUS_ROUNDS = 2
+# A point needs rays enough to fix it; what one ray alone passes through would explain that for nothing.
+_FEWEST_RAYS = 2.0
 # A step of a hundredth of the point's own standard error.
 _SMALL_STEP = 1e-4
 
@@ -53,6 +56,8 @@ def _put_into_states(rows, weights, v, couple, full, none, shares):
         couple[COUPLE_COST, j] += straight if straight <= crossed else crossed
         as_labelled = 1.0 if straight <= crossed else 0.0
         swapped = 1.0 - as_labelled
+        couple[HELD, j] += 1.0 if (e0l if straight <= crossed else e0r) < none else 0.0
+        couple[HELD + 1, j] += 1.0 if (e1r if straight <= crossed else e1l) < none else 0.0
         shares[0, j] = as_labelled * weights_left[v, j] * _weight(e0l, full, inverse_span)
         shares[1, j] = swapped * weights_right[v, j] * _weight(e0r, full, inverse_span)
         shares[2, j] = swapped * weights_left[v, j] * _weight(e1l, full, inverse_span)
@@ -92,6 +97,17 @@ def _step_point(sums, couple, row):
 
 
 @inline
+def _drop_unheld(couple, side):
+    """Leave out points that too few rays hold: what they explained is no longer explained, so all goes on."""
+    for j in range(BLOCK):
+        there = couple[3 * side, j] == couple[3 * side, j]
+        drop = there & (couple[HELD + side, j] < _FEWEST_RAYS)
+        for i in range(3 * side, 3 * side + 3):
+            couple[i, j] = math.nan if drop else couple[i, j]
+        couple[MOVED, j] = math.inf if drop else couple[MOVED, j]
+
+
+@inline
 def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
     """Refine couples of points over all views, from where they are.
 
@@ -105,7 +121,7 @@ def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
         full: an observation within so many squared sigmas of its point counts whole.
         none: beyond so many not at all.
         couple: shape (COUPLE_ROWS, BLOCK): two points, their cost, by how much (in squared standard errors) the last
-            step moved them; NaN in the place of a point that is not there.
+            step moved them, how many rays hold each; NaN in the place of a point that is not there.
         trial: shape (COUPLE_ROWS, BLOCK), scratch.
         shares: shape (4, BLOCK), scratch.
         sums: shape (side, SUM_ROWS, BLOCK), scratch.
@@ -118,12 +134,14 @@ def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
         for i in range(COUPLE_COST):
             for j in range(BLOCK):
                 trial[i, j] = couple[i, j]
-        for j in range(BLOCK):
-            trial[COUPLE_COST, j] = 0.0
-            trial[MOVED, j] = 0.0
+        for i in range(COUPLE_COST, COUPLE_ROWS):
+            for j in range(BLOCK):
+                trial[i, j] = 0.0
         _add_views(rows, weights, trial, wide * full, wide * none, shares, sums)
         for side in range(2):
             _step_point(sums[side], trial, 3 * side)
+            if turn >= _GENEROUS_ROUNDS:
+                _drop_unheld(trial, side)
         going = 0
         for j in range(BLOCK):
             still = couple[MOVED, j] < _SMALL_STEP

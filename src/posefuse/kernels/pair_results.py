@@ -4,7 +4,7 @@ import math
 
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, step
-from posefuse.kernels.pair_refine import squared_residual
+from posefuse.kernels.pair_refine import COUPLE_COST, squared_residual
 from posefuse.kernels.pair_search import bounded
 from posefuse.kernels.points import COST, INFORMATION, SCALE, X
 from posefuse.kernels.rows import BLOCK
@@ -151,7 +151,7 @@ def store_side(room, side, used, view_errors_px):
 
 
 @step
-def store_views(room, view_codes, evidence, costs):
+def store_views(room, bound, view_codes, evidence, costs):
     """Write what became of every observation, and what the views say of their labels."""
     n_views = room.side_weights.shape[0]
     for j in range(BLOCK):
@@ -159,10 +159,12 @@ def store_views(room, view_codes, evidence, costs):
         k = room.places[1, j]
         if n < 0:
             continue
-        costs[n, k] = room.couple[6, j]
+        costs[n, k] = room.couple[COUPLE_COST, j]
         for v in range(n_views):
             evidence[n, k, v] = room.evidence[v, j]
             for label in range(2):
+                # An observation that is not there has cost as much as one that is not explained.
+                costs[n, k] -= 0.0 if room.weights[label, v, j] > 0.0 else bound
                 code = room.codes[label, v, j]
                 taken = room.labels[0, v, j] == label or room.labels[1, v, j] == label
                 if code == codes.VIEW_USED and not taken:

@@ -218,4 +218,4 @@ def solve_pairs(
             side_points, side_covariance, side_status = points[:, :, side], covariance[:, :, side], status[:, :, side]
             store_points(room.state, room.sums[0], room.status, room.places, side_points, side_covariance, side_status)
             store_side(room, side, used, view_errors_px)
-        store_views(room, view_codes, evidence, costs)
+        store_views(room, bound, view_codes, evidence, costs)
