@@ -11,10 +11,11 @@ from posefuse.kernels.rows import BLOCK, residual
 COUPLE_COST = 6
 MOVED = 7
 HELD = 8
-COUPLE_ROWS = 10
+LONE = 10
+COUPLE_ROWS = 11
 
 _GENEROUS_ROUNDS = 2
-# A point needs rays enough to fix it; what one ray alone passes through would explain that for nothing.
+# A point needs rays enough to fix it.
 _FEWEST_RAYS = 2.0
 # A step of a hundredth of the point's own standard error.
 _SMALL_STEP = 1e-4
@@ -44,6 +45,7 @@ def _weight(squared, full, inverse_span):
 def _put_into_states(rows, weights, v, couple, full, none, shares):
     """Put a view into the state that costs least; the weights its observations then have for each point."""
     inverse_span = 1.0 / (none - full)
+    bound = full + (none - full) * (1.0 / 3.0)
     left, right = rows[0], rows[1]
     weights_left, weights_right = weights[0], weights[1]
     for j in range(BLOCK):
@@ -53,7 +55,13 @@ def _put_into_states(rows, weights, v, couple, full, none, shares):
         e1r = squared_residual(right, weights_right, v, j, couple, 3, none)
         straight = bounded(e0l, full, inverse_span) + bounded(e1r, full, inverse_span)
         crossed = bounded(e0r, full, inverse_span) + bounded(e1l, full, inverse_span)
-        couple[COUPLE_COST, j] += straight if straight <= crossed else crossed
+        least = straight if straight <= crossed else crossed
+        couple[COUPLE_COST, j] += least
+        # What a ray of a point that is not fixed would save.
+        there = (weights_left[v, j] > 0.0) | (weights_right[v, j] > 0.0)
+        both = (weights_left[v, j] > 0.0) & (weights_right[v, j] > 0.0)
+        saved = bound if both else (least - bound if there else 0.0)
+        couple[LONE, j] = saved if saved > couple[LONE, j] else couple[LONE, j]
         as_labelled = 1.0 if straight <= crossed else 0.0
         swapped = 1.0 - as_labelled
         couple[HELD, j] += 1.0 if (e0l if straight <= crossed else e0r) < none else 0.0
@@ -78,6 +86,10 @@ def _add_views(rows, weights, couple, full, none, shares, sums):
                 x, y, z = couple[3 * side, j], couple[3 * side + 1, j], couple[3 * side + 2, j]
                 depth, r, s = residual(part_rows, v, j, x, y, z)
                 add_view(part_rows, v, j, depth, r, s, shares[part, j], part_sums)
+    # A point that no rays fix may still be what one of them saw.
+    for j in range(BLOCK):
+        lacking = (couple[0, j] != couple[0, j]) | (couple[3, j] != couple[3, j])
+        couple[COUPLE_COST, j] -= couple[LONE, j] if lacking else 0.0
 
 
 @inline
@@ -98,7 +110,7 @@ def _step_point(sums, couple, row):
 
 @inline
 def _drop_unheld(couple, side):
-    """Leave out points that too few rays hold: what they explained is no longer explained, so all goes on."""
+    """Leave out points that too few rays hold; what they explained is no longer explained, so all goes on."""
     for j in range(BLOCK):
         there = couple[3 * side, j] == couple[3 * side, j]
         drop = there & (couple[HELD + side, j] < _FEWEST_RAYS)
@@ -121,7 +133,7 @@ def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
         full: an observation within so many squared sigmas of its point counts whole.
         none: beyond so many not at all.
         couple: shape (COUPLE_ROWS, BLOCK): two points, their cost, by how much (in squared standard errors) the last
-            step moved them, how many rays hold each; NaN in the place of a point that is not there.
+            step moved them, how many rays hold each, and what a lone ray saves; NaN in the place of a point that is not there.
         trial: shape (COUPLE_ROWS, BLOCK), scratch.
         shares: shape (4, BLOCK), scratch.
         sums: shape (side, SUM_ROWS, BLOCK), scratch.

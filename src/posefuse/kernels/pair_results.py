@@ -159,7 +159,8 @@ def store_views(room, bound, view_codes, evidence, costs):
         k = room.places[1, j]
         if n < 0:
             continue
-        costs[n, k] = room.couple[COUPLE_COST, j]
+        solved = room.couple[X, j] == room.couple[X, j] or room.couple[X + 3, j] == room.couple[X + 3, j]
+        costs[n, k] = room.couple[COUPLE_COST, j] if solved else math.nan
         for v in range(n_views):
             evidence[n, k, v] = room.evidence[v, j]
             for label in range(2):

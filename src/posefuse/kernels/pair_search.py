@@ -10,7 +10,7 @@ import math
 from posefuse.kernels.jit import inline, step
 from posefuse.kernels.points import solve_symmetric
 
-PROPOSALS = 4
+PROPOSALS = 6
 """Couples of points kept for refinement."""
 NOBODY = -1
 """In the place of a second point: there is none."""
@@ -18,7 +18,7 @@ NOBODY = -1
 # Representatives of groups of proposals that rest on the same rays.
 MOST_GROUPS = 48
 # Costs of two-ray points are above those of refined ones by less than so many bounds.
-_SLACK = 2.5
+_SLACK = 3.5
 # A ray this much of the bound away belongs to a point no more.
 _NEAR = 0.95
 _BITS = 62
@@ -194,6 +194,26 @@ def _keep(cost, first, second, kept, kept_places):
 
 
 @inline
+def _couple_cost(costs, n_views, first, second, bound):
+    """What two points cost, every view in its best state, and how many views then hold each."""
+    cost = 0.0
+    held_first = 0
+    held_second = 0
+    for v in range(n_views):
+        first_left = costs[2 * v, first]
+        first_right = costs[2 * v + 1, first]
+        second_left = costs[2 * v, second]
+        second_right = costs[2 * v + 1, second]
+        as_labelled = first_left + second_right <= first_right + second_left
+        of_first = first_left if as_labelled else first_right
+        of_second = second_right if as_labelled else second_left
+        cost += of_first + of_second
+        held_first += 1 if of_first < bound else 0
+        held_second += 1 if of_second < bound else 0
+    return cost, held_first, held_second
+
+
+@inline
 def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
     """The cheapest couples of points that rest on different rays, each group of like points having one speaker."""
     n_views = costs.shape[0] // 2
@@ -208,15 +228,12 @@ def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
         if chosen == NOBODY or alone[chosen] + min(lowest, alone[chosen]) > kept[0] + _SLACK * bound:
             break
         lowest = min(lowest, alone[chosen])
-        _keep(alone[chosen] + n_views * bound, chosen, NOBODY, kept, kept_places)
+        # One more ray may be that of a second point, which it does not fix.
+        _keep(alone[chosen] + (n_views - 1) * bound, chosen, NOBODY, kept, kept_places)
         for g in range(n_groups):
-            other = groups[g]
-            cost = 0.0
-            for v in range(n_views):
-                straight = costs[2 * v, chosen] + costs[2 * v + 1, other]
-                crossed = costs[2 * v + 1, chosen] + costs[2 * v, other]
-                cost += min(straight, crossed)
-            _keep(cost, other, chosen, kept, kept_places)
+            cost, held_chosen, held_other = _couple_cost(costs, n_views, chosen, groups[g], bound)
+            if held_chosen > 1 and held_other > 1:
+                _keep(cost, groups[g], chosen, kept, kept_places)
         groups[n_groups] = chosen
         n_groups += 1
         _close_group(alone, rests_on, chosen, count)

@@ -66,13 +66,23 @@ def _propose(tries, full, none, room, search_room):
 
 
 @inline
+def _empty(couple):
+    """Whether no lane has such a proposal."""
+    lanes = 0
+    for j in range(BLOCK):
+        lanes += 1 if couple[0, j] == couple[0, j] else 0
+    return lanes == 0
+
+
+@inline
 def _refine(full, none, prior_sigma, previous, room):
     """Sketch what the proposals become over all views, choose the cheapest couple, and settle that."""
     bound = full + (none - full) * (1.0 / 3.0)
     # One loop for both, so that its body is compiled once.
     for i in range(PROPOSALS + 1):
         if i < PROPOSALS:
-            couple, begin, end = room.couples[i], 0, _GENEROUS + _SKETCH_ROUNDS
+            begin = 0
+            couple, end = room.couples[i], 1 if _empty(room.couples[i]) else _GENEROUS + _SKETCH_ROUNDS
         else:
             choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
             couple, begin, end = room.couple, _GENEROUS, _MOST_ROUNDS
