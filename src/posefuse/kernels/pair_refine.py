@@ -57,11 +57,11 @@ def _put_into_states(rows, weights, v, couple, full, none, shares):
         crossed = bounded(e0r, full, inverse_span) + bounded(e1l, full, inverse_span)
         least = straight if straight <= crossed else crossed
         couple[COUPLE_COST, j] += least
-        # What a ray of a point that is not fixed would save.
+        # With one point only, an observation is left over where there are two, or one that is not that point's.
         there = (weights_left[v, j] > 0.0) | (weights_right[v, j] > 0.0)
         both = (weights_left[v, j] > 0.0) & (weights_right[v, j] > 0.0)
-        saved = bound if both else (least - bound if there else 0.0)
-        couple[LONE, j] = saved if saved > couple[LONE, j] else couple[LONE, j]
+        left_over = both | (there & (least > 1.999 * bound))
+        couple[LONE, j] = bound if left_over else couple[LONE, j]
         as_labelled = 1.0 if straight <= crossed else 0.0
         swapped = 1.0 - as_labelled
         couple[HELD, j] += 1.0 if (e0l if straight <= crossed else e0r) < none else 0.0
@@ -86,7 +86,7 @@ def _add_views(rows, weights, couple, full, none, shares, sums):
                 x, y, z = couple[3 * side, j], couple[3 * side + 1, j], couple[3 * side + 2, j]
                 depth, r, s = residual(part_rows, v, j, x, y, z)
                 add_view(part_rows, v, j, depth, r, s, shares[part, j], part_sums)
-    # A point that no rays fix may still be what one of them saw.
+    # One ray that is left over may be that of a point which it does not fix.
     for j in range(BLOCK):
         lacking = (couple[0, j] != couple[0, j]) | (couple[3, j] != couple[3, j])
         couple[COUPLE_COST, j] -= couple[LONE, j] if lacking else 0.0
@@ -133,7 +133,7 @@ def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
         full: an observation within so many squared sigmas of its point counts whole.
         none: beyond so many not at all.
         couple: shape (COUPLE_ROWS, BLOCK): two points, their cost, by how much (in squared standard errors) the last
-            step moved them, how many rays hold each, and what a lone ray saves; NaN in the place of a point that is not there.
+            step moved them, how many rays hold each, and what a ray left over saves; NaN in the place of a point that is not there.
         trial: shape (COUPLE_ROWS, BLOCK), scratch.
         shares: shape (4, BLOCK), scratch.
         sums: shape (side, SUM_ROWS, BLOCK), scratch.
