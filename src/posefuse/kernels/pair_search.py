@@ -10,7 +10,7 @@ import math
 from posefuse.kernels.jit import inline, step
 from posefuse.kernels.points import solve_symmetric
 
-PROPOSALS = 6
+PROPOSALS = 4
 """Couples of points kept for refinement."""
 NOBODY = -1
 """In the place of a second point: there is none."""
@@ -18,7 +18,7 @@ NOBODY = -1
 # Representatives of groups of proposals that rest on the same rays.
 MOST_GROUPS = 48
 # Costs of two-ray points are above those of refined ones by less than so many bounds.
-_SLACK = 3.5
+_SLACK = 2.5
 # A ray this much of the bound away belongs to a point no more.
 _NEAR = 0.95
 _BITS = 62
