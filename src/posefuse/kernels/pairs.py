@@ -27,7 +27,7 @@ from posefuse.kernels.search import rank_views
 from posefuse.kernels.views import linear_errors, load_block, locate_lanes, reproject_block, weigh_block
 
 _GENEROUS = 2
-_SKETCH_ROUNDS = 7
+_SKETCH_ROUNDS = 5
 _MOST_ROUNDS = 60
 _SETTLED = 1e-2
 
