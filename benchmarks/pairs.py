@@ -12,6 +12,7 @@ import argparse
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -159,11 +160,18 @@ def oracle(data: Scene) -> np.ndarray:
     return points
 
 
+def call_of(
+    data: Scene, method: Callable[..., SolvedPairs], pair_options: PairOptions | None = None
+) -> Callable[[], SolvedPairs]:
+    """A method's call, all its arguments at hand."""
+    pairs = np.arange(2 * data.pairs).reshape(-1, 2)
+    given = pair_options or PairOptions()
+    return partial(method, data.rig, data.detections, data.tracks, data.noise, OPTIONS, pairs, given)
+
+
 def solved(data: Scene, method: Callable[..., SolvedPairs], pair_options: PairOptions | None = None) -> SolvedPairs:
     """What a method makes of it."""
-    table = np.arange(2 * data.pairs).reshape(-1, 2)
-    given = pair_options or PairOptions()
-    return method(data.rig, data.detections, data.tracks, data.noise, OPTIONS, table, given)
+    return call_of(data, method, pair_options)()
 
 
 def believed(data: Scene) -> np.ndarray:
@@ -292,8 +300,8 @@ def speed(trials: int) -> None:
         data = scene(12 * max(trials // 12, 40), cameras, outlier=0.1, missing=0.1, pairs=12)
         few = replace(data, pixels=data.pixels[: 12 * 20])
         frames, few_frames = len(data.pixels) // 12, 20
-        ours = 1000 * median_cpu_s(lambda data=data: solved(data, enumerated.solve), 7) / frames
-        theirs = 1000 * median_cpu_s(lambda few=few: solved(few, sds.solve), 3) / few_frames
+        ours = 1000 * median_cpu_s(call_of(data, enumerated.solve), 7) / frames
+        theirs = 1000 * median_cpu_s(call_of(few, sds.solve), 3) / few_frames
         print(f"{cameras:3} cameras {ours:8.4f} (asked {asked}) {theirs:9.3f}{theirs / ours:8.1f}", flush=True)
 
 

@@ -5,7 +5,6 @@ import math
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, step
 from posefuse.kernels.pair_refine import COUPLE_COST, COUPLE_ROWS
-from posefuse.kernels.pair_search import PROPOSALS
 from posefuse.kernels.points import INFORMATION
 from posefuse.kernels.rows import BLOCK
 
@@ -42,12 +41,12 @@ def choose(couples, places, sigma, bound, previous, totals, best, couple):
     """The cheapest of the refined couples of every lane, lanes in the order of frames.
 
     Args:
-        couples: shape (PROPOSALS, COUPLE_ROWS, BLOCK).
+        couples: shape (couple, COUPLE_ROWS, BLOCK).
         places: shape (2, BLOCK): person-frame (-1: none) and pair.
         sigma: how far points move between frames, inf: do not ask.
         bound: the most that one point's having moved costs.
         previous: shape (person, pair, 6), in and out: the points of the frame before.
-        totals: shape (PROPOSALS, BLOCK), written: costs, with those of having moved.
+        totals: shape (couple, BLOCK), written: costs, with those of having moved.
         best: shape (BLOCK,), int64, written: the chosen one.
         couple: shape (COUPLE_ROWS, BLOCK), written: it.
     """
@@ -56,13 +55,11 @@ def choose(couples, places, sigma, bound, previous, totals, best, couple):
         k = places[1, j]
         person = n % previous.shape[0]
         chosen = 0
-        for i in range(PROPOSALS):
+        for i in range(couples.shape[0]):
             totals[i, j] = couples[i, COUPLE_COST, j]
             if n >= 0 and sigma < math.inf:
                 totals[i, j] += _prior_cost(couples[i], j, previous, person, k, sigma, bound)
-            there = couples[i, 0, j] == couples[i, 0, j]
-            if there and (totals[i, j] < totals[chosen, j]):
-                chosen = i
+            chosen = i if totals[i, j] < totals[chosen, j] else chosen
         best[j] = chosen
         for i in range(COUPLE_ROWS):
             couple[i, j] = couples[chosen, i, j]
@@ -88,8 +85,8 @@ def doubt(couples, totals, best, couple, side, state, bound, status):
     """Say of points that another couple, which costs about as much, does without them.
 
     Args:
-        couples: shape (PROPOSALS, COUPLE_ROWS, BLOCK).
-        totals: shape (PROPOSALS, BLOCK).
+        couples: shape (couple, COUPLE_ROWS, BLOCK).
+        totals: shape (couple, BLOCK).
         best: shape (BLOCK,), the chosen one.
         couple: shape (COUPLE_ROWS, BLOCK), it, settled and in order.
         side: 0 or 1, which of its points.
@@ -100,9 +97,9 @@ def doubt(couples, totals, best, couple, side, state, bound, status):
     for j in range(BLOCK):
         if status[j] >= codes.POINT_MISSING:
             continue
-        for i in range(PROPOSALS):
+        for i in range(couples.shape[0]):
             lead = totals[i, j] - totals[best[j], j]
-            there = couples[i, 0, j] == couples[i, 0, j]
+            there = couples[i, 0, j] == couples[i, 0, j] or couples[i, 3, j] == couples[i, 3, j]
             if i == best[j] or not there or lead >= _CLEAR_LEAD * bound:
                 continue
             rival = couples[i]

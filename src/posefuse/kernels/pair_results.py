@@ -4,7 +4,7 @@ import math
 
 from posefuse.kernels import codes
 from posefuse.kernels.jit import inline, step
-from posefuse.kernels.pair_refine import squared_residual
+from posefuse.kernels.pair_refine import COUPLE_COST, squared_residual
 from posefuse.kernels.pair_search import bounded
 from posefuse.kernels.points import COST, INFORMATION, SCALE, X
 from posefuse.kernels.rows import BLOCK
@@ -13,7 +13,7 @@ NONE = -1
 """In the place of a label: no observation."""
 
 
-@step
+@inline
 def assign(rows, weights, full, none, couple, labels, evidence):
     """Put every view into the state that costs least.
 
@@ -25,16 +25,15 @@ def assign(rows, weights, full, none, couple, labels, evidence):
         labels: shape (side, view, BLOCK), int64, written: the label of the observation that each point rests on.
         evidence: shape (view, BLOCK), written: cost as labelled less cost swapped.
     """
-    span = none - full
-    inverse_span = 1.0 / span
+    inverse_span = 1.0 / (none - full)
     for v in range(weights.shape[1]):
         for j in range(BLOCK):
             e0l = squared_residual(rows[0], weights[0], v, j, couple, 0, none)
             e0r = squared_residual(rows[1], weights[1], v, j, couple, 0, none)
             e1l = squared_residual(rows[0], weights[0], v, j, couple, 3, none)
             e1r = squared_residual(rows[1], weights[1], v, j, couple, 3, none)
-            straight = bounded(e0l, full, span, inverse_span) + bounded(e1r, full, span, inverse_span)
-            crossed = bounded(e0r, full, span, inverse_span) + bounded(e1l, full, span, inverse_span)
+            straight = bounded(e0l, full, inverse_span) + bounded(e1r, full, inverse_span)
+            crossed = bounded(e0r, full, inverse_span) + bounded(e1l, full, inverse_span)
             as_labelled = straight <= crossed
             evidence[v, j] = straight - crossed
             near_0 = (e0l if as_labelled else e0r) < none
@@ -72,7 +71,7 @@ def put_in_order(trust, couple, labels, evidence):
             evidence[v, j] = -evidence[v, j]
 
 
-@step
+@inline
 def take_side(room, side):
     """Gather the observations that one of the points rests on, and begin its state."""
     for j in range(BLOCK):
@@ -99,7 +98,7 @@ def take_side(room, side):
                 room.valid[j] += 0 if taken else 1
 
 
-@step
+@inline
 def keep_information(sums, state):
     """The information of a point, from the sums of its normal equations."""
     for i in range(6):
@@ -152,7 +151,7 @@ def store_side(room, side, used, view_errors_px):
 
 
 @step
-def store_views(room, view_codes, evidence, costs):
+def store_views(room, bound, view_codes, evidence, costs):
     """Write what became of every observation, and what the views say of their labels."""
     n_views = room.side_weights.shape[0]
     for j in range(BLOCK):
@@ -160,10 +159,13 @@ def store_views(room, view_codes, evidence, costs):
         k = room.places[1, j]
         if n < 0:
             continue
-        costs[n, k] = room.couple[6, j]
+        solved = room.couple[X, j] == room.couple[X, j] or room.couple[X + 3, j] == room.couple[X + 3, j]
+        costs[n, k] = room.couple[COUPLE_COST, j] if solved else math.nan
         for v in range(n_views):
             evidence[n, k, v] = room.evidence[v, j]
             for label in range(2):
+                # An observation that is not there has cost as much as one that is not explained.
+                costs[n, k] -= 0.0 if room.weights[label, v, j] > 0.0 else bound
                 code = room.codes[label, v, j]
                 taken = room.labels[0, v, j] == label or room.labels[1, v, j] == label
                 if code == codes.VIEW_USED and not taken:

@@ -5,15 +5,12 @@ from collections import namedtuple
 import numpy as np
 
 from posefuse.kernels.jit import kernel
-from posefuse.kernels.pair_refine import COUPLE_ROWS, COUPLE_SUMS
 from posefuse.kernels.pair_search import MOST_GROUPS, PROPOSALS
-from posefuse.kernels.points import STATE_ROWS, SUM_ROWS
-from posefuse.kernels.rows import BLOCK
 
 Room = namedtuple(
     "Room",
     "places keypoints pixels trust rows weights codes lens_codes scratch ranks seen any_trust any_weights couples "
-    "couple trial totals best labels evidence side_rows side_weights side_pixels side_errors state sums agreeing "
+    "couple trial shares totals best labels evidence side_rows side_weights side_pixels side_errors state sums agreeing "
     "valid status",
 )
 """By label (left, right) or side (left, right), view and lane:
@@ -23,7 +20,7 @@ pixels, trust, rows, weights, codes: of the observations, by label.
 lens_codes, scratch: what reading pixels needs.
 ranks, seen, any_trust, any_weights: views by confidence, whichever labels they have.
 couples: shape (proposal, COUPLE_ROWS, BLOCK), refined proposals; couple: the chosen one, best: which of them, totals:
-their costs with the evidence of the frame before; trial: scratch.
+their costs with the evidence of the frame before; trial, shares: scratch.
 labels: shape (side, view, BLOCK), the label of the observation each point rests on, or -1.
 evidence: by how much the view as labelled costs more than swapped.
 side_*: the observations that a point rests on.
@@ -35,42 +32,6 @@ SearchRoom = namedtuple(
     "SearchRoom", "rows weights normal places points costs alone rests_on groups kept kept_places"
 )
 """Of one lane, see :func:`posefuse.kernels.pair_search.search_lane`."""
-
-
-@kernel
-def make_room(n_views):
-    """Room for blocks of couples seen by so many views."""
-    return Room(
-        places=np.empty((2, BLOCK), np.int64),
-        keypoints=np.empty((2, BLOCK), np.int64),
-        pixels=np.empty((2, n_views, 2, BLOCK)),
-        trust=np.empty((2, n_views, BLOCK)),
-        rows=np.empty((2, n_views, 12, BLOCK)),
-        weights=np.empty((2, n_views, BLOCK)),
-        codes=np.empty((2, n_views, BLOCK), np.int64),
-        lens_codes=np.empty((n_views, BLOCK), np.int64),
-        scratch=np.empty((6, BLOCK)),
-        ranks=np.empty((n_views, BLOCK), np.int64),
-        seen=np.empty(BLOCK, np.int64),
-        any_trust=np.empty((n_views, BLOCK)),
-        any_weights=np.empty((n_views, BLOCK)),
-        couples=np.empty((PROPOSALS, COUPLE_ROWS, BLOCK)),
-        couple=np.empty((COUPLE_ROWS, BLOCK)),
-        trial=np.empty((COUPLE_ROWS, BLOCK)),
-        totals=np.empty((PROPOSALS, BLOCK)),
-        best=np.empty(BLOCK, np.int64),
-        labels=np.empty((2, n_views, BLOCK), np.int64),
-        evidence=np.empty((n_views, BLOCK)),
-        side_rows=np.empty((n_views, 12, BLOCK)),
-        side_weights=np.empty((n_views, BLOCK)),
-        side_pixels=np.empty((n_views, 2, BLOCK)),
-        side_errors=np.empty((n_views, BLOCK)),
-        state=np.empty((STATE_ROWS, BLOCK)),
-        sums=np.empty((2, max(SUM_ROWS, COUPLE_SUMS), BLOCK)),
-        agreeing=np.empty(BLOCK, np.int64),
-        valid=np.empty(BLOCK, np.int64),
-        status=np.empty(BLOCK, np.int64),
-    )
 
 
 @kernel

@@ -25,13 +25,21 @@ _BITS = 62
 
 
 @inline
-def bounded(squared, full, span, inverse_span):
-    """The cost of a squared residual in sigma units: itself up to ``full``, then ever less, constant from ``none`` on.
+def bounded(squared, full, inverse_span):
+    """The cost of a squared residual in sigma units, which may be ``none`` at most: itself up to ``full``, then ever less.
 
-    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``. The constant is ``full + span / 3``.
+    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``, u from 0 at ``full`` to 1 at ``none``; past
+    that the cost would stay at ``full + (none - full) / 3``.
+
+    Args:
+        squared: at most ``none``.
+        full: from where on the cost grows more slowly.
+        inverse_span: ``1 / (none - full)``.
     """
-    fall = 1.0 - min(max((squared - full) * inverse_span, 0.0), 1.0)
-    return min(squared, full) + span * (1.0 - fall * fall * fall) * (1.0 / 3.0)
+    over = squared - full
+    over = over if over > 0.0 else 0.0
+    u = over * inverse_span
+    return squared - over * u * (1.0 - u * (1.0 / 3.0))
 
 
 @inline
@@ -95,10 +103,13 @@ def _two_ray_points(normal, lane_weights, ranks, seen, tries, j, places, points)
 @inline
 def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
     """What every observation costs every point, shape (observation, point)."""
-    span = none - full
-    inverse_span = 1.0 / span
+    inverse_span = 1.0 / (none - full)
     for o in range(lane_weights.shape[0]):
         w = lane_weights[o]
+        if w == 0.0:
+            for p in range(count):
+                costs[o, p] = full + (none - full) * (1.0 / 3.0)
+            continue
         g0, g1, g2, g3 = lane_rows[o, 0], lane_rows[o, 1], lane_rows[o, 2], lane_rows[o, 3]
         h0, h1, h2, h3 = lane_rows[o, 4], lane_rows[o, 5], lane_rows[o, 6], lane_rows[o, 7]
         c0, c1, c2, c3 = lane_rows[o, 8], lane_rows[o, 9], lane_rows[o, 10], lane_rows[o, 11]
@@ -107,13 +118,12 @@ def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
             y = points[1, p]
             z = points[2, p]
             depth = c0 * x + c1 * y + c2 * z + c3
-            inverse = 1.0 / depth
-            r = (g0 * x + g1 * y + g2 * z + g3) * inverse
-            s = (h0 * x + h1 * y + h2 * z + h3) * inverse
-            squared = w * (r * r + s * s)
+            r = g0 * x + g1 * y + g2 * z + g3
+            s = h0 * x + h1 * y + h2 * z + h3
+            squared = w * (r * r + s * s) / (depth * depth)
             # Not a number, where two rays are parallel, is not near either.
-            near = (squared < none) & (depth > 0.0) & (w > 0.0)
-            costs[o, p] = bounded(squared if near else none, full, span, inverse_span)
+            near = (squared < none) & (depth > 0.0)
+            costs[o, p] = bounded(squared if near else none, full, inverse_span)
 
 
 @inline
@@ -184,6 +194,26 @@ def _keep(cost, first, second, kept, kept_places):
 
 
 @inline
+def _couple_cost(costs, n_views, first, second, bound):
+    """What two points cost, every view in its best state, and how many views then hold each."""
+    cost = 0.0
+    held_first = 0
+    held_second = 0
+    for v in range(n_views):
+        first_left = costs[2 * v, first]
+        first_right = costs[2 * v + 1, first]
+        second_left = costs[2 * v, second]
+        second_right = costs[2 * v + 1, second]
+        as_labelled = first_left + second_right <= first_right + second_left
+        of_first = first_left if as_labelled else first_right
+        of_second = second_right if as_labelled else second_left
+        cost += of_first + of_second
+        held_first += 1 if of_first < bound else 0
+        held_second += 1 if of_second < bound else 0
+    return cost, held_first, held_second
+
+
+@inline
 def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
     """The cheapest couples of points that rest on different rays, each group of like points having one speaker."""
     n_views = costs.shape[0] // 2
@@ -198,15 +228,12 @@ def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
         if chosen == NOBODY or alone[chosen] + min(lowest, alone[chosen]) > kept[0] + _SLACK * bound:
             break
         lowest = min(lowest, alone[chosen])
-        _keep(alone[chosen] + n_views * bound, chosen, NOBODY, kept, kept_places)
+        # One more ray may be that of a second point, which it does not fix.
+        _keep(alone[chosen] + (n_views - 1) * bound, chosen, NOBODY, kept, kept_places)
         for g in range(n_groups):
-            other = groups[g]
-            cost = 0.0
-            for v in range(n_views):
-                straight = costs[2 * v, chosen] + costs[2 * v + 1, other]
-                crossed = costs[2 * v + 1, chosen] + costs[2 * v, other]
-                cost += min(straight, crossed)
-            _keep(cost, other, chosen, kept, kept_places)
+            cost, held_chosen, held_other = _couple_cost(costs, n_views, chosen, groups[g], bound)
+            if held_chosen > 1 and held_other > 1:
+                _keep(cost, groups[g], chosen, kept, kept_places)
         groups[n_groups] = chosen
         n_groups += 1
         _close_group(alone, rests_on, chosen, count)

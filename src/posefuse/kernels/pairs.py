@@ -5,9 +5,11 @@ Works on blocks of observation rows like :mod:`posefuse.kernels.consensus`. See 
 
 import math
 
-from posefuse.kernels.jit import kernel, step
+import numpy as np
+
+from posefuse.kernels.jit import inline, kernel
 from posefuse.kernels.pair_choice import choose, doubt
-from posefuse.kernels.pair_refine import MOVED, settle
+from posefuse.kernels.pair_refine import COUPLE_COST, COUPLE_ROWS, MOVED, settle
 from posefuse.kernels.pair_results import (
     assign,
     judge_side,
@@ -17,9 +19,9 @@ from posefuse.kernels.pair_results import (
     store_views,
     take_side,
 )
-from posefuse.kernels.pair_room import make_room, make_search_room
+from posefuse.kernels.pair_room import Room, make_search_room
 from posefuse.kernels.pair_search import PROPOSALS, search_lane
-from posefuse.kernels.points import judge_geometry, normal_equations, store_points
+from posefuse.kernels.points import STATE_ROWS, SUM_ROWS, judge_geometry, normal_equations, store_points
 from posefuse.kernels.rows import BLOCK, rows_block
 from posefuse.kernels.search import rank_views
 from posefuse.kernels.views import linear_errors, load_block, locate_lanes, reproject_block, weigh_block
@@ -30,7 +32,7 @@ _MOST_ROUNDS = 60
 _SETTLED = 1e-2
 
 
-@step
+@inline
 def _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room):
     """Read both observations of every lane, and rank the views by what confidence either has."""
     for label in range(2):
@@ -51,7 +53,7 @@ def _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent,
     rank_views(room.any_trust, room.any_weights, room.ranks, room.seen)
 
 
-@step
+@inline
 def _propose(tries, full, none, room, search_room):
     """Search every lane, and sketch what the cheapest couples of two-ray points become over all views."""
     for j in range(BLOCK):
@@ -61,13 +63,50 @@ def _propose(tries, full, none, room, search_room):
             for i in range(PROPOSALS):
                 for axis in range(6):
                     room.couples[i, axis, j] = math.nan
-    for i in range(PROPOSALS):
-        settle(
-            room.rows, room.weights, 0, _GENEROUS + _SKETCH_ROUNDS, full, none, room.couples[i], room.trial, room.sums
-        )
 
 
-@step
+@inline
+def _empty(couple):
+    """Whether no lane has such a proposal."""
+    lanes = 0
+    for j in range(BLOCK):
+        lanes += 1 if couple[0, j] == couple[0, j] else 0
+    return lanes == 0
+
+
+@inline
+def _refine(full, none, prior_sigma, previous, room):
+    """Sketch what the proposals become over all views, choose the cheapest couple, and settle that."""
+    bound = full + (none - full) * (1.0 / 3.0)
+    # One loop for both, so that its body is compiled once.
+    for i in range(PROPOSALS + 1):
+        if i < PROPOSALS:
+            begin = 0
+            couple, end = room.couples[i], 1 if _empty(room.couples[i]) else _GENEROUS + _SKETCH_ROUNDS
+        else:
+            choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
+            couple, begin, end = room.couple, _GENEROUS, _MOST_ROUNDS
+        settle(room.rows, room.weights, begin, end, full, none, couple, room.trial, room.shares, room.sums)
+
+
+@inline
+def _take_given(given, room):
+    """Points that were found in another way, without rivals."""
+    for j in range(BLOCK):
+        n = room.places[0, j]
+        k = room.places[1, j]
+        room.best[j] = 0
+        room.couple[COUPLE_COST, j] = 0.0
+        room.couple[MOVED, j] = 0.0
+        for axis in range(6):
+            room.couple[axis, j] = given[n, k, axis] if n >= 0 else math.nan
+            for i in range(PROPOSALS):
+                room.couples[i, axis, j] = math.nan
+        for i in range(PROPOSALS):
+            room.totals[i, j] = 0.0
+
+
+@inline
 def _finish_side(cameras, room, side, bound, min_views):
     """Status, covariance and errors of one of each lane's points."""
     take_side(room, side)
@@ -96,6 +135,7 @@ def solve_pairs(
     none_sigma,
     prior_sigma,
     previous,
+    given,
     points,
     covariance,
     status,
@@ -122,6 +162,7 @@ def solve_pairs(
         none_sigma: a residual of more sigmas does not count; the observation is not this point's.
         prior_sigma: how far points move between frames, in the world's unit; inf to ask every frame alone.
         previous: shape (person, pair, 6), in and out: the points of the frame before; NaN where there are none.
+        given: shape (person_frame, pair, 6): points to take as they are; with no person_frame, they are sought.
         points: shape (person_frame, pair, 2, 3), written: left and right.
         covariance: shape (person_frame, pair, 2, 6), written: xx xy xz yy yz zz.
         status: shape (person_frame, pair, 2), int8, written: point codes.
@@ -135,16 +176,51 @@ def solve_pairs(
     """
     n_pairs = pairs.shape[0]
     total = rows_of.shape[0] * n_pairs
-    room = make_room(cameras.shape[0])
-    search_room = make_search_room(cameras.shape[0], tries.shape[0])
+    n_views = cameras.shape[0]
+    # Made here and not elsewhere: the compiler must know the length of their last axis to use vector instructions.
+    room = Room(
+        places=np.empty((2, BLOCK), np.int64),
+        keypoints=np.empty((2, BLOCK), np.int64),
+        pixels=np.empty((2, n_views, 2, BLOCK)),
+        trust=np.empty((2, n_views, BLOCK)),
+        rows=np.empty((2, n_views, 12, BLOCK)),
+        weights=np.empty((2, n_views, BLOCK)),
+        codes=np.empty((2, n_views, BLOCK), np.int64),
+        lens_codes=np.empty((n_views, BLOCK), np.int64),
+        scratch=np.empty((6, BLOCK)),
+        ranks=np.empty((n_views, BLOCK), np.int64),
+        seen=np.empty(BLOCK, np.int64),
+        any_trust=np.empty((n_views, BLOCK)),
+        any_weights=np.empty((n_views, BLOCK)),
+        couples=np.empty((PROPOSALS, COUPLE_ROWS, BLOCK)),
+        couple=np.empty((COUPLE_ROWS, BLOCK)),
+        trial=np.empty((COUPLE_ROWS, BLOCK)),
+        shares=np.empty((4, BLOCK)),
+        totals=np.empty((PROPOSALS, BLOCK)),
+        best=np.empty(BLOCK, np.int64),
+        labels=np.empty((2, n_views, BLOCK), np.int64),
+        evidence=np.empty((n_views, BLOCK)),
+        side_rows=np.empty((n_views, 12, BLOCK)),
+        side_weights=np.empty((n_views, BLOCK)),
+        side_pixels=np.empty((n_views, 2, BLOCK)),
+        side_errors=np.empty((n_views, BLOCK)),
+        state=np.empty((STATE_ROWS, BLOCK)),
+        sums=np.empty((2, SUM_ROWS, BLOCK)),
+        agreeing=np.empty(BLOCK, np.int64),
+        valid=np.empty(BLOCK, np.int64),
+        status=np.empty(BLOCK, np.int64),
+    )
+    search_room = make_search_room(n_views, tries.shape[0])
     full, none = full_sigma * full_sigma, none_sigma * none_sigma
     bound = full + (none - full) / 3.0
     for first in range(0, total, BLOCK):
         locate_lanes(first, total, n_pairs, room.places)
         _load(cameras, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room)
-        _propose(tries, full, none, room, search_room)
-        choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
-        settle(room.rows, room.weights, _GENEROUS, _MOST_ROUNDS, full, none, room.couple, room.trial, room.sums)
+        if given.shape[0] > 0:
+            _take_given(given, room)
+        else:
+            _propose(tries, full, none, room, search_room)
+            _refine(full, none, prior_sigma, previous, room)
         assign(room.rows, room.weights, full, none, room.couple, room.labels, room.evidence)
         put_in_order(room.trust, room.couple, room.labels, room.evidence)
         for side in range(2):
@@ -152,4 +228,4 @@ def solve_pairs(
             side_points, side_covariance, side_status = points[:, :, side], covariance[:, :, side], status[:, :, side]
             store_points(room.state, room.sums[0], room.status, room.places, side_points, side_covariance, side_status)
             store_side(room, side, used, view_errors_px)
-        store_views(room, view_codes, evidence, costs)
+        store_views(room, bound, view_codes, evidence, costs)

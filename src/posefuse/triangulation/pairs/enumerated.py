@@ -67,6 +67,7 @@ def solve(
         chosen.none_sigma,
         (pair_options or PairOptions()).prior_m,
         previous,
+        np.empty((0, len(table), 6)),
         *out.arrays,
     )
     if previous_m is not None:
