@@ -100,7 +100,7 @@ def ring(cameras: int) -> CameraRig:
 
 def scattered(n: int, apart_m: float, rng: np.random.Generator) -> np.ndarray:
     """Shape (n, 2, 3): pairs anywhere in the cube, in any direction."""
-    centre = rng.uniform(-0.5, 0.5, (n, 3)) + [0.0, 0.0, 0.9]
+    centre = rng.uniform([-0.5, -0.5, 0.4], [0.5, 0.5, 1.4], (n, 3))
     direction = rng.standard_normal((n, 3))
     half = 0.5 * apart_m * direction / np.linalg.norm(direction, axis=1, keepdims=True)
     return np.stack([centre + half, centre - half], axis=1)
@@ -254,7 +254,9 @@ def table(trials: int) -> None:
 
 def flags(trials: int) -> None:
     """Points that only two inlier views see: how many are wrong, and how many of them say so."""
-    print("\npoints that two inlier views see: how many, beyond 100 mm, of these ambiguous; and of the others with points")
+    print(
+        "\npoints that two inlier views see: how many, beyond 100 mm, of these ambiguous; and of the others with points"
+    )
     for name, (drawn, _) in CASES.items():
         data = scene(trials, **drawn)  # type: ignore[arg-type]
         result = solved(data, enumerated.solve)
@@ -268,8 +270,8 @@ def flags(trials: int) -> None:
         said = (status == PointStatus.AMBIGUOUS) | (status == PointStatus.UNDECIDED)
         two, more, has = seen == 2, seen > 2, status < PointStatus.NOT_SEEN
         print(
-            f"{name:24}two: {int(two.sum()):5} said {int((two & said).sum()):5} wrong {int((two & wrong).sum()):5} said "
-            f"{int((two & wrong & said).sum()):5}   more: {int(more.sum()):6} said {int((more & said).sum()):5} "
+            f"{name:24}two: {int(two.sum()):5} said {int((two & said).sum()):5} wrong {int((two & wrong).sum()):5} "
+            f"said {int((two & wrong & said).sum()):5}   more: {int(more.sum()):6} said {int((more & said).sum()):5} "
             f"wrong {int((more & has & wrong).sum()):5} said {int((more & wrong & said).sum()):5}",
             flush=True,
         )

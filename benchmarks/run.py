@@ -5,9 +5,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, rejection, speed
+from benchmarks import accuracy, pairs, rejection, speed
 
 failed = accuracy.main()
 speed.main()
 rejection.main()
+pairs.main()
 sys.exit(failed)

@@ -133,7 +133,8 @@ def settle(rows, weights, begin, end, full, none, couple, trial, shares, sums):
         full: an observation within so many squared sigmas of its point counts whole.
         none: beyond so many not at all.
         couple: shape (COUPLE_ROWS, BLOCK): two points, their cost, by how much (in squared standard errors) the last
-            step moved them, how many rays hold each, and what a ray left over saves; NaN in the place of a point that is not there.
+            step moved them, how many rays hold each, and what a ray left over saves; NaN in the place of a point that
+            is not there.
         trial: shape (COUPLE_ROWS, BLOCK), scratch.
         shares: shape (4, BLOCK), scratch.
         sums: shape (side, SUM_ROWS, BLOCK), scratch.

@@ -77,6 +77,7 @@ def take_side(room, side):
     for j in range(BLOCK):
         room.agreeing[j] = 0
         room.valid[j] = 0
+        room.rays[j] = 0
         for i in range(3):
             room.state[X + i, j] = room.couple[3 * side + i, j]
         room.state[COST, j] = 0.0
@@ -96,6 +97,7 @@ def take_side(room, side):
             for other in range(2):
                 taken = (room.labels[1 - side, v, j] == other) | (not room.weights[other, v, j] > 0.0)
                 room.valid[j] += 0 if taken else 1
+                room.rays[j] += 1 if room.weights[other, v, j] > 0.0 else 0
 
 
 @inline
@@ -107,7 +109,7 @@ def keep_information(sums, state):
 
 
 @step
-def judge_side(couple, side, bound_moved, min_views, moved, agreeing, valid, status):
+def judge_side(couple, side, bound_moved, min_views, moved, agreeing, valid, rays, status):
     """Point codes, from how many views a point rests on.
 
     Args:
@@ -118,13 +120,14 @@ def judge_side(couple, side, bound_moved, min_views, moved, agreeing, valid, sta
         moved: shape (BLOCK,), the last step.
         agreeing: shape (BLOCK,), views it rests on.
         valid: shape (BLOCK,), observations that could have been its.
+        rays: shape (BLOCK,), all observations of the couple.
         status: shape (BLOCK,), int64, written.
     """
     for j in range(BLOCK):
         # Which of a view's two rays is whose, two views can hardly tell.
         code = codes.POINT_OK
         if agreeing[j] == 2:
-            code = codes.POINT_AMBIGUOUS if valid[j] > 2 else codes.POINT_TWO_VIEWS
+            code = codes.POINT_AMBIGUOUS if rays[j] > 2 else codes.POINT_TWO_VIEWS
         if valid[j] < min_views:
             code = codes.POINT_NOT_SEEN if valid[j] == 0 else codes.POINT_TOO_FEW_VIEWS
         elif agreeing[j] < min_views or couple[3 * side, j] != couple[3 * side, j]:

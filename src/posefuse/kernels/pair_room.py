@@ -10,8 +10,8 @@ from posefuse.kernels.pair_search import MOST_GROUPS, PROPOSALS
 Room = namedtuple(
     "Room",
     "places keypoints pixels trust rows weights codes lens_codes scratch ranks seen any_trust any_weights couples "
-    "couple trial shares totals best labels evidence side_rows side_weights side_pixels side_errors state sums agreeing "
-    "valid status",
+    "couple trial shares totals best labels evidence side_rows side_weights side_pixels side_errors state sums "
+    "agreeing valid rays status",
 )
 """By label (left, right) or side (left, right), view and lane:
 
@@ -25,12 +25,11 @@ labels: shape (side, view, BLOCK), the label of the observation each point rests
 evidence: by how much the view as labelled costs more than swapped.
 side_*: the observations that a point rests on.
 state, sums: of both points, as in :mod:`posefuse.kernels.points`.
-agreeing, valid, status: how many views each point rests on, how many observations there are, point codes.
+agreeing, valid, rays, status: how many views each point rests on, how many observations could have been its, how many
+the couple has, point codes.
 """
 
-SearchRoom = namedtuple(
-    "SearchRoom", "rows weights normal places points costs alone rests_on groups kept kept_places"
-)
+SearchRoom = namedtuple("SearchRoom", "rows weights normal places points costs alone rests_on groups kept kept_places")
 """Of one lane, see :func:`posefuse.kernels.pair_search.search_lane`."""
 
 

@@ -26,7 +26,7 @@ _BITS = 62
 
 @inline
 def bounded(squared, full, inverse_span):
-    """The cost of a squared residual in sigma units, which may be ``none`` at most: itself up to ``full``, then ever less.
+    """The cost of a squared residual in sigma units: itself up to ``full``, then growing ever less.
 
     Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``, u from 0 at ``full`` to 1 at ``none``; past
     that the cost would stay at ``full + (none - full) / 3``.
@@ -222,6 +222,7 @@ def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
     for i in range(PROPOSALS):
         kept[i] = math.inf
         kept_places[0, i] = NOBODY
+        kept_places[1, i] = NOBODY
     while n_groups < groups.shape[0]:
         chosen = _cheapest(alone, count)
         # No couple costs less than its points do alone.

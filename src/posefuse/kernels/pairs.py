@@ -27,7 +27,7 @@ from posefuse.kernels.search import rank_views
 from posefuse.kernels.views import linear_errors, load_block, locate_lanes, reproject_block, weigh_block
 
 _GENEROUS = 2
-_SKETCH_ROUNDS = 7
+_SKETCH_ROUNDS = 5
 _MOST_ROUNDS = 60
 _SETTLED = 1e-2
 
@@ -110,7 +110,8 @@ def _take_given(given, room):
 def _finish_side(cameras, room, side, bound, min_views):
     """Status, covariance and errors of one of each lane's points."""
     take_side(room, side)
-    judge_side(room.couple, side, _SETTLED, min_views, room.couple[MOVED], room.agreeing, room.valid, room.status)
+    moved, agreeing, valid = room.couple[MOVED], room.agreeing, room.valid
+    judge_side(room.couple, side, _SETTLED, min_views, moved, agreeing, valid, room.rays, room.status)
     normal_equations(room.side_rows, room.side_weights, room.state, room.sums[0])
     keep_information(room.sums[0], room.state)
     doubt(room.couples, room.totals, room.best, room.couple, side, room.state, bound, room.status)
@@ -208,6 +209,7 @@ def solve_pairs(
         sums=np.empty((2, SUM_ROWS, BLOCK)),
         agreeing=np.empty(BLOCK, np.int64),
         valid=np.empty(BLOCK, np.int64),
+        rays=np.empty(BLOCK, np.int64),
         status=np.empty(BLOCK, np.int64),
     )
     search_room = make_search_room(n_views, tries.shape[0])

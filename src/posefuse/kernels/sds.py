@@ -51,9 +51,7 @@ def _normal(random):
 
 @inline
 def _distance(rays, r, x, y, z):
-    distance, _ = point_ray_distance(
-        x, y, z, rays[r, 0], rays[r, 1], rays[r, 2], rays[r, 3], rays[r, 4], rays[r, 5]
-    )
+    distance, _ = point_ray_distance(x, y, z, rays[r, 0], rays[r, 1], rays[r, 2], rays[r, 3], rays[r, 4], rays[r, 5])
     return distance
 
 
@@ -241,9 +239,7 @@ def search_pairs(
             continue
         _start_draws(random, seed, first_number + n)
         _centre(rays, there, weights, distances, centre)
-        best = _search(
-            rays, there, centre, terms, separation, jitter, tolerance, rounds, agents, errors, moved, random
-        )
+        best = _search(rays, there, centre, terms, separation, jitter, tolerance, rounds, agents, errors, moved, random)
         costs[n] = errors[best]
         for k in range(_SIZE):
             points[n, k] = agents[best, k]

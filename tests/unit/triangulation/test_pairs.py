@@ -50,20 +50,20 @@ def gaps(trials: int, seed: int) -> np.ndarray:
     return np.array(out)
 
 
-def assert_exhaustive(gap: np.ndarray) -> None:
+def assert_exhaustive(gap: np.ndarray, most: float) -> None:
     """Never below, hardly ever above; where above, at another local minimum of the same states."""
     assert gap.min() > -2e-3
-    assert (gap > 2e-3).mean() < 0.01
+    assert (gap > 2e-3).mean() <= most
     assert gap.max() < 0.5 * (FULL + (NONE - FULL) / 3)
 
 
 def test_cost_is_the_exhaustive_minimum():
-    assert_exhaustive(gaps(20, 100))
+    assert_exhaustive(gaps(20, 100), 0.03)
 
 
 @pytest.mark.long
 def test_cost_is_the_exhaustive_minimum_on_two_thousand_cases():
-    assert_exhaustive(gaps(400, 200))
+    assert_exhaustive(gaps(400, 200), 0.01)
 
 
 @pytest.mark.parametrize("cameras", [4, 5, 8, 16])
@@ -104,8 +104,10 @@ def test_the_world_may_be_moved_and_measured_otherwise():
         out[:3, 3] = scale * pose[:3, 3] - out[:3, :3] @ shift
         return out
 
-    cameras = tuple(replace(camera, camera_from_world=moved_pose(camera.camera_from_world)) for camera in data.rig.cameras)
-    moved = replace(data, rig=CameraRig(cameras, up_axis="unknown"))
+    cameras = tuple(
+        replace(camera, camera_from_world=moved_pose(camera.camera_from_world)) for camera in data.rig.cameras
+    )
+    moved = replace(data, rig=CameraRig(cameras, up_axis=None))
     one, other = solved(data, enumerated.solve), solved(moved, enumerated.solve)
     np.testing.assert_array_equal(one.status, other.status)
     np.testing.assert_allclose(scale * one.points_m @ turn.T + shift, other.points_m, atol=scale * CLOSE_M)
@@ -202,8 +204,7 @@ def test_points_of_two_views_say_that_they_are_ambiguous():
     result = solved(seen_by(scene(100, 7, swap=0.0), [0, 2]), enumerated.solve)
     has = result.status < PointStatus.NOT_SEEN
     assert has.any()
-    assert (result.status[has] >= PointStatus.TWO_VIEWS).all()
-    assert (result.status[has] == PointStatus.AMBIGUOUS).mean() > 0.9
+    assert (result.status[has] == PointStatus.AMBIGUOUS).all()
 
 
 def test_evidence_names_the_swapped_views():

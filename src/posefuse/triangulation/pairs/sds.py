@@ -102,7 +102,7 @@ def solve(
 def rays_of(
     rig: CameraRig, detections: Detections, rows: np.ndarray, pairs: np.ndarray, min_confidence: float
 ) -> np.ndarray:
-    """Shape (person_frame, pair, view, 2, 3): unit vectors in the world of both labels' rays; NaN where none is valid."""
+    """Shape (person_frame, pair, view, 2, 3): unit vectors of both labels' rays; NaN where none is valid."""
     out = np.full((len(rows), len(pairs), len(rig), 2, 3), np.nan)
     keypoints, confidence = np.asarray(detections.keypoints_px), np.asarray(detections.confidence)
     for v, camera in enumerate(rig.cameras):
