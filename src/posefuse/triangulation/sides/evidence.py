@@ -13,7 +13,7 @@ from posefuse.triangulation.sides.sequence import Sequence
 _BONES_AT_MOST = 6.0
 _BONES_COUNT = 0.35
 _FACING_AT_MOST = 4.0
-_FACING_COUNTS = 0.15
+_FACING_COUNTS = 0.25
 """Poses that bones and symmetry misjudge last some frames; each of these frames counts for so much."""
 
 

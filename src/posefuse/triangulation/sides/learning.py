@@ -237,33 +237,50 @@ def _percentile(values: np.ndarray, percent: float, otherwise: float) -> np.ndar
     return np.where(known > 0, ordered[place, np.arange(values.shape[1])], otherwise)
 
 
-_PRIOR_FRAMES = 30.0
+_SURE = 2.5
+"""Labels of smaller odds may be noise, which comes and goes faster than swaps."""
+_AS_IF_SEEN = 30.0
+"""Labels that what is expected of views counts for, where labels last or go together."""
+_ALIKE = np.array(0.5)
+_AS_IF_SEEN_APART = 6.0
+"""Labels independent of each other that the expected share counts for."""
 
 
 def _views(sequence: Sequence, layout: Layout, options: SideOptions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of each view: share of swapped labels, rate of forgetting, correlation within chains."""
-    known = np.abs(sequence.odds) > 1.0
-    swapped = sequence.odds > 0.0
-    count = known.sum(axis=(0, 1))
-    share = ((swapped & known).sum(axis=(0, 1)) + _PRIOR_FRAMES * options.swap_share) / (count + _PRIOR_FRAMES)
-    share = np.clip(share, 0.01, 0.49)
-    off = np.where(known, swapped - share, 0.0)
-    variance = share * (1.0 - share)
-    prior_rate = 1.0 / (options.dwell_s * (1.0 - share))
+    known = np.abs(sequence.odds) > _SURE
+    swapped = (sequence.odds > 0.0) & known
+    count, found = known.sum(axis=(0, 1)), swapped.sum(axis=(0, 1))
+    rough = _share(found, count, _AS_IF_SEEN, options)
+    off, variance = np.where(known, swapped - rough, 0.0), rough * (1.0 - rough)
     dt = float(np.median(np.diff(sequence.time_s))) if len(sequence.time_s) > 1 else 1.0 / 30.0
-    lasting = _correlation(off[1:], off[:-1], known[1:] & known[:-1], variance, np.exp(-prior_rate * dt))
-    rate = -np.log(np.clip(lasting, 1e-6, 0.995)) / dt
+    expected_lasting = np.exp(-dt / (options.dwell_s * (1.0 - rough)))
+    lasting = _correlation(off[1:], off[:-1], known[1:] & known[:-1], variance, expected_lasting)
+    lasting = np.clip(lasting, 1e-6, 0.995)
     same = layout.chain_of[layout.links[:, 0]] == layout.chain_of[layout.links[:, 1]]
     a, b = layout.links[same].T
-    alike = _correlation(off[:, a], off[:, b], known[:, a] & known[:, b], variance, 0.5)
-    return share, rate, np.clip(alike, 0.0, 0.98)
+    alike = np.clip(_correlation(off[:, a], off[:, b], known[:, a] & known[:, b], variance, _ALIKE), 0.0, 0.98)
+    # A swap that lasts is one observation, however many frames and joints it is seen in.
+    size = np.bincount(layout.chain_of).mean() if len(layout.chain_of) else 1.0
+    apart = (1.0 - lasting) / (1.0 + lasting) / (1.0 + (size - 1.0) * alike)
+    return _share(found * apart, count * apart, _AS_IF_SEEN_APART, options), -np.log(lasting) / dt, alike
+
+
+def _share(found: np.ndarray, count: np.ndarray, as_if_seen: float, options: SideOptions) -> np.ndarray:
+    """Of swapped labels; a view that is wrong more often than not may be so for good, and tells nothing."""
+    return np.clip((found + as_if_seen * options.swap_share) / (count + as_if_seen), 0.01, 0.49)
 
 
 def _correlation(
-    one: np.ndarray, other: np.ndarray, both: np.ndarray, variance: np.ndarray, prior: np.ndarray | float
+    one: np.ndarray, other: np.ndarray, both: np.ndarray, variance: np.ndarray, prior: np.ndarray
 ) -> np.ndarray:
-    """Shape (view,), of deviations (frame, pair, view) over those known of both; ``prior`` as if seen before."""
-    axes = (0, 1)
-    weight = both.sum(axis=axes) * variance
-    prior_weight = 0.15 * _PRIOR_FRAMES
-    return ((one * other).sum(axis=axes) + prior_weight * prior) / (weight + prior_weight)
+    """Shape (view,), of deviations (frame, pair, view) over those known of both.
+
+    What is seen in one view stands beside what is seen in all, and that beside ``prior``: a view that hardly ever swaps
+    shows little but noise.
+    """
+    products = (one * other).sum(axis=(0, 1))
+    weight = both.sum(axis=(0, 1)) * variance
+    prior_weight = 0.15 * _AS_IF_SEEN
+    pooled = (products.sum() + prior_weight * prior) / (weight.sum() + prior_weight)
+    return (products + _AS_IF_SEEN * pooled) / (weight + _AS_IF_SEEN)

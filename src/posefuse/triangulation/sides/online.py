@@ -19,7 +19,7 @@ from posefuse.triangulation.sides.results import PairsInTime, Sides
 from posefuse.triangulation.sides.sequence import Sequence
 from posefuse.triangulation.sides.views import swapped_views
 
-_EARLY = (5, 10, 20)
+_EARLY = (5, 10, 15, 20, 25)
 _SWAPS_FROM = 30
 """A view's swaps are decided on so many frames back to now."""
 
