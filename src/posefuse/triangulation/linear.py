@@ -7,7 +7,21 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.linear import linearise
+from posefuse.model.cameras import CameraRig
 from posefuse.triangulation.observations import Observations
+
+
+def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (point, view, 2) in px, projected less observed, and their derivatives (point, view, 2, 3).
+
+    Args:
+        rig: the cameras.
+        points_m: shape (point, 3).
+        pixels: shape (point, view, 2), NaN where a view has no observation; there is no result either.
+    """
+    residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
+    linearise(*rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
+    return residuals, jacobians
 
 
 @dataclass(frozen=True)
@@ -25,10 +39,7 @@ class LinearPoints:
     @classmethod
     def at(cls, observations: Observations, points_m: np.ndarray) -> Self:
         """Linear about given points, shape (point, 3), which should lie near where the views see them."""
-        shape = observations.pixels.shape
-        residuals, jacobians = np.empty(shape), np.empty((*shape, 3))
-        linearise(*observations.rig.packed, points_m, observations.pixels, residuals, jacobians)
-        return cls(residuals, jacobians)
+        return cls(*linear_rows(observations.rig, points_m, observations.pixels))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -94,12 +105,12 @@ class LinearFit:
             covariance. Both without meaning where the others fix no point.
         """
         used = self.used[..., None, None]
-        inverse = np.where(used, np.eye(2) - self.shares, _inverse(np.eye(2) + self.shares))
-        residuals = (_inverse(inverse) @ self.residuals[..., None])[..., 0]
+        inverse = np.where(used, np.eye(2) - self.shares, inverse_2x2(np.eye(2) + self.shares))
+        residuals = (inverse_2x2(inverse) @ self.residuals[..., None])[..., 0]
         return np.where(self.used[..., None], residuals, self.residuals), inverse
 
 
-def _inverse(symmetric: np.ndarray) -> np.ndarray:
+def inverse_2x2(symmetric: np.ndarray) -> np.ndarray:
     """Inverses of symmetric 2x2 matrices; large ones of singular ones."""
     determinant = symmetric[..., 0, 0] * symmetric[..., 1, 1] - symmetric[..., 0, 1] ** 2
     adjugate = np.trace(symmetric, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - symmetric

@@ -20,14 +20,16 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
+from posefuse.triangulation.pairs.evidence import robust_evidence
 from posefuse.triangulation.registry import load_method
 from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.registry import decide_sides
 from posefuse.triangulation.sides.results import PairsInTime
 
 _MODULES = {"enumerate": "enumerated", "sds": "sds"}
-# A pair of keypoints is swapped while the rest of its limb is not, or the other way round, in so few cases.
-_ON_ITS_OWN = 0.05
+# Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
+_RARE, _RAREST, _MOST = 0.02, 1e-4, 0.4
+_ROUNDS = 10
 
 
 def solve(
@@ -71,15 +73,35 @@ def find_swaps(
     pairs = pair_columns(detections.skeleton)
     finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
     solved = finder.solve(rig, detections, tracks, noise, options.triangulation, pairs, options.pair_search)
+    solved = replace(solved, evidence=robust_evidence(rig, detections, tracks, noise, pairs, solved))
     midline = _midline(rig, detections, tracks, noise, options)
     given = PairsInTime.of(solved, rig, detections, tracks, midline)
     sides = decide_sides(given, options.sides, options.side_search)
-    # The evidence is a log-likelihood ratio, twice; the limb's own state is the odds beforehand.
     of_limb = np.moveaxis(sides.chain_swapped, 2, 3)[:, :, Layout.of(detections.skeleton).chain_of]
-    odds = 2.0 * np.log((1.0 - _ON_ITS_OWN) / _ON_ITS_OWN)
+    swapped = of_limb == SwapState.SWAPPED
     evidence = given.by_frame(sides.applied(solved).evidence)
-    swapped = evidence + np.where(of_limb == SwapState.SWAPPED, odds, -odds) > 0.0
-    return swapped, Swaps(sides.chains, sides.chain_swapped)
+    return swapped ^ on_their_own(np.where(swapped, -evidence, evidence)), Swaps(sides.chains, sides.chain_swapped)
+
+
+def on_their_own(evidence: np.ndarray) -> np.ndarray:
+    """Which pairs are swapped while the rest of their limb is not, or the other way round.
+
+    How often that happens in each view is learned from all of them (expectation maximisation): some detectors swap
+    whole limbs and nothing else, some each pair by itself.
+
+    Args:
+        evidence: shape (frame, person, pair, view): twice the log-likelihood ratio of that; 0 where nothing tells.
+
+    Returns:
+        The same shape, bool.
+    """
+    share = np.full(evidence.shape[-1], _RARE)
+    tells = evidence != 0.0
+    count = np.maximum(tells.sum(axis=(0, 1, 2)), 1)
+    for _ in range(_ROUNDS):
+        likely = 1.0 / (1.0 + np.exp(-0.5 * evidence) * (1.0 - share) / share)
+        share = np.clip(np.where(tells, likely, 0.0).sum(axis=(0, 1, 2)) / count, _RAREST, _MOST)
+    return 0.5 * evidence > np.log((1.0 - share) / share)
 
 
 def _midline(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options) -> np.ndarray:
