@@ -172,8 +172,8 @@ def online(given: PairsInTime) -> np.ndarray:
 
 
 DECISIONS: dict[str, Callable[[PairsInTime], np.ndarray]] = {
-    "votes": lambda given: decide_sides(given, SideOptions("votes")).flipped[:, 0],
-    "chains": lambda given: decide_sides(given, SideOptions("chains")).flipped[:, 0],
+    "votes": lambda given: decide_sides(given, "votes", SideOptions()).flipped[:, 0],
+    "chains": lambda given: decide_sides(given, "chains", SideOptions()).flipped[:, 0],
     "online": online,
 }
 

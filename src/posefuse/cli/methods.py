@@ -1,12 +1,22 @@
 """``posefuse methods``."""
 
-from posefuse.cli.console import table
+from posefuse.cli.console import say, table
 
 
 def methods() -> None:
-    """List the triangulation methods; --triangulation.method chooses one."""
-    from posefuse.model.options import METHODS, TriangulationOptions
+    """List what can be chosen: triangulation methods, and how left and right are told apart."""
+    from posefuse.model.options import METHODS, Options
+    from posefuse.model.pair_options import PAIR_METHODS
+    from posefuse.model.side_options import SIDE_METHODS
 
-    default = TriangulationOptions().method
-    rows = [[f"{name}{' (default)' if name == default else ''}", sentence] for name, sentence in METHODS.items()]
-    table(None, ["method", "what it does"], rows, words=True)
+    options = Options()
+    lists = (
+        ("--triangulation.method", METHODS, options.triangulation.method),
+        ("--pairs", PAIR_METHODS, "enumerate"),
+        ("--sides", SIDE_METHODS, options.sides),
+    )
+    for number, (flag, choices, default) in enumerate(lists):
+        if number:
+            say("")
+        rows = [[f"{name}{' (default)' if name == default else ''}", sentence] for name, sentence in choices.items()]
+        table(None, [flag, "what it does"], rows, words=True)

@@ -118,9 +118,11 @@ def describe(result: Reconstruction) -> None:
         totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)
         _, cause = max((int(n), code) for n, code in totals if code not in USED_CODES)
         warn(f"no point has coordinates. Most observations: {cause.sentence}.")
+    swapped = summary.swapped
     rows = []
     for v, camera in enumerate(result.rig.names):
         error = summary.error_px_by_view[v]
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
-        rows.append([camera, percent(summary.used[v]), *numbers])
-    table(None, ["camera", "used", "median px", "90 % px"], rows)
+        swaps = [] if swapped is None else [percent(summary.swapped_in(v))]
+        rows.append([camera, percent(summary.used[v]), *numbers, *swaps])
+    table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)

@@ -8,8 +8,8 @@ from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.cameras import UP_AXES, UpAxis
-from posefuse.model.pair_options import PairOptions
-from posefuse.model.side_options import SideOptions
+from posefuse.model.pair_options import PairMethod, PairOptions
+from posefuse.model.side_options import SideMethod, SideOptions
 
 People = Literal["one"]
 Pick = Literal["largest", "track-id"]
@@ -17,8 +17,6 @@ ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
 ErrorUnit = Literal["px", "normalised"]
 RansacUnit = Literal["px", "m"]
-PairMethod = Literal["enumerate", "sds", "labels"]
-SideMethod = Literal["chains", "votes", "plane"]
 LayerName = Literal["measured", "solved", "model"]
 
 METHODS: dict[str, str] = {

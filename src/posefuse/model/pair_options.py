@@ -2,10 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 from posefuse.errors import OptionsError
 
-PAIR_METHODS: dict[str, str] = {
+PairMethod = Literal["enumerate", "sds", "labels"]
+
+PAIR_METHODS: dict[PairMethod, str] = {
     "enumerate": "every view as labelled, swapped, in part or not at all, whichever explains the rays best",
     "sds": "two points apart around the middle of all rays, by a small population search (the specification's)",
     "labels": "the labels are believed, each keypoint is solved by itself",

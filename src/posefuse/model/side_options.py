@@ -1,12 +1,15 @@
 """What a user can choose about left and right; the text of each attribute is the help."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from posefuse.errors import OptionsError
 
-SIDE_METHODS: dict[str, str] = {
+SideMethod = Literal["chains", "votes", "plane"]
+
+SIDE_METHODS: dict[SideMethod, str] = {
     "chains": "limb by limb and over time: labels, continuity, bones and the body's own symmetry together",
     "votes": "each ray votes for the point it is near, every pair and frame by itself (mc_dev's)",
     "plane": "the person faces along a known direction of the scene all the time (mc_dev's, its x axis put right)",

@@ -19,6 +19,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.progress import Progress, Silent, watched
 from posefuse.report.summary import Summary, summarise
+from posefuse.report.swaps import swap_table, time_line
 
 SHOWN_FRAMES = 1500
 """A longer recording is thinned to about this many frames for display, and the page says so."""
@@ -53,6 +54,7 @@ def render_report(
     data = {
         "scene": _scene(result, layer, truth, stride),
         "charts": _charts(result, summary),
+        "swaps": time_line(result.chunks(), result.n_frames),
     }
     return Template(_asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
@@ -63,6 +65,7 @@ def render_report(
         words=_words(result, summary, accuracy, stride),
         accuracy=_accuracy_table(accuracy),
         cameras=_camera_table(result, summary),
+        swaps=swap_table(result, summary),
         notes=_notes(result),
         options=_options(result.options),
         versions=escape(", ".join(f"{name} {number}" for name, number in result.provenance.versions.items())),

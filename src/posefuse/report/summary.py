@@ -56,6 +56,12 @@ class Summary:
         used = is_used(np.array(list(ViewStatus)))
         return counts[:, used].sum(axis=1) / np.maximum(counts.sum(axis=1), 1)
 
+    def swapped_in(self, view: int) -> float:
+        """The share of limbs and time in which a view takes left for right; NaN where none tells."""
+        shares = self.swapped[view] if self.swapped is not None else np.zeros(0)
+        shares = shares[np.isfinite(shares)]
+        return float(shares.mean()) if shares.size else float("nan")
+
 
 def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary:
     """Gather a layer's numbers from consecutive ranges of frames."""

@@ -20,6 +20,7 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
+from posefuse.triangulation.linear import linear_rows
 from posefuse.triangulation.pairs.evidence import robust_evidence
 from posefuse.triangulation.registry import load_method
 from posefuse.triangulation.sides.layout import Layout
@@ -30,6 +31,8 @@ _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
 _RARE, _RAREST, _MOST = 0.02, 1e-4, 0.4
 _ROUNDS = 10
+# An observation so near the other side's point is taken for one of it.
+_NEAR_SIGMA = 3.0
 
 
 def solve(
@@ -47,14 +50,64 @@ def solve(
     Returns:
         The measured layer, and which views took left for right.
     """
-    method = load_method(options.triangulation.method)
-    pairs = pair_columns(detections.skeleton)
-    swapped, swaps = find_swaps(rig, detections, tracks, noise, options)
+    method, skeleton = load_method(options.triangulation.method), detections.skeleton
+    layer = method.solve(rig, detections, tracks, noise, options.triangulation)
+    if _can_tell(rig, options) and not shows_swaps(rig, detections, tracks, noise, layer):
+        return layer, _as_labelled(layer, skeleton)
+    pairs = pair_columns(skeleton)
+    swapped, swaps = find_swaps(rig, detections, tracks, noise, options, midline(layer, skeleton))
     layer = method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
     status = np.array(layer.view_status)
     used = status[:, :, pairs]
     status[:, :, pairs] = np.where((used == ViewStatus.USED) & swapped[:, :, :, None], ViewStatus.USED_SWAPPED, used)
     return replace(layer, view_status=status), swaps
+
+
+def _can_tell(rig: CameraRig, options: Options) -> bool:
+    """Whether points made by labels would show that some are swapped, and nobody asked for another rule than labels."""
+    usual = options.pairs == "enumerate" and options.sides == "chains"
+    return usual and options.triangulation.method == "consensus" and len(rig) > 2
+
+
+def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, layer: Layer) -> bool:
+    """Whether any view that contradicts both points of a pair agrees with them the other way round.
+
+    Where none does in all of a range of frames, not believing the labels would come to the same points; asking costs
+    next to nothing.
+
+    Args:
+        rig: the cameras.
+        detections: in memory.
+        tracks: whose detection is whose.
+        noise: of the detections.
+        layer: points by ``consensus``, labels believed.
+    """
+    pairs = pair_columns(detections.skeleton)
+    rejected = (np.asarray(layer.view_status)[:, :, pairs] == ViewStatus.OUTLIER).all(axis=3)
+    frame, person, pair, view = np.nonzero(rejected)
+    if not len(frame):
+        return False
+    row = tracks.rows(detections)[frame, person, view]
+    near = np.ones(len(frame), dtype=bool)
+    for own, other in (pairs[pair].T, pairs[pair, ::-1].T):
+        pixels = np.full((len(frame), len(rig), 2), np.nan)
+        pixels[np.arange(len(frame)), view] = np.asarray(detections.keypoints_px)[row, other]
+        residuals, _ = linear_rows(rig, np.asarray(layer.points_m)[frame, person, own], pixels)
+        off = np.hypot(*residuals[np.arange(len(frame)), view].T)
+        near &= off < _NEAR_SIGMA * noise.scale_px[view]
+    return bool(near.any())
+
+
+def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:
+    """No view took left for right."""
+    layout = Layout.of(skeleton)
+    pairs = pair_columns(skeleton)
+    unseen = np.isin(np.asarray(layer.view_status)[:, :, pairs], (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED))
+    seen = np.logical_not(unseen.all(axis=3))
+    state = [seen[:, :, layout.chain_of == c].any(axis=2) for c in range(len(layout.chains))]
+    return Swaps(
+        layout.chains, np.where(np.stack(state, axis=-1), SwapState.AS_LABELLED, SwapState.UNKNOWN).astype(np.int8)
+    )
 
 
 def pair_columns(skeleton: Skeleton) -> np.ndarray:
@@ -63,9 +116,17 @@ def pair_columns(skeleton: Skeleton) -> np.ndarray:
 
 
 def find_swaps(
-    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options, midline_m: np.ndarray
 ) -> tuple[np.ndarray, Swaps]:
     """Which labels are the wrong way round.
+
+    Args:
+        rig: the cameras.
+        detections: in memory.
+        tracks: whose detection is whose.
+        noise: of the detections.
+        options: how pairs are solved and sides decided.
+        midline_m: from :func:`midline`.
 
     Returns:
         Shape (frame, person, pair, view), bool: of single pairs. And of whole limbs.
@@ -74,8 +135,7 @@ def find_swaps(
     finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
     solved = finder.solve(rig, detections, tracks, noise, options.triangulation, pairs, options.pair_search)
     solved = replace(solved, evidence=robust_evidence(rig, detections, tracks, noise, pairs, solved))
-    midline = _midline(rig, detections, tracks, noise, options)
-    given = PairsInTime.of(solved, rig, detections, tracks, midline)
+    given = PairsInTime.of(solved, rig, detections, tracks, midline_m)
     sides = decide_sides(given, options.sides, options.side_search)
     of_limb = np.moveaxis(sides.chain_swapped, 2, 3)[:, :, Layout.of(detections.skeleton).chain_of]
     swapped = of_limb == SwapState.SWAPPED
@@ -104,22 +164,10 @@ def on_their_own(evidence: np.ndarray) -> np.ndarray:
     return 0.5 * evidence > np.log((1.0 - share) / share)
 
 
-def _midline(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options) -> np.ndarray:
+def midline(layer: Layer, skeleton: Skeleton) -> np.ndarray:
     """Shape (frame, person, keypoint, 3): where keypoints without a partner are; NaN elsewhere."""
-    skeleton = detections.skeleton
-    alone = np.flatnonzero(skeleton.mirror == np.arange(len(skeleton)))
-    midline = np.full((*tracks.state.shape, len(skeleton), 3), np.nan)
-    if len(alone):
-        seen = replace(
-            detections,
-            skeleton=Skeleton(skeleton.name, tuple(skeleton.keypoints[k] for k in alone)),
-            keypoints_px=np.ascontiguousarray(np.asarray(detections.keypoints_px)[:, alone]),
-            confidence=np.ascontiguousarray(np.asarray(detections.confidence)[:, alone]),
-            depth=None,
-        )
-        method = load_method(options.triangulation.method)
-        midline[:, :, alone] = method.solve(rig, seen, tracks, noise, options.triangulation).points_m
-    return midline
+    alone = skeleton.mirror == np.arange(len(skeleton))
+    return np.where(alone[:, None], np.asarray(layer.points_m), np.nan)
 
 
 def relabelled(detections: Detections, tracks: Tracks, swapped: np.ndarray, pairs: np.ndarray) -> Detections:

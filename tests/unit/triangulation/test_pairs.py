@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import ConsensusOptions
+from posefuse.model.options import ConsensusOptions, Options
 from posefuse.model.pair_options import PairOptions, SdsOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
@@ -123,8 +123,8 @@ def test_the_same_seed_gives_the_same_bytes(method):
 
 def test_another_seed_of_sds_draws_otherwise_and_ends_nearby():
     data = scene(20, 8, swap=0.25)
-    one = solved(data, sds.solve, PairOptions(method="sds", seed=0))
-    other = solved(data, sds.solve, PairOptions(method="sds", seed=1))
+    one = solved(data, sds.solve, PairOptions(seed=0))
+    other = solved(data, sds.solve, PairOptions(seed=1))
     distance = errors_mm(one.points_m[:, 0], other.points_m[:, 0])
     assert 0.0 < np.median(distance) < 5.0
 
@@ -141,7 +141,8 @@ def test_draws_of_sds_do_not_depend_on_where_a_range_begins():
     data = scene(12, 5)
     later = replace(data, pixels=data.pixels[5:])
     whole = solved(data, sds.solve)
-    part = sds.solve(later.rig, later.detections, later.tracks, later.noise, OPTIONS, [(0, 1)], first_frame=5)
+    detections = replace(later.detections, frame_numbers=5 + later.detections.frame_numbers)
+    part = sds.solve(later.rig, detections, later.tracks, later.noise, OPTIONS, [(0, 1)])
     np.testing.assert_array_equal(whole.points_m[5:], part.points_m)
 
 
@@ -236,20 +237,20 @@ def test_the_frame_before_decides_between_explanations():
 def test_weights_of_sds_are_options():
     data = scene(40, 8, swap=0.25)
     usual = errors_mm(solved(data, sds.solve).points_m[:, 0], data.points_m)
-    deaf = PairOptions(method="sds", sds=SdsOptions(ray_weight=0.0))
+    deaf = PairOptions(sds=SdsOptions(ray_weight=0.0))
     assert np.median(usual) < 20.0 < np.median(errors_mm(solved(data, sds.solve, deaf).points_m[:, 0], data.points_m))
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: PairOptions(method="enumerated"), "pairs.method: no method 'enumerated'"),
-        (lambda: PairOptions(prior_m=0.0), "pairs.prior_m must be positive"),
-        (lambda: PairOptions(seed=-1), "pairs.seed must be 0 or more"),
-        (lambda: SdsOptions(ray_weight=-1.0), "pairs.sds.ray_weight must be 0 or more"),
-        (lambda: SdsOptions(jitter_mm=0.0), "pairs.sds.jitter_mm must be positive"),
-        (lambda: SdsOptions(agents=1), "pairs.sds.agents must be at least 2"),
-        (lambda: SdsOptions(max_iterations=0), "pairs.sds.max_iterations must be at least 1"),
+        (lambda: Options(**{"pairs": "enumerated"}), "pairs: no 'enumerated'"),
+        (lambda: PairOptions(prior_m=0.0), "pair_search.prior_m must be positive"),
+        (lambda: PairOptions(seed=-1), "pair_search.seed must be 0 or more"),
+        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be 0 or more"),
+        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be positive"),
+        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be at least 2"),
+        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be at least 1"),
     ],
 )
 def test_options_say_what_is_wrong(make, message):

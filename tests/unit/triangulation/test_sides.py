@@ -71,7 +71,7 @@ def scene(
 
 
 def sides_of(given: PairsInTime, method: str = "chains", **options: object) -> Sides:
-    return decide_sides(given, SideOptions(method=method, **options))  # type: ignore[arg-type]
+    return decide_sides(given, method, SideOptions(**options))  # type: ignore[arg-type]
 
 
 def changed(given: PairsInTime, **arrays: np.ndarray) -> PairsInTime:
@@ -419,7 +419,6 @@ class TestLayout:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"method": "chain"}, "no method 'chain'. Did you mean 'chains'"),
         ({"facing": "north"}, "expected \\+x, -x"),
         ({"facing": "0,0,0"}, "three numbers"),
         ({"swap_share": 0.5}, "between 0 and 0.5, got 0.5"),

@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  const { scene, charts } = JSON.parse(document.getElementById("data").textContent);
+  const { scene, charts, swaps } = JSON.parse(document.getElementById("data").textContent);
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const unpack = (text) => {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -178,10 +178,19 @@
   Plotly.newPlot("view-errors", [bars(charts.views, charts.view_median, "median", css("--left")),
     bars(charts.views, charts.view_p90, "90 %", css("--middle"))],
   { ...chart, yaxis: { ...grid, title: { text: "px" } }, barmode: "group" }, config);
-  const shareColours = { "used": css("--left"), "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
+  const shareColours = { "used": css("--left"), "used swapped": "#56b4e9", "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
   Plotly.newPlot("view-shares", Object.entries(charts.view_shares).map(([name, values]) =>
     bars(charts.views, values, name, shareColours[name])),
   { ...chart, yaxis: { ...grid, tickformat: ".0%", range: [0, 1] }, barmode: "stack" }, config);
+  if (swaps) {
+    element("swaps").style.height = `${90 + 16 * swaps.rows.length}px`;
+    Plotly.newPlot("swaps", [{ type: "heatmap", x: swaps.time, y: swaps.rows, z: swaps.share, zmin: 0, zmax: 1, ygap: 1,
+      colorscale: [[0, css("--line")], [1, css("--right")]], hoverongaps: false,
+      hovertemplate: "%{y}, %{x:.2f}: %{z:.0%} swapped<extra></extra>",
+      colorbar: { title: { text: "swapped" }, tickformat: ".0%", thickness: 10 } }],
+    { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: "s" } },
+      yaxis: { autorange: "reversed", automargin: true } }, config);
+  }
   element("keypoint-errors").style.height = `${120 + 18 * K}px`;
   const across = (values, name, colour) => ({ type: "bar", orientation: "h", y: charts.keypoints, x: values, name, marker: { color: colour } });
   Plotly.newPlot("keypoint-errors", [across(charts.keypoint_median, "median px", css("--left")),

@@ -12,7 +12,8 @@ from posefuse.triangulation.pairs.results import SolvedPairs
 
 _TAILS = 3.0
 """Degrees of freedom: detectors' errors measured from 2.7 up."""
-_MOST_SHARE = 0.95
+_MOST_SHARE = 0.99
+"""A view without which nothing holds a point in place has a share of 1: it tells nothing, but may not divide by 0."""
 
 
 def robust_evidence(
@@ -82,8 +83,9 @@ def _both_ways(
     for which, (residuals, sigma) in enumerate(seen):
         mine = rests == which
         share = spread / (sigma**2)[..., None, None]
-        largest = np.trace(share, axis1=-2, axis2=-1)
-        share = share * np.minimum(1.0, _MOST_SHARE / np.maximum(largest, 1e-12))[..., None, None]
+        half = 0.5 * (share[..., 0, 0] + share[..., 1, 1])
+        apart = np.hypot(0.5 * (share[..., 0, 0] - share[..., 1, 1]), share[..., 0, 1])
+        share = share * np.minimum(1.0, _MOST_SHARE / np.maximum(half + apart, 1e-12))[..., None, None]
         gain = inverse_2x2(np.eye(2) - share)
         moved = ((gain - np.eye(2)) @ residuals[..., None])[..., 0]
         shift = np.where(mine[..., None], moved, shift)

@@ -1,0 +1,74 @@
+"""Which views took left for right, as the report shows it: shares by camera and limb, and when."""
+
+from collections.abc import Iterable
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.swaps import SwapState
+from posefuse.report.summary import Summary
+
+_COLUMNS = 600
+"""A longer recording is shown in about this many stretches of time."""
+_MOST_ROWS = 60
+"""With more cameras and limbs than this, a row is a camera."""
+
+
+def time_line(parts: Iterable[Reconstruction], n_frames: int) -> dict[str, Any] | None:
+    """For each camera and limb, when it was swapped.
+
+    Args:
+        parts: consecutive ranges of frames.
+        n_frames: of all.
+
+    Returns:
+        Names of the rows, times of the columns in s (frame numbers where unknown), and the share of each stretch of
+        time in which the limb was swapped, None where nothing tells; or None where labels were believed or there are
+        no limbs.
+    """
+    stride = max(1, -(-n_frames // _COLUMNS))
+    swapped, told, when, names = [], [], [], []
+    for part in parts:
+        if part.swaps is None or not part.swaps.chains:
+            return None
+        state = np.asarray(part.swaps.state[:])
+        swapped.append((state == SwapState.SWAPPED).sum(axis=1))
+        told.append((state != SwapState.UNKNOWN).sum(axis=1))
+        when.append(np.where(np.isfinite(part.time_s), part.time_s, part.frame_numbers))
+        names = [(camera, chain) for camera in part.rig.names for chain in part.swaps.chains]
+    starts = np.arange(0, n_frames, stride)
+    counts, of = (np.add.reduceat(np.concatenate(values), starts, axis=0) for values in (swapped, told))
+    if len(names) > _MOST_ROWS:
+        counts, of = counts.sum(axis=2, keepdims=True), of.sum(axis=2, keepdims=True)
+        names = [(camera, "") for camera in dict.fromkeys(camera for camera, _ in names)]
+    shares = np.where(of > 0, counts / np.maximum(of, 1), np.nan).reshape(len(starts), -1).T
+    return {
+        "rows": [f"{camera} {chain}".strip() for camera, chain in names],
+        "time": np.concatenate(when)[starts].round(3).tolist(),
+        "share": [[None if np.isnan(share) else round(float(share), 3) for share in row] for row in shares],
+    }
+
+
+def swap_table(result: Reconstruction, summary: Summary) -> str:
+    """The report's section on left and right; empty where labels were believed."""
+    if summary.swapped is None or result.swaps is None or not result.swaps.chains:
+        return ""
+    head = "".join(f"<th>{escape(name)}</th>" for name in ("Camera", *result.swaps.chains))
+    rows = [
+        "<tr>"
+        + "".join(f"<td>{escape(cell)}</td>" for cell in (camera, *(_percent(share) for share in shares)))
+        + "</tr>"
+        for camera, shares in zip(result.rig.names, summary.swapped, strict=True)
+    ]
+    return (
+        "<section><h2>Left and right</h2><p>Share of the time in which a camera's keypoints have a limb's left and "
+        "right the wrong way round; the points above are put right. A dash: the camera never tells.</p>"
+        f'<div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+        '<div id="swaps" role="img" aria-label="When each camera took left for right"></div></section>'
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if np.isfinite(share) else "–"
