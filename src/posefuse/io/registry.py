@@ -91,6 +91,14 @@ KEYPOINTS = (
         conventions="px, x y likelihood; cameras by what differs in the files' names; no frame rate: --rate-hz",
     ),
     Format(
+        "caliscope",
+        "posefuse.io.keypoints.caliscope",
+        reads=True,
+        writes=False,
+        files="xy_*.csv",
+        conventions="px, a row a point, all cameras in one file, one person, MediaPipe's body",
+    ),
+    Format(
         "sleap",
         "posefuse.io.keypoints.sleap",
         reads=True,

@@ -17,7 +17,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import linear_rows
@@ -26,13 +26,15 @@ from posefuse.triangulation.registry import load_method
 from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.registry import decide_sides
 from posefuse.triangulation.sides.results import PairsInTime
+from posefuse.triangulation.sides.worth import settled
 
 _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
 _RARE, _RAREST, _MOST = 0.02, 1e-4, 0.4
 _ROUNDS = 10
-# An observation so near the other side's point is taken for one of it.
-_NEAR_SIGMA = 3.0
+# Farther off says nothing more, and how much less an exchange must cost, in squared sigmas.
+_FAR_SIGMA = 5.0
+_MUCH = 15.0
 
 
 def solve(
@@ -56,11 +58,30 @@ def solve(
         return layer, _as_labelled(layer, skeleton)
     pairs = pair_columns(skeleton)
     swapped, swaps = find_swaps(rig, detections, tracks, noise, options, midline(layer, skeleton))
-    layer = method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
-    status = np.array(layer.view_status)
+    chain_of = Layout.of(skeleton).chain_of
+
+    def exchanged(swapped: np.ndarray) -> Layer:
+        return method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
+
+    better = exchanged(swapped)
+    if options.sides == "chains":
+        swapped, back = settled(swapped, layer, better, noise, pairs, chain_of)
+        if back.any():
+            better, swaps = exchanged(swapped), _taken_back(swaps, swapped, back, chain_of)
+    status = np.array(better.view_status)
     used = status[:, :, pairs]
     status[:, :, pairs] = np.where((used == ViewStatus.USED) & swapped[:, :, :, None], ViewStatus.USED_SWAPPED, used)
-    return replace(layer, view_status=status), swaps
+    return replace(better, view_status=status), swaps
+
+
+def _taken_back(swaps: Swaps, swapped: np.ndarray, back: np.ndarray, chain_of: np.ndarray) -> Swaps:
+    """The states of limbs whose views were all taken alike after all."""
+    state = np.array(swaps.state[:])
+    for chain in range(len(swaps.chains)):
+        first = np.flatnonzero(chain_of == chain)[0]
+        where = back[:, :, first, None] & (state[..., chain] != SwapState.UNKNOWN)
+        state[..., chain] = np.where(where, swapped[:, :, first], state[..., chain])
+    return replace(swaps, state=state)
 
 
 def _can_tell(rig: CameraRig, options: Options) -> bool:
@@ -70,10 +91,11 @@ def _can_tell(rig: CameraRig, options: Options) -> bool:
 
 
 def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, layer: Layer) -> bool:
-    """Whether any view that contradicts both points of a pair agrees with them the other way round.
+    """Whether views look as if left and right were swapped, in two pairs of a limb or two frames on end.
 
     Where none does in all of a range of frames, not believing the labels would come to the same points; asking costs
-    next to nothing.
+    next to nothing. A wrong detection comes to lie near the other side's point by chance now and then, but not two
+    together.
 
     Args:
         rig: the cameras.
@@ -83,19 +105,54 @@ def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: N
         layer: points by ``consensus``, labels believed.
     """
     pairs = pair_columns(detections.skeleton)
-    rejected = (np.asarray(layer.view_status)[:, :, pairs] == ViewStatus.OUTLIER).all(axis=3)
-    frame, person, pair, view = np.nonzero(rejected)
-    if not len(frame):
-        return False
+    left, right = (np.asarray(layer.view_status)[:, :, side] for side in pairs.T)
+    looks = np.zeros(left.shape, dtype=bool)
+    places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
+    looks[places] = _better_exchanged(rig, detections, tracks, noise, layer, pairs, places)
+    # Where rays of both sides fix no points there may be two pairs of rays that do.
+    status = np.asarray(layer.status)
+    contested = (status == PointStatus.OUTLIER) | (status == PointStatus.UNDECIDED)
+    contested = contested[:, :, pairs[:, 0]] & contested[:, :, pairs[:, 1]]
+    looks[contested] = (left[contested] == ViewStatus.NOT_USED) & (right[contested] == ViewStatus.NOT_USED)
+    chain_of = Layout.of(detections.skeleton).chain_of
+    together = [looks[:, :, chain_of == c].sum(axis=2).max(initial=0) > 1 for c in np.unique(chain_of)]
+    return bool((looks[1:] & looks[:-1]).any() or any(together))
+
+
+def _better_exchanged(
+    rig: CameraRig,
+    detections: Detections,
+    tracks: Tracks,
+    noise: NoiseModel,
+    layer: Layer,
+    pairs: np.ndarray,
+    places: tuple[np.ndarray, ...],
+) -> np.ndarray:
+    """Shape (n,): where a view's two observations fit a pair's points much better the other way round.
+
+    Args:
+        rig: the cameras.
+        detections: in memory.
+        tracks: whose detection is whose.
+        noise: of the detections.
+        layer: of points.
+        pairs: shape (pair, 2): keypoints, left and right.
+        places: frame, person, pair and view, shape (n,) each.
+    """
+    frame, person, pair, view = places
     row = tracks.rows(detections)[frame, person, view]
-    near = np.ones(len(frame), dtype=bool)
+    keypoints_px, points_m = np.asarray(detections.keypoints_px), np.asarray(layer.points_m)
+    gain = np.zeros(len(frame))
     for own, other in (pairs[pair].T, pairs[pair, ::-1].T):
-        pixels = np.full((len(frame), len(rig), 2), np.nan)
-        pixels[np.arange(len(frame)), view] = np.asarray(detections.keypoints_px)[row, other]
-        residuals, _ = linear_rows(rig, np.asarray(layer.points_m)[frame, person, own], pixels)
-        off = np.hypot(*residuals[np.arange(len(frame)), view].T)
-        near &= off < _NEAR_SIGMA * noise.scale_px[view]
-    return bool(near.any())
+        there = np.asarray(layer.view_error_px)[frame, person, own, view]
+        across = np.empty(len(frame))
+        for v in range(len(rig)):
+            mine = view == v
+            pixels, points = keypoints_px[row[mine], other[mine]], points_m[frame[mine], person[mine], own[mine]]
+            across[mine] = np.hypot(*linear_rows(rig.select(rig.names[v : v + 1]), points, pixels[:, None])[0][:, 0].T)
+        there, across = (np.minimum(off / noise.scale_px[view], _FAR_SIGMA) ** 2 for off in (there, across))
+        gain += np.nan_to_num(there - across)
+    return gain > _MUCH
 
 
 def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:

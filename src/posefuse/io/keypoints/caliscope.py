@@ -1,0 +1,103 @@
+"""Caliscope's tracked points: ``xy_*.csv``, a row a point, of all cameras of a recording, one person.
+
+Columns ``sync_index, port, frame_index, frame_time, point_id, img_loc_x, img_loc_y``; frames are the sync indices,
+views are named ``cam_<port>`` as in its ``config.toml``. Pixels of the image as it was stored, no confidence. Points 0
+to 32 are MediaPipe's body; those of hands and face, from 100 on, are left out with a note.
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError, choices
+from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.request import Request
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import find_skeleton
+
+_COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
+_SKELETON = "mediapipe_33"
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one, or a folder holds one."""
+    return bool(files_of(path))
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files, in the order of their names."""
+    found = sorted(path.glob("xy*.csv")) if path.is_dir() else [path]
+    return [file for file in found if file.suffix == ".csv" and file.is_file() and _is_one(file)]
+
+
+def _is_one(file: Path) -> bool:
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        return lines.readline().strip().split(",")[: len(_COLUMNS)] == list(_COLUMNS)
+
+
+def read(path: Path, request: Request) -> Detections:
+    """Read all cameras.
+
+    Raises:
+        FileError: if there are several files, or one holds other than numbers.
+    """
+    files = files_of(path)
+    if len(files) != 1:
+        raise FileError(f"{path} holds several recordings: {choices([file.name for file in files])}. Name one.")
+    (file,) = files
+    skeleton = request.skeleton or find_skeleton(_SKELETON)
+    table = _read_table(file)
+    body = table[:, 4] < len(skeleton)
+    views = [_view(table, body, port, len(skeleton)) for port in np.unique(table[:, 1])]
+    notes = ()
+    if not body.all():
+        notes = (f"{int((~body).sum())} observations of hands and face are left out; {skeleton.name} has none.",)
+    rate_hz = request.rate_hz or _rate_hz(table)
+    return assemble(path, views, skeleton, rate_hz, notes)
+
+
+def _read_table(file: Path) -> np.ndarray:
+    """Shape (row, 7)."""
+    with file.open(newline="", encoding="utf-8") as lines:
+        rows = csv.reader(lines)
+        next(rows)
+        table = []
+        for number, row in enumerate(rows, start=2):
+            try:
+                table.append([float(cell) for cell in row[: len(_COLUMNS)]])
+            except ValueError:
+                table.append([])
+            if len(table[-1]) != len(_COLUMNS):
+                raise FileError(
+                    f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), got "
+                    f"{','.join(row)!r}. Was it cut short?"
+                )
+    if not table:
+        raise FileError(f"{file} holds no points.")
+    return np.array(table)
+
+
+def _view(table: np.ndarray, body: np.ndarray, port: float, n_keypoints: int) -> ViewColumns:
+    mine = table[:, 1] == port
+    recorded = np.unique(table[mine, 0]).astype(np.int64)
+    rows = table[mine & body]
+    frames, row = np.unique(rows[:, 0], return_inverse=True)
+    keypoints = np.full((len(frames), n_keypoints, 3), np.nan)
+    keypoints[row, rows[:, 4].astype(np.int64), :2] = rows[:, 5:7]
+    return ViewColumns(
+        name=f"cam_{int(port)}",
+        recorded=recorded,
+        frame_of_row=frames.astype(np.int64),
+        keypoints=keypoints,
+        track_ids=np.full(len(frames), -1, dtype=np.int64),
+    )
+
+
+def _rate_hz(table: np.ndarray) -> float | None:
+    """From the times that a camera took consecutive frames."""
+    first = table[table[:, 1] == table[0, 1]]
+    _, place = np.unique(first[:, 0], return_index=True)
+    steps, times = np.diff(first[place, 0]), np.diff(first[place, 3])
+    known = (steps == 1) & (times > 0)
+    return round(float(1.0 / np.median(times[known])), 3) if known.any() else None

@@ -1,0 +1,155 @@
+"""Left and right put right in the detections, and what comes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.association import one_subject
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import ViewStatus
+from posefuse.model.swaps import SwapState
+from posefuse.pipeline import prepare, reconstruct_chunks
+from posefuse.progress import Silent
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import Scene, simulate
+from posefuse.triangulation import paired
+from posefuse.triangulation.pairs import enumerated
+from posefuse.triangulation.pairs.evidence import robust_evidence
+from posefuse.triangulation.sides import worth
+
+NOISE = Options(noise_scale_px=CLEAN.sigma_px)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return simulate(SceneOptions(cameras=4, duration_s=4.0, detector=CLEAN, seed=3))
+
+
+def exchange(detections: Detections, view: int, chain: str, start: int, stop: int) -> Detections:
+    """A limb's left and right taken for each other in a view, from one frame to another."""
+    skeleton = detections.skeleton
+    flags = np.zeros((detections.n_frames, 1, len(skeleton.pairs), detections.n_views), dtype=bool)
+    for p, pair in enumerate(skeleton.pairs):
+        flags[start:stop, :, p, view] = pair in skeleton.chains[chain]
+    return paired.relabelled(detections, tracks_of(detections), flags, paired.pair_columns(skeleton))
+
+
+def tracks_of(detections: Detections):
+    return one_subject.follow(detections, None, one_subject.longest_ids(detections))
+
+
+def measured(result: Reconstruction) -> np.ndarray:
+    return np.asarray(result.layers["measured"].points_m)
+
+
+def test_labels_exchanged_twice_are_as_before(scene, rng):
+    detections = scene.detections
+    pairs = paired.pair_columns(detections.skeleton)
+    flags = rng.random((detections.n_frames, 1, len(pairs), detections.n_views)) < 0.3
+    once = paired.relabelled(detections, tracks_of(detections), flags, pairs)
+    twice = paired.relabelled(once, tracks_of(detections), flags, pairs)
+    np.testing.assert_array_equal(twice.keypoints_px, detections.keypoints_px)
+    changed = (np.asarray(once.keypoints_px) != np.asarray(detections.keypoints_px)).any(axis=-1)
+    expected = np.zeros_like(changed)
+    for p, pair in enumerate(pairs):
+        expected[:, pair] = flags[:, 0, p].reshape(-1, 1)
+    seen = np.isfinite(np.asarray(detections.keypoints_px)[..., 0])
+    assert not (changed & ~expected).any()
+    assert (changed | ~(expected & seen)).all()
+
+
+def test_without_swaps_labels_are_as_good(scene):
+    ours = posefuse.reconstruct(scene.rig, scene.detections, NOISE)
+    believed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
+    np.testing.assert_array_equal(measured(ours), measured(believed))
+    assert ours.swaps is not None
+    assert believed.swaps is None
+    assert not (np.asarray(ours.swaps.state) == SwapState.SWAPPED).any()
+
+
+@pytest.mark.parametrize("chain", ["leg", "arm"])
+def test_a_swapped_limb_comes_out_as_if_it_had_not_been(chain, scene):
+    swapped = exchange(scene.detections, 1, chain, 40, 70)
+    ours = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    undisturbed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
+    moved = np.linalg.norm(measured(ours) - measured(undisturbed), axis=-1)
+    assert np.nanpercentile(moved, 99) < 1e-9
+    assert ours.swaps is not None
+    state = np.asarray(ours.swaps.state)[:, 0, 1, ours.swaps.chains.index(chain)]
+    assert (state[41:69] == SwapState.SWAPPED).mean() > 0.9
+    assert not (state[:38] == SwapState.SWAPPED).any()
+    assert not (state[72:] == SwapState.SWAPPED).any()
+    status = np.asarray(ours.layers["measured"].view_status)[45:65, 0, :, 1]
+    columns = [
+        scene.detections.skeleton.index(name) for pair in scene.detections.skeleton.chains[chain] for name in pair
+    ]
+    assert (status[:, columns] == ViewStatus.USED_SWAPPED).mean() > 0.9
+
+
+def test_a_recording_in_ranges_comes_out_as_in_one_piece(scene):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    plan = prepare(scene.rig, swapped, NOISE, Silent())
+    whole = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    parts = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent(), size=50)))
+    np.testing.assert_array_equal(measured(parts), measured(whole))
+    assert parts.swaps == whole.swaps
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.25])
+def test_how_often_pairs_are_swapped_on_their_own_is_learned(share, rng):
+    truth = rng.random((500, 1, 8, 3)) < share
+    # Twice the log-likelihood ratio of a normal number with mean +-d.
+    d = 2.0
+    evidence = 4.0 * d * (np.where(truth, d, -d) + rng.standard_normal(truth.shape))
+    assert (paired.on_their_own(evidence) != truth).mean() < 0.03
+
+
+def test_evidence_has_the_sign_of_the_swap(scene):
+    noise, pairs = NoiseModel(np.full(4, CLEAN.sigma_px)), paired.pair_columns(scene.detections.skeleton)
+    swapped = exchange(scene.detections, 1, "arm", 0, scene.detections.n_frames)
+    tracks = tracks_of(swapped)
+    solved = enumerated.solve(scene.rig, swapped, tracks, noise, TriangulationOptions(min_views=2), pairs)
+    evidence = robust_evidence(scene.rig, swapped, tracks, noise, pairs, solved)
+    arms = [pair in swapped.skeleton.chains["arm"] for pair in swapped.skeleton.pairs]
+    assert (evidence[:, arms, 1] > 0.0).mean() > 0.9
+    assert (evidence[:, :, [0, 2, 3]] < 0.0).mean() > 0.9
+    # Tails: however wrong, an observation is not the evidence of hundreds.
+    assert np.abs(evidence).max() < 100.0
+
+
+def test_a_stretch_that_explains_nothing_better_is_taken_back(scene):
+    options = TriangulationOptions(min_views=2)
+    noise, tracks = NoiseModel(np.full(4, CLEAN.sigma_px)), tracks_of(scene.detections)
+    pairs, chain_of = paired.pair_columns(scene.detections.skeleton), np.zeros(len(scene.detections.skeleton.pairs))
+    solve = paired.load_method("consensus").solve
+    wrong = np.zeros((scene.detections.n_frames, 1, len(pairs), 4), dtype=bool)
+    wrong[10:20, :, :, 2] = True
+    believed = solve(scene.rig, scene.detections, tracks, noise, options)
+    exchanged = solve(scene.rig, paired.relabelled(scene.detections, tracks, wrong, pairs), tracks, noise, options)
+    kept, back = worth.settled(wrong, believed, exchanged, noise, pairs, chain_of)
+    assert not kept.any()
+    assert back[10:20].all()
+    assert not back[:10].any()
+    # The other way round: the labels are wrong there, and exchanging them mends it.
+    kept, back = worth.settled(wrong, exchanged, believed, noise, pairs, chain_of)
+    np.testing.assert_array_equal(kept, wrong)
+    assert not back.any()
+
+
+@pytest.mark.parametrize(("method", "pairs"), [("consensus", "enumerate"), ("simple", "labels"), ("ransac", "labels")])
+def test_other_methods_believe_labels_unless_told_otherwise(method, pairs, scene):
+    options = replace(NOISE, triangulation=TriangulationOptions(method=method))
+    assert prepare(scene.rig, scene.detections, options, Silent()).options.pairs == pairs
+
+
+@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {"sides": "plane", "up": "z"}])
+def test_every_way_runs_through(given, scene):
+    short = exchange(scene.detections, 1, "leg", 10, 20).frames(0, 30)
+    result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **given))
+    assert result.swaps is not None
+    assert np.isfinite(measured(result)).mean() > 0.95
