@@ -5,10 +5,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, pairs, rejection, speed
+from benchmarks import accuracy, pairs, rejection, sides, speed
 
 failed = accuracy.main()
 speed.main()
 rejection.main()
 pairs.main()
+sides.main()
 sys.exit(failed)

@@ -20,6 +20,7 @@ from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.swaps import Swaps
 from posefuse.pipeline import reconstruct
 from tests.scenes import body_points, ring, seen
 
@@ -44,6 +45,15 @@ class TestNetcdf:
         assert isinstance(found.layers["measured"].points_m, StoredArray)
         assert found == result
         assert found.frames(2, 5) == result.frames(2, 5)
+
+    def test_swaps_come_back(self, result, tmp_path):
+        state = np.random.default_rng(0).integers(-1, 2, (9, 1, 4, 2)).astype(np.int8)
+        told = replace(result, swaps=Swaps(("arm", "leg"), state))
+        netcdf.write(told.chunks(4), tmp_path / "told.nc")
+        assert posefuse.read_reconstruction(tmp_path / "told.nc") == told
+        believed = replace(result, swaps=None)
+        posefuse.write(believed, tmp_path / "believed.nc")
+        assert posefuse.read_reconstruction(tmp_path / "believed.nc").swaps is None
 
     @pytest.mark.parametrize("size", [1, 4, 9])
     def test_written_range_by_range_it_is_the_same(self, size, result, tmp_path):
