@@ -68,7 +68,7 @@ class Score:
 
 def options_of(method: str = "consensus", **given: object) -> Options:
     """Everything else as it is by default."""
-    return Options(triangulation=TriangulationOptions(method=method), **given)  # type: ignore[arg-type]
+    return Options(pairs="labels", triangulation=TriangulationOptions(method=method), **given)  # type: ignore[arg-type]
 
 
 def measured(data: Walk, options: Options) -> Layer:

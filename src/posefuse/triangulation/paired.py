@@ -6,7 +6,7 @@ apart in every view and frame by itself; where they are close to each other for 
 apart. See docs/methods.md, "Left and right".
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 
 import numpy as np
@@ -17,7 +17,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import linear_rows
@@ -26,7 +26,7 @@ from posefuse.triangulation.registry import load_method
 from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.registry import decide_sides
 from posefuse.triangulation.sides.results import PairsInTime
-from posefuse.triangulation.sides.worth import settled
+from posefuse.triangulation.sides.worth import cost, settled
 
 _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
@@ -56,14 +56,19 @@ def solve(
     layer = method.solve(rig, detections, tracks, noise, options.triangulation)
     if _can_tell(rig, options) and not shows_swaps(rig, detections, tracks, noise, layer):
         return layer, _as_labelled(layer, skeleton)
-    pairs = pair_columns(skeleton)
-    swapped, swaps = find_swaps(rig, detections, tracks, noise, options, midline(layer, skeleton))
-    chain_of = Layout.of(skeleton).chain_of
+    pairs, chain_of = pair_columns(skeleton), Layout.of(skeleton).chain_of
 
     def exchanged(swapped: np.ndarray) -> Layer:
         return method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
 
+    found = find_swaps(rig, detections, tracks, noise, options, midline(layer, skeleton))
+    swapped, swaps = found.of_limb, found.swaps
     better = exchanged(swapped)
+    if found.on_its_own.any():
+        other = exchanged(swapped ^ found.on_its_own)
+        pays = cost(better, noise, pairs) - cost(other, noise, pairs) > (found.on_its_own * found.odds).sum(axis=-1)
+        swapped = swapped ^ (found.on_its_own & pays[..., None])
+        better = _mixed(better, other, pays, pairs)
     if options.sides == "chains":
         swapped, back = settled(swapped, layer, better, noise, pairs, chain_of)
         if back.any():
@@ -72,6 +77,18 @@ def solve(
     used = status[:, :, pairs]
     status[:, :, pairs] = np.where((used == ViewStatus.USED) & swapped[:, :, :, None], ViewStatus.USED_SWAPPED, used)
     return replace(better, view_status=status), swaps
+
+
+def _mixed(one: Layer, other: Layer, chosen: np.ndarray, pairs: np.ndarray) -> Layer:
+    """A layer with some pairs from another: ``chosen`` has shape (frame, person, pair)."""
+    frame, person, pair = np.nonzero(chosen)
+    arrays = {}
+    for field in fields(Layer):
+        array = np.array(getattr(one, field.name))
+        for column in pairs[pair].T:
+            array[frame, person, column] = np.asarray(getattr(other, field.name))[frame, person, column]
+        arrays[field.name] = array
+    return Layer(**arrays)
 
 
 def _taken_back(swaps: Swaps, swapped: np.ndarray, back: np.ndarray, chain_of: np.ndarray) -> Swaps:
@@ -109,11 +126,6 @@ def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: N
     looks = np.zeros(left.shape, dtype=bool)
     places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
     looks[places] = _better_exchanged(rig, detections, tracks, noise, layer, pairs, places)
-    # Where rays of both sides fix no points there may be two pairs of rays that do.
-    status = np.asarray(layer.status)
-    contested = (status == PointStatus.OUTLIER) | (status == PointStatus.UNDECIDED)
-    contested = contested[:, :, pairs[:, 0]] & contested[:, :, pairs[:, 1]]
-    looks[contested] = (left[contested] == ViewStatus.NOT_USED) & (right[contested] == ViewStatus.NOT_USED)
     chain_of = Layout.of(detections.skeleton).chain_of
     together = [looks[:, :, chain_of == c].sum(axis=2).max(initial=0) > 1 for c in np.unique(chain_of)]
     return bool((looks[1:] & looks[:-1]).any() or any(together))
@@ -172,9 +184,26 @@ def pair_columns(skeleton: Skeleton) -> np.ndarray:
     return np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs], dtype=np.int64)
 
 
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Which labels look the wrong way round.
+
+    Attributes:
+        of_limb: shape (frame, person, pair, view), bool: by the state of the limb.
+        on_its_own: the same shape: the pair looks otherwise than its limb.
+        odds: shape (view,): what that costs beforehand, in squared sigmas.
+        swaps: the states of limbs.
+    """
+
+    of_limb: np.ndarray
+    on_its_own: np.ndarray
+    odds: np.ndarray
+    swaps: Swaps
+
+
 def find_swaps(
     rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options, midline_m: np.ndarray
-) -> tuple[np.ndarray, Swaps]:
+) -> Found:
     """Which labels are the wrong way round.
 
     Args:
@@ -184,9 +213,6 @@ def find_swaps(
         noise: of the detections.
         options: how pairs are solved and sides decided.
         midline_m: from :func:`midline`.
-
-    Returns:
-        Shape (frame, person, pair, view), bool: of single pairs. And of whole limbs.
     """
     pairs = pair_columns(detections.skeleton)
     finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
@@ -197,10 +223,11 @@ def find_swaps(
     of_limb = np.moveaxis(sides.chain_swapped, 2, 3)[:, :, Layout.of(detections.skeleton).chain_of]
     swapped = of_limb == SwapState.SWAPPED
     evidence = given.by_frame(sides.applied(solved).evidence)
-    return swapped ^ on_their_own(np.where(swapped, -evidence, evidence)), Swaps(sides.chains, sides.chain_swapped)
+    on_its_own, odds = on_their_own(np.where(swapped, -evidence, evidence))
+    return Found(swapped, on_its_own, odds, Swaps(sides.chains, sides.chain_swapped))
 
 
-def on_their_own(evidence: np.ndarray) -> np.ndarray:
+def on_their_own(evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which pairs are swapped while the rest of their limb is not, or the other way round.
 
     How often that happens in each view is learned from all of them (expectation maximisation): some detectors swap
@@ -210,7 +237,7 @@ def on_their_own(evidence: np.ndarray) -> np.ndarray:
         evidence: shape (frame, person, pair, view): twice the log-likelihood ratio of that; 0 where nothing tells.
 
     Returns:
-        The same shape, bool.
+        The same shape, bool; and shape (view,), twice the logarithm of the odds against it.
     """
     share = np.full(evidence.shape[-1], _RARE)
     tells = evidence != 0.0
@@ -218,7 +245,8 @@ def on_their_own(evidence: np.ndarray) -> np.ndarray:
     for _ in range(_ROUNDS):
         likely = 1.0 / (1.0 + np.exp(-0.5 * evidence) * (1.0 - share) / share)
         share = np.clip(np.where(tells, likely, 0.0).sum(axis=(0, 1, 2)) / count, _RAREST, _MOST)
-    return 0.5 * evidence > np.log((1.0 - share) / share)
+    odds = 2.0 * np.log((1.0 - share) / share)
+    return evidence > odds, odds
 
 
 def midline(layer: Layer, skeleton: Skeleton) -> np.ndarray:

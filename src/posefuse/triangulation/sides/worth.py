@@ -41,7 +41,7 @@ def settled(
     """
     seen = _seen(believed, pairs)
     out_of_step = np.minimum((swapped & seen).sum(axis=-1), (~swapped & seen).sum(axis=-1))
-    gain = _cost(believed, noise, pairs) - _cost(exchanged, noise, pairs) - _WORTH * out_of_step
+    gain = cost(believed, noise, pairs) - cost(exchanged, noise, pairs) - _WORTH * out_of_step
     back = np.zeros(swapped.shape[:3], dtype=bool)
     for chain in np.unique(chain_of):
         members = np.flatnonzero(chain_of == chain)
@@ -61,8 +61,11 @@ def _seen(layer: Layer, pairs: np.ndarray) -> np.ndarray:
     return np.asarray(np.isin(np.asarray(layer.view_status)[:, :, pairs], valid).any(axis=3))
 
 
-def _cost(layer: Layer, noise: NoiseModel, pairs: np.ndarray) -> np.ndarray:
-    """Shape (frame, person, pair): bounded squared residuals of both points, in sigmas; in full where missing."""
+def cost(layer: Layer, noise: NoiseModel, pairs: np.ndarray) -> np.ndarray:
+    """Shape (frame, person, pair): the squared residuals of both points, each bounded, in squared sigmas.
+
+    Observations of a point that is missing cost as much as they can.
+    """
     status = np.asarray(layer.view_status)[:, :, pairs]
     errors = np.asarray(layer.view_error_px)[:, :, pairs] / noise.scale_px
     missing = np.asarray(layer.status)[:, :, pairs] >= PointStatus.NOT_SEEN
