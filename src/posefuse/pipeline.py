@@ -25,6 +25,7 @@ from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
 _CONTEXT_S = 5.0
+_MOST_CONTEXT_FRAMES = 1024
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,9 @@ def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
 
 def _context_frames(plan: Plan) -> int:
     """How many frames before and after a range its sides are decided with."""
-    return 0 if plan.options.pairs == "labels" else round(_CONTEXT_S * (plan.detections.rate_hz or 30.0))
+    if plan.options.pairs == "labels":
+        return 0
+    return min(round(_CONTEXT_S * (plan.detections.rate_hz or 30.0)), _MOST_CONTEXT_FRAMES)
 
 
 def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[Layer, Swaps | None]:

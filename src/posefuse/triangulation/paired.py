@@ -17,7 +17,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import ViewStatus
+from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import linear_rows
@@ -32,6 +32,8 @@ _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
 _RARE, _RAREST, _MOST = 0.02, 1e-4, 0.4
 _ROUNDS = 10
+_MOST_EVIDENCE = 200.0
+_SAYS_NOTHING = (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED, ViewStatus.LOW_CONFIDENCE, ViewStatus.BEYOND_LENS)
 # Farther off says nothing more, and how much less an exchange must cost, in squared sigmas.
 _FAR_SIGMA = 5.0
 _MUCH = 15.0
@@ -126,6 +128,11 @@ def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: N
     looks = np.zeros(left.shape, dtype=bool)
     places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
     looks[places] = _better_exchanged(rig, detections, tracks, noise, layer, pairs, places)
+    # Where rays of both sides fix no points there may be two pairs of rays that do.
+    status = np.asarray(layer.status)
+    contested = (status == PointStatus.OUTLIER) | (status == PointStatus.UNDECIDED)
+    contested = contested[:, :, pairs[:, 0]] & contested[:, :, pairs[:, 1]]
+    looks[contested] = (left[contested] == ViewStatus.NOT_USED) & (right[contested] == ViewStatus.NOT_USED)
     chain_of = Layout.of(detections.skeleton).chain_of
     together = [looks[:, :, chain_of == c].sum(axis=2).max(initial=0) > 1 for c in np.unique(chain_of)]
     return bool((looks[1:] & looks[:-1]).any() or any(together))
@@ -171,7 +178,7 @@ def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:
     """No view took left for right."""
     layout = Layout.of(skeleton)
     pairs = pair_columns(skeleton)
-    unseen = np.isin(np.asarray(layer.view_status)[:, :, pairs], (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED))
+    unseen = np.isin(np.asarray(layer.view_status)[:, :, pairs], _SAYS_NOTHING)
     seen = np.logical_not(unseen.all(axis=3))
     state = [seen[:, :, layout.chain_of == c].any(axis=2) for c in range(len(layout.chains))]
     return Swaps(
@@ -217,7 +224,10 @@ def find_swaps(
     pairs = pair_columns(detections.skeleton)
     finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
     solved = finder.solve(rig, detections, tracks, noise, options.triangulation, pairs, options.pair_search)
-    solved = replace(solved, evidence=robust_evidence(rig, detections, tracks, noise, pairs, solved))
+    solved = replace(
+        solved,
+        evidence=robust_evidence(rig, detections, tracks, noise, pairs, solved, options.triangulation.min_confidence),
+    )
     given = PairsInTime.of(solved, rig, detections, tracks, midline_m)
     sides = decide_sides(given, options.sides, options.side_search)
     of_limb = np.moveaxis(sides.chain_swapped, 2, 3)[:, :, Layout.of(detections.skeleton).chain_of]
@@ -239,6 +249,7 @@ def on_their_own(evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         The same shape, bool; and shape (view,), twice the logarithm of the odds against it.
     """
+    evidence = np.clip(evidence.astype(np.float64), -_MOST_EVIDENCE, _MOST_EVIDENCE)
     share = np.full(evidence.shape[-1], _RARE)
     tells = evidence != 0.0
     count = np.maximum(tells.sum(axis=(0, 1, 2)), 1)

@@ -34,7 +34,9 @@ def test_points_of_all_cameras_come_from_one_file(tmp_path):
     assert "5 observations of hands and face are left out" in detections.notes[0]
 
 
-@pytest.mark.parametrize("row", ["4,0,4,1.0,7,12.5", "4,0,4,1.0,7,12.5,x,,"])
+@pytest.mark.parametrize(
+    "row", ["4,0,4,1.0,7,12.5", "4,0,4,1.0,7,12.5,x,,", "nan,0,4,1,7,2,2", "2.5,0,4,1,7,2,2", "4,0,4,1,-1,2,2"]
+)
 def test_a_cut_line_is_named(row, tmp_path):
     file = tmp_path / "xy.csv"
     write(file, [(3, 0, 3, 1.0, 0, 1, 2)])

@@ -27,7 +27,7 @@ from tests.scenes import ring, skeleton_of
 
 def solved(data: Walk, method: str, **options: object) -> Layer:
     chosen = TriangulationOptions(method=method, **options)  # type: ignore[arg-type]
-    return triangulate(data.rig, data.detections, Options(triangulation=chosen)).layers["measured"]
+    return triangulate(data.rig, data.detections, Options(pairs="labels", triangulation=chosen)).layers["measured"]
 
 
 def errors_mm(data: Walk, layer: Layer) -> np.ndarray:

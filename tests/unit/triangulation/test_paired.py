@@ -153,3 +153,51 @@ def test_every_way_runs_through(given, scene):
     result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **given))
     assert result.swaps is not None
     assert np.isfinite(measured(result)).mean() > 0.95
+
+
+@pytest.mark.parametrize("offset_s", [0.2, 3600.0])
+def test_clocks_that_differ_and_frames_that_drop_turn_nothing_over(offset_s, scene, rng):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    times = np.array(swapped.time_s)
+    times[:, 3] += offset_s
+    times[rng.random(len(times)) < 0.1, 3] = np.nan
+    odd = posefuse.reconstruct(scene.rig, replace(swapped, time_s=times), NOISE)
+    even = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    moved = np.linalg.norm(measured(odd) - measured(even), axis=-1)
+    assert np.nanpercentile(moved, 99) < 1e-9
+
+
+@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {}])
+def test_a_recording_in_which_nobody_is_seen(given, scene):
+    empty = replace(
+        scene.detections,
+        offsets=np.zeros_like(scene.detections.offsets),
+        keypoints_px=np.empty((0, len(scene.detections.skeleton), 2)),
+        confidence=np.empty((0, len(scene.detections.skeleton))),
+        track_ids=np.empty(0, dtype=np.int64),
+    )
+    result = posefuse.reconstruct(scene.rig, empty, replace(NOISE, **given))
+    assert np.isnan(measured(result)).all()
+
+
+def test_what_is_below_min_confidence_says_nothing_of_sides(scene):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    confidence = np.array(swapped.confidence)
+    confidence[3::4] = 0.05
+    result = posefuse.reconstruct(scene.rig, replace(swapped, confidence=confidence), NOISE)
+    assert result.swaps is not None
+    state = np.asarray(result.swaps.state)
+    assert (state[45:65, 0, 1, result.swaps.chains.index("leg")] == SwapState.SWAPPED).all()
+    assert (state[:, :, 3] == SwapState.UNKNOWN).all()
+
+
+def test_two_of_three_views_are_enough_to_put_sides_right(scene):
+    """A third camera that sees nothing must not keep the others from it."""
+    three = scene.detections.views(scene.detections.view_names[:3])
+    keypoints = np.array(exchange(three, 1, "leg", 40, 70).keypoints_px)
+    keypoints[2::3] = np.nan
+    result = posefuse.reconstruct(scene.rig.select(scene.rig.names[:3]), replace(three, keypoints_px=keypoints), NOISE)
+    error = np.linalg.norm(measured(result) - np.asarray(scene.truth.layers["measured"].points_m), axis=-1)
+    legs = [three.skeleton.index(name) for pair in three.skeleton.chains["leg"] for name in pair]
+    assert np.isfinite(error[40:70][:, :, legs]).mean() > 0.95
+    assert np.nanmedian(error[40:70][:, :, legs]) < 0.02

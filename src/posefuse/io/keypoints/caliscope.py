@@ -6,6 +6,7 @@ to 32 are MediaPipe's body; those of hands and face, from 100 on, are left out w
 """
 
 import csv
+import math
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.skeletons import find_skeleton
 
 _COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
+_WHOLE = (0, 1, 4)
 _SKELETON = "mediapipe_33"
 
 
@@ -32,7 +34,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _is_one(file: Path) -> bool:
-    with file.open(encoding="utf-8", errors="replace") as lines:
+    with file.open(encoding="utf-8-sig", errors="replace") as lines:
         return lines.readline().strip().split(",")[: len(_COLUMNS)] == list(_COLUMNS)
 
 
@@ -43,7 +45,9 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if there are several files, or one holds other than numbers.
     """
     files = files_of(path)
-    if len(files) != 1:
+    if not files:
+        raise FileError(f"{path} is no file of Caliscope's points: its first line should be {','.join(_COLUMNS)}.")
+    if len(files) > 1:
         raise FileError(f"{path} holds several recordings: {choices([file.name for file in files])}. Name one.")
     (file,) = files
     skeleton = request.skeleton or find_skeleton(_SKELETON)
@@ -59,23 +63,31 @@ def read(path: Path, request: Request) -> Detections:
 
 def _read_table(file: Path) -> np.ndarray:
     """Shape (row, 7)."""
-    with file.open(newline="", encoding="utf-8") as lines:
-        rows = csv.reader(lines)
+    with file.open(newline="", encoding="utf-8-sig") as lines:
+        rows = (row for row in csv.reader(lines) if row)
         next(rows)
         table = []
         for number, row in enumerate(rows, start=2):
-            try:
-                table.append([float(cell) for cell in row[: len(_COLUMNS)]])
-            except ValueError:
-                table.append([])
-            if len(table[-1]) != len(_COLUMNS):
+            values = _numbers(row)
+            if values is None:
                 raise FileError(
-                    f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), got "
-                    f"{','.join(row)!r}. Was it cut short?"
+                    f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), whole ones for "
+                    f"{', '.join(_COLUMNS[i] for i in _WHOLE)}, got {','.join(row)!r}. Was it cut short?"
                 )
+            table.append(values)
     if not table:
         raise FileError(f"{file} holds no points.")
     return np.array(table)
+
+
+def _numbers(row: list[str]) -> list[float] | None:
+    """The numbers of a line, or None where it does not hold them."""
+    try:
+        values = [float(cell) for cell in row[: len(_COLUMNS)]]
+    except ValueError:
+        return None
+    whole = len(values) == len(_COLUMNS) and all(values[i] >= 0.0 and values[i].is_integer() for i in _WHOLE)
+    return values if whole and all(math.isfinite(value) for value in values) else None
 
 
 def _view(table: np.ndarray, body: np.ndarray, port: float, n_keypoints: int) -> ViewColumns:

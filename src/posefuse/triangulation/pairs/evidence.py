@@ -23,6 +23,7 @@ def robust_evidence(
     noise: NoiseModel,
     pairs: np.ndarray,
     solved: SolvedPairs,
+    min_confidence: float = 0.0,
 ) -> np.ndarray:
     """How much likelier each view's labels are swapped, for the points that the other views make.
 
@@ -36,6 +37,7 @@ def robust_evidence(
         noise: of the detections.
         pairs: shape (pair, 2): keypoints, left and right.
         solved: both points of each.
+        min_confidence: detections below say nothing.
 
     Returns:
         Shape (person_frame, pair, view): twice the log-likelihood ratio of swapped and as labelled, 0 where a view
@@ -43,11 +45,16 @@ def robust_evidence(
     """
     rows = tracks.rows(detections).reshape(-1, len(rig))
     there = rows >= 0
+    if not there.any():
+        return np.zeros_like(solved.evidence)
     safe = np.where(there, rows, 0)
     pixels = np.asarray(detections.keypoints_px)[safe][:, :, pairs]
     pixels = np.where(there[:, :, None, None, None], pixels, np.nan)
     trust = np.asarray(detections.confidence)[safe][:, :, pairs]
-    scale = np.where(np.isnan(trust), 1.0, trust) ** -noise.exponent * noise.scale_px[:, None, None]
+    trust = np.where(np.isnan(trust), 1.0, trust)
+    valid = (trust >= min_confidence) & (trust > 0.0)
+    pixels = np.where(valid[..., None], pixels, np.nan)
+    scale = np.where(valid, trust, 1.0) ** -noise.exponent * noise.scale_px[:, None, None]
     total = np.zeros((2, len(rows), len(pairs), len(rig)))
     # Both observations of the view as they would see each point; by point: of its own label, of the other's.
     for point in range(2):

@@ -103,12 +103,18 @@ class Sides:
 
 
 def frame_times(detections: Detections) -> np.ndarray:
-    """Shape (frame,): mean over the views that took the frame; by the rate, or 30 Hz, where a time is unknown."""
-    numbers = detections.frame_numbers
+    """Shape (frame,): when, increasing: the mean over the views that took the frame, clocks set alike.
+
+    By the rate, or 30 Hz, where times are unknown or run backwards.
+    """
+    numbers = detections.frame_numbers.astype(np.float64)
+    step_s = 1.0 / (detections.rate_hz or _UNKNOWN_RATE_HZ)
+    by_rate = (numbers - numbers[:1]) * step_s
     times = np.asarray(detections.time_s)
     known = np.isfinite(times)
-    mean = np.where(known, times, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    seen = known.any(axis=1)
-    if seen.sum() >= 2:
-        return np.interp(numbers, numbers[seen], mean[seen]) if not seen.all() else mean
-    return (numbers - numbers[:1]) / (detections.rate_hz or _UNKNOWN_RATE_HZ)
+    offsets = [
+        np.median((times[:, v] - by_rate)[known[:, v]]) if known[:, v].any() else 0.0 for v in range(times.shape[1])
+    ]
+    aligned = np.where(known, times - np.array(offsets), 0.0)
+    mean = np.where(known.any(axis=1), aligned.sum(axis=1) / np.maximum(known.sum(axis=1), 1), by_rate)
+    return mean if (np.diff(mean) > 0.0).all() else by_rate

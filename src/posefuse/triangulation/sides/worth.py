@@ -42,16 +42,19 @@ def settled(
     seen = _seen(believed, pairs)
     out_of_step = np.minimum((swapped & seen).sum(axis=-1), (~swapped & seen).sum(axis=-1))
     gain = cost(believed, noise, pairs) - cost(exchanged, noise, pairs) - _WORTH * out_of_step
+    said = np.where(seen, np.where(swapped, 1, -1), 0)
     back = np.zeros(swapped.shape[:3], dtype=bool)
+    alike = np.zeros(swapped.shape[:3], dtype=bool)
     for chain in np.unique(chain_of):
         members = np.flatnonzero(chain_of == chain)
+        views = np.sign(said[:, :, members].sum(axis=2))
+        alike[:, :, members] = views.sum(axis=-1, keepdims=True) > 0
         for person in range(swapped.shape[1]):
             mixed = (out_of_step[:, person, members] > 0).any(axis=-1)
             total = gain[:, person, members].sum(axis=-1)
             for start, stop in _runs(mixed):
                 if total[start:stop].sum() <= 0.0:
                     back[start:stop, person, members] = True
-    alike = (swapped & seen).sum(axis=-1) > (~swapped & seen).sum(axis=-1)
     return np.where(back[..., None], alike[..., None], swapped), back
 
 
