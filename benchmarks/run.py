@@ -5,11 +5,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, pairs, rejection, sides, speed
+from benchmarks import accuracy, pairs, rejection, sides, speed, swapped
 
 failed = accuracy.main()
 speed.main()
 rejection.main()
 pairs.main()
 sides.main()
+swapped.main()
 sys.exit(failed)
