@@ -58,6 +58,8 @@ def compare_methods(
         raise DetectionsError("There is one camera, so no method triangulates; a comparison needs two or more.")
     plans = [settle(examined, method) for method in methods]
     notes = [note for plan in plans for note in plan.provenance.notes]
+    if options.pairs == "labels":
+        notes.append("Labels of left and right are believed by all methods; --pairs enumerate puts them right first.")
     return Comparison(
         methods=tuple(_numbers(plan, truth_of, timed, progress) for plan in plans),
         n_frames=examined.detections.n_frames,

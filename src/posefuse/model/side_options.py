@@ -24,7 +24,8 @@ class SideOptions:
     """How the two points of a pair become left and right.
 
     Attributes:
-        facing: With plane, where the person faces, +x, -x, +y, -y, or three numbers such as 1,0.5,0.
+        facing: With plane, where the person faces, +x, -x, +y, -y, or three numbers such as 1,0.5,0; as a flag with an
+            equals sign, --side-search.facing=-y.
         swap_share: With chains, the share of time a view's labels are expected to be swapped before it is known.
         dwell_s: With chains, how long a swap is expected to last before it is known, in seconds.
         rounds: With chains, how often the decision is made again with what was learned from it.

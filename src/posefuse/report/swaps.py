@@ -64,7 +64,8 @@ def swap_table(result: Reconstruction, summary: Summary) -> str:
     ]
     return (
         "<section><h2>Left and right</h2><p>Share of the time in which a camera's keypoints have a limb's left and "
-        "right the wrong way round; the points above are put right. A dash: the camera never tells.</p>"
+        "right the wrong way round; where so, the points rest on them put right. A dash, or white: the camera does not "
+        "tell.</p>"
         f'<div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
         '<div id="swaps" role="img" aria-label="When each camera took left for right"></div></section>'
     )
