@@ -38,8 +38,8 @@ def left_of(given: PairsInTime, options: SideOptions) -> np.ndarray:
     left = np.cross(up, facing_vector(options.facing))
     if np.linalg.norm(left) < 1e-6:
         raise OptionsError(
-            f"side_search.facing is {options.facing!r}, which is up or down in this world ({given.rig.up_axis} is up): a "
-            "person faces along the floor."
+            f"side_search.facing is {options.facing!r}, which is up or down in this world ({given.rig.up_axis} is up): "
+            "a person faces along the floor."
         )
     return left / np.linalg.norm(left)
 
