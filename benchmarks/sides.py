@@ -153,7 +153,7 @@ def solved(rig: CameraRig, detections: Detections) -> PairsInTime:
     detection = np.where(detections.people_counts > 0, 0, -1)[:, None].astype(np.int32)
     tracks = Tracks(("person_1",), detection, np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8))
     noise, options = NoiseModel(np.full(len(rig), SIGMA_PX)), TriangulationOptions(min_views=2)
-    columns = np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs])
+    columns = skeleton.pair_indices
     pairs = enumerated.solve(rig, detections, tracks, noise, options, columns)
     points = np.array(consensus.solve(rig, detections, tracks, noise, options).points_m)
     points[:, :, columns.ravel()] = np.nan

@@ -5,16 +5,10 @@ import numpy as np
 from posefuse.kernels import codes
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
 from posefuse.triangulation.pairs.results import SolvedPairs
 
 BOUND = 16.0
 """No observation costs more, in squared sigmas."""
-
-
-def pair_columns(skeleton: Skeleton) -> np.ndarray:
-    """Shape (pair, 2): keypoints."""
-    return np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs]).reshape(-1, 2)
 
 
 def covariance_of(rig: CameraRig, points_m: np.ndarray, seen: np.ndarray, sigma_px: float) -> np.ndarray:
@@ -33,7 +27,7 @@ def solved(
 
     The first point of a pair is the one that most labels call left.
     """
-    columns = pair_columns(detections.skeleton)
+    columns = detections.skeleton.pair_indices
     pixels = np.moveaxis(detections.dense()[0][:, :, columns], 1, 3)
     seen = np.isfinite(pixels).all(axis=-1)
     two = seen.any(axis=2, keepdims=True) & np.ones_like(seen)

@@ -34,7 +34,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
         for start in range(0, detections.n_frames, spell):
             flags[start : start + spell, :, members, view] = rng.random() < 0.25
     tracks = one_subject.follow(detections, None, one_subject.longest_ids(detections))
-    return paired.relabelled(detections, tracks, flags, paired.pair_columns(skeleton)), flags
+    return paired.relabelled(detections, tracks, flags, skeleton.pair_indices), flags
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -104,6 +104,11 @@ class Skeleton:
         return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.edges]).reshape(-1, 2), np.int64)
 
     @cached_property
+    def pair_indices(self) -> np.ndarray:
+        """Shape (pair, 2), int64: left and right."""
+        return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.pairs]).reshape(-1, 2), np.int64)
+
+    @cached_property
     def mirror(self) -> np.ndarray:
         """Shape (keypoint,), int64: each keypoint's partner on the other side, itself where it has none."""
         partner = np.arange(len(self))

@@ -24,19 +24,20 @@ def time_line(parts: Iterable[Reconstruction], n_frames: int) -> dict[str, Any] 
         n_frames: of all.
 
     Returns:
-        Names of the rows, times of the columns in s (frame numbers where unknown), and the share of each stretch of
-        time in which the limb was swapped, None where nothing tells; or None where labels were believed or there are
-        no limbs.
+        Names of the rows, times of the columns in s or, where one is unknown, frame numbers, which of the two, and the
+        share of each stretch of time in which the limb was swapped, None where nothing tells; or None where labels were
+        believed or there are no limbs.
     """
     stride = max(1, -(-n_frames // _COLUMNS))
-    swapped, told, when, names = [], [], [], []
+    swapped, told, times, numbers, names = [], [], [], [], []
     for part in parts:
         if part.swaps is None or not part.swaps.chains:
             return None
         state = np.asarray(part.swaps.state[:])
         swapped.append((state == SwapState.SWAPPED).sum(axis=1))
         told.append((state != SwapState.UNKNOWN).sum(axis=1))
-        when.append(np.where(np.isfinite(part.time_s), part.time_s, part.frame_numbers))
+        times.append(part.time_s)
+        numbers.append(part.frame_numbers)
         names = [(camera, chain) for camera in part.rig.names for chain in part.swaps.chains]
     starts = np.arange(0, n_frames, stride)
     counts, of = (np.add.reduceat(np.concatenate(values), starts, axis=0) for values in (swapped, told))
@@ -44,9 +45,13 @@ def time_line(parts: Iterable[Reconstruction], n_frames: int) -> dict[str, Any] 
         counts, of = counts.sum(axis=2, keepdims=True), of.sum(axis=2, keepdims=True)
         names = [(camera, "") for camera in dict.fromkeys(camera for camera, _ in names)]
     shares = np.where(of > 0, counts / np.maximum(of, 1), np.nan).reshape(len(starts), -1).T
+    when = np.concatenate(times)
+    timed = bool(np.isfinite(when).all())
+    when = when if timed else np.concatenate(numbers)
     return {
         "rows": [f"{camera} {chain}".strip() for camera, chain in names],
-        "time": np.concatenate(when)[starts].round(3).tolist(),
+        "time": when[starts].round(3).tolist(),
+        "unit": "s" if timed else "frame",
         "share": [[None if np.isnan(share) else round(float(share), 3) for share in row] for row in shares],
     }
 

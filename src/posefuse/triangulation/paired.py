@@ -58,7 +58,7 @@ def solve(
     layer = method.solve(rig, detections, tracks, noise, options.triangulation)
     if _can_tell(rig, options) and not shows_swaps(rig, detections, tracks, noise, layer):
         return layer, _as_labelled(layer, skeleton)
-    pairs, chain_of = pair_columns(skeleton), Layout.of(skeleton).chain_of
+    pairs, chain_of = skeleton.pair_indices, Layout.of(skeleton).chain_of
 
     def exchanged(swapped: np.ndarray) -> Layer:
         return method.solve(rig, relabelled(detections, tracks, swapped, pairs), tracks, noise, options.triangulation)
@@ -123,7 +123,7 @@ def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: N
         noise: of the detections.
         layer: points by ``consensus``, labels believed.
     """
-    pairs = pair_columns(detections.skeleton)
+    pairs = detections.skeleton.pair_indices
     left, right = (np.asarray(layer.view_status)[:, :, side] for side in pairs.T)
     looks = np.zeros(left.shape, dtype=bool)
     places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
@@ -177,18 +177,13 @@ def _better_exchanged(
 def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:
     """No view took left for right."""
     layout = Layout.of(skeleton)
-    pairs = pair_columns(skeleton)
+    pairs = skeleton.pair_indices
     unseen = np.isin(np.asarray(layer.view_status)[:, :, pairs], _SAYS_NOTHING)
     seen = np.logical_not(unseen.all(axis=3))
     state = [seen[:, :, layout.chain_of == c].any(axis=2) for c in range(len(layout.chains))]
     return Swaps(
         layout.chains, np.where(np.stack(state, axis=-1), SwapState.AS_LABELLED, SwapState.UNKNOWN).astype(np.int8)
     )
-
-
-def pair_columns(skeleton: Skeleton) -> np.ndarray:
-    """Shape (pair, 2), int64: keypoints, left and right."""
-    return np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +216,7 @@ def find_swaps(
         options: how pairs are solved and sides decided.
         midline_m: from :func:`midline`.
     """
-    pairs = pair_columns(detections.skeleton)
+    pairs = detections.skeleton.pair_indices
     finder = import_module(f"posefuse.triangulation.pairs.{_MODULES[str(options.pairs)]}")
     solved = finder.solve(rig, detections, tracks, noise, options.triangulation, pairs, options.pair_search)
     solved = replace(

@@ -40,7 +40,7 @@ def test_the_time_line_has_a_row_a_camera_and_limb(size, result):
     line = time_line(result.chunks(size), 10)
     assert line is not None
     assert line["rows"] == [f"{camera} {chain}" for camera in result.rig.names for chain in CHAINS]
-    assert line["time"] == [round(0.1 * i, 3) for i in range(10)]
+    assert (line["time"], line["unit"]) == ([round(0.1 * i, 3) for i in range(10)], "s")
     assert line["share"][3] == [0.0] * 5 + [1.0] * 5
     assert line["share"][4] == [None] * 10
 
@@ -52,6 +52,12 @@ def test_long_recordings_are_shown_in_stretches(result, monkeypatch):
     assert line is not None
     assert line["rows"] == list(result.rig.names)
     assert line["share"][1] == [0.0, 0.0, 0.25, 0.5, 0.5]
+
+
+def test_where_a_time_is_unknown_frames_are_counted(result):
+    line = time_line(replace(result, time_s=np.where(np.arange(10) == 3, np.nan, result.time_s)).chunks(4), 10)
+    assert line is not None
+    assert (line["time"], line["unit"]) == (list(range(10)), "frame")
 
 
 def test_where_labels_were_believed_nothing_is_said(result):

@@ -36,7 +36,7 @@ def exchange(detections: Detections, view: int, chain: str, start: int, stop: in
     flags = np.zeros((detections.n_frames, 1, len(skeleton.pairs), detections.n_views), dtype=bool)
     for p, pair in enumerate(skeleton.pairs):
         flags[start:stop, :, p, view] = pair in skeleton.chains[chain]
-    return paired.relabelled(detections, tracks_of(detections), flags, paired.pair_columns(skeleton))
+    return paired.relabelled(detections, tracks_of(detections), flags, skeleton.pair_indices)
 
 
 def tracks_of(detections: Detections):
@@ -49,7 +49,7 @@ def measured(result: Reconstruction) -> np.ndarray:
 
 def test_labels_exchanged_twice_are_as_before(scene, rng):
     detections = scene.detections
-    pairs = paired.pair_columns(detections.skeleton)
+    pairs = detections.skeleton.pair_indices
     flags = rng.random((detections.n_frames, 1, len(pairs), detections.n_views)) < 0.3
     once = paired.relabelled(detections, tracks_of(detections), flags, pairs)
     twice = paired.relabelled(once, tracks_of(detections), flags, pairs)
@@ -110,7 +110,7 @@ def test_how_often_pairs_are_swapped_on_their_own_is_learned(share, rng):
 
 
 def test_evidence_has_the_sign_of_the_swap(scene):
-    noise, pairs = NoiseModel(np.full(4, CLEAN.sigma_px)), paired.pair_columns(scene.detections.skeleton)
+    noise, pairs = NoiseModel(np.full(4, CLEAN.sigma_px)), scene.detections.skeleton.pair_indices
     swapped = exchange(scene.detections, 1, "arm", 0, scene.detections.n_frames)
     tracks = tracks_of(swapped)
     solved = enumerated.solve(scene.rig, swapped, tracks, noise, TriangulationOptions(min_views=2), pairs)
@@ -125,7 +125,7 @@ def test_evidence_has_the_sign_of_the_swap(scene):
 def test_a_stretch_that_explains_nothing_better_is_taken_back(scene):
     options = TriangulationOptions(min_views=2)
     noise, tracks = NoiseModel(np.full(4, CLEAN.sigma_px)), tracks_of(scene.detections)
-    pairs, chain_of = paired.pair_columns(scene.detections.skeleton), np.zeros(len(scene.detections.skeleton.pairs))
+    pairs, chain_of = scene.detections.skeleton.pair_indices, np.zeros(len(scene.detections.skeleton.pairs))
     solve = paired.load_method("consensus").solve
     wrong = np.zeros((scene.detections.n_frames, 1, len(pairs), 4), dtype=bool)
     wrong[10:20, :, :, 2] = True

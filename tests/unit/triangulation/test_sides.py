@@ -19,7 +19,7 @@ from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.online import OnlineSides, advance
 from posefuse.triangulation.sides.registry import decide_sides
 from posefuse.triangulation.sides.results import PairsInTime, Sides
-from tests.pairs import pair_columns, solved
+from tests.pairs import solved
 
 RATE_HZ = 30.0
 
@@ -59,7 +59,7 @@ def scene(
     errors = DetectorOptions("gaussian", 5.0, 0.0, (0.0, 0.0), missing, share, 0.0, law)
     seen = np.repeat(truth[:, None], cameras, axis=1)
     detections = detect(rig, seen, keypoints, RATE_HZ, errors, rng)
-    columns = pair_columns(keypoints)
+    columns = keypoints.pair_indices
     pixels = np.moveaxis(rig.project(truth), 0, 1)
     off = np.linalg.norm(detections.dense()[0][:, :, columns] - pixels[:, :, columns][..., ::-1, :], axis=-1).sum(-1)
     as_is = np.linalg.norm(detections.dense()[0][:, :, columns] - pixels[:, :, columns], axis=-1).sum(axis=-1)
@@ -353,7 +353,7 @@ class TestPlane:
         # The heading is where the figure faces: shoulders to nose points there.
         ahead = (truth[:, 0] - truth[:, [5, 6]].mean(axis=1)).mean(axis=0)
         assert ahead[:2] @ [np.cos(motion.heading), np.sin(motion.heading)] > 0.05
-        columns = pair_columns(data.given.skeleton)
+        columns = data.given.skeleton.pair_indices
         return replace(data, given=changed(data.given, points_m=truth[:, columns]), truth_m=truth[:, columns])
 
     @pytest.mark.parametrize("facing", DIRECTIONS)

@@ -178,7 +178,7 @@
   Plotly.newPlot("view-errors", [bars(charts.views, charts.view_median, "median", css("--left")),
     bars(charts.views, charts.view_p90, "90 %", css("--middle"))],
   { ...chart, yaxis: { ...grid, title: { text: "px" } }, barmode: "group" }, config);
-  const shareColours = { "used": css("--left"), "used swapped": "#56b4e9", "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
+  const shareColours = { "used": css("--left"), "used swapped": css("--swapped"), "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
   Plotly.newPlot("view-shares", Object.entries(charts.view_shares).map(([name, values]) =>
     bars(charts.views, values, name, shareColours[name])),
   { ...chart, yaxis: { ...grid, tickformat: ".0%", range: [0, 1] }, barmode: "stack" }, config);
@@ -188,7 +188,7 @@
       colorscale: [[0, css("--line")], [1, css("--right")]], hoverongaps: false,
       hovertemplate: "%{y}, %{x:.2f}: %{z:.0%} swapped<extra></extra>",
       colorbar: { title: { text: "swapped" }, tickformat: ".0%", thickness: 10 } }],
-    { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: "s" } },
+    { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: swaps.unit } },
       yaxis: { autorange: "reversed", automargin: true } }, config);
   }
   element("keypoint-errors").style.height = `${120 + 18 * K}px`;

@@ -69,7 +69,7 @@ def robust_evidence(
             shares = found if shares is None else np.where(np.isnan(shares), found, shares)
         used = solved.used[..., point].reshape(len(points), len(rig))
         total += _both_ways(seen, np.asarray(shares), used, point).reshape(2, *total.shape[1:])
-    return np.where(np.isfinite(total).all(axis=0), total[1] - total[0], 0.0).astype(np.float32)
+    return (total[1] - total[0]).astype(np.float32)
 
 
 def _both_ways(
@@ -103,6 +103,6 @@ def _both_ways(
         off = residuals + shift
         squared = np.einsum("...i,...ij,...j->...", off, inverse, off)
         cost = -(_TAILS + 2.0) * np.log1p(squared / _TAILS)
+        # An observation that is not there says the same of both.
         out[which] = np.where(np.isfinite(cost), cost, 0.0)
-    # An observation that is not there says the same of both.
     return out

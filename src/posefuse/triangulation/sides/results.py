@@ -47,7 +47,7 @@ class PairsInTime:
         """With times and confidences from the detections that the pairs were solved from."""
         rows = tracks.rows(detections)
         skeleton = detections.skeleton
-        columns = np.array([[skeleton.index(name) for name in pair] for pair in skeleton.pairs]).reshape(-1, 2)
+        columns = skeleton.pair_indices
         confidence = np.full((*rows.shape, *columns.shape), np.nan)
         confidence[rows >= 0] = np.asarray(detections.confidence)[rows[rows >= 0]][:, columns]
         return cls(

@@ -11,6 +11,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 
+_VALID = (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.NOT_USED)
 _FAR_SIGMA = 5.0
 _WORTH = 2.0
 """By how many squared sigmas a pair seen by a view has to fit better, on average, for the view to be out of step."""
@@ -60,8 +61,7 @@ def settled(
 
 def _seen(layer: Layer, pairs: np.ndarray) -> np.ndarray:
     """Shape (frame, person, pair, view): whether a view has an observation of either keypoint that may be used."""
-    valid = (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.NOT_USED)
-    return np.asarray(np.isin(np.asarray(layer.view_status)[:, :, pairs], valid).any(axis=3))
+    return np.asarray(np.isin(np.asarray(layer.view_status)[:, :, pairs], _VALID).any(axis=3))
 
 
 def cost(layer: Layer, noise: NoiseModel, pairs: np.ndarray) -> np.ndarray:
@@ -73,7 +73,7 @@ def cost(layer: Layer, noise: NoiseModel, pairs: np.ndarray) -> np.ndarray:
     errors = np.asarray(layer.view_error_px)[:, :, pairs] / noise.scale_px
     missing = np.asarray(layer.status)[:, :, pairs] >= PointStatus.NOT_SEEN
     squared = np.where(missing[..., None] | np.isnan(errors), _FAR_SIGMA, np.minimum(errors, _FAR_SIGMA)) ** 2
-    counts = np.isin(status, (ViewStatus.USED, ViewStatus.OUTLIER, ViewStatus.NOT_USED))
+    counts = np.isin(status, _VALID)
     return np.where(counts, squared, 0.0).sum(axis=(3, 4))
 
 
