@@ -1,0 +1,119 @@
+"""One frame of a recording, as a tracker takes it: the people that every view shows at one time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.arrays import check_shape
+from posefuse.errors import DetectionsError
+from posefuse.model.detections import Detections
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Who is seen where in one frame; a row a person in one view, rows ordered by view.
+
+    Attributes:
+        keypoints_px: shape (row, keypoint, 2), NaN where not detected.
+        confidence: shape (row, keypoint), NaN where the detector gives none.
+        view: shape (row,), int64: number of the view.
+        track_ids: shape (row,), int64: the detector's own identity in that view, -1 where it has none.
+        time_s: shape (view,): when each view took the frame.
+        recorded: shape (view,), bool: whether the view has the frame at all.
+        number: of the frame in the recording.
+
+    Raises:
+        DetectionsError: where the arrays do not fit each other or hold infinities.
+    """
+
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
+    view: np.ndarray
+    track_ids: np.ndarray
+    time_s: np.ndarray
+    recorded: np.ndarray
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        rows, views = len(self.view), len(self.recorded)
+        check_shape(DetectionsError, "Frame", "keypoints_px", self.keypoints_px, row=rows, keypoint=None, pixel=2)
+        keypoints = self.keypoints_px.shape[1]
+        check_shape(DetectionsError, "Frame", "confidence", self.confidence, row=rows, keypoint=keypoints)
+        check_shape(DetectionsError, "Frame", "track_ids", self.track_ids, row=rows)
+        check_shape(DetectionsError, "Frame", "time_s", self.time_s, view=views)
+        if rows and not (self.view[0] >= 0 and self.view[-1] < views and (self.view[1:] >= self.view[:-1]).all()):
+            raise DetectionsError(
+                f"Frame {self.number}: rows must be ordered by view, views lie from 0 to {views - 1}."
+            )
+        if np.isinf(self.keypoints_px).any():
+            raise DetectionsError(f"Frame {self.number} holds an infinite pixel. Missing is NaN.")
+
+    @classmethod
+    def of(cls, detections: Detections, index: int) -> "Frame":
+        """A frame of a recording, by its place.
+
+        Args:
+            detections: the recording.
+            index: counted from 0.
+        """
+        views = detections.n_views
+        cells = detections.offsets[index * views : (index + 1) * views + 1]
+        rows = slice(int(cells[0]), int(cells[-1]))
+        return cls(
+            keypoints_px=np.ascontiguousarray(detections.keypoints_px[rows]),
+            confidence=np.ascontiguousarray(detections.confidence[rows]),
+            view=np.repeat(np.arange(views), np.diff(cells)),
+            track_ids=np.asarray(detections.track_ids[rows]),
+            time_s=detections.time_s[index],
+            recorded=detections.recorded[index],
+            number=int(detections.frame_numbers[index]),
+        )
+
+    @classmethod
+    def of_people(
+        cls,
+        keypoints_px: Sequence[np.ndarray],
+        confidence: Sequence[np.ndarray],
+        time_s: float | Sequence[float],
+        track_ids: Sequence[Sequence[int]] | None = None,
+        number: int = 0,
+    ) -> "Frame":
+        """A frame from what each view's detector gives.
+
+        Args:
+            keypoints_px: by view, shape (person, keypoint, 2).
+            confidence: by view, shape (person, keypoint).
+            time_s: of the frame, or of each view.
+            track_ids: by view, the detector's own identities, one a person.
+            number: of the frame.
+
+        Raises:
+            DetectionsError: where views differ in number or in keypoints.
+        """
+        counts = [len(people) for people in keypoints_px]
+        if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
+            raise DetectionsError(
+                f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
+                + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
+                + ". Give one array a view, empty where it shows nobody."
+            )
+        keypoints = {np.shape(people)[1] for people in keypoints_px if len(people)}
+        if len(keypoints) > 1:
+            raise DetectionsError(f"Frame {number}: views differ in how many keypoints a person has: {keypoints}.")
+        k = keypoints.pop() if keypoints else 0
+        ids = [[-1] * n for n in counts] if track_ids is None else track_ids
+        return cls(
+            keypoints_px=np.concatenate([np.reshape(people, (-1, k, 2)) for people in keypoints_px], dtype=np.float64),
+            confidence=np.concatenate([np.reshape(each, (-1, k)) for each in confidence], dtype=np.float64),
+            view=np.repeat(np.arange(len(counts)), counts),
+            track_ids=np.array([i for of_view in ids for i in of_view], dtype=np.int64),
+            time_s=np.broadcast_to(np.asarray(time_s, dtype=np.float64), (len(counts),)),
+            recorded=np.ones(len(counts), dtype=bool),
+            number=number,
+        )
+
+    def rows_of(self, view: int) -> np.ndarray:
+        """The rows of one view."""
+        first, last = np.searchsorted(self.view, [view, view + 1])
+        return np.arange(first, last)

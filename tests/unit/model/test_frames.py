@@ -1,0 +1,40 @@
+"""One frame of a recording."""
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError
+from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
+from posefuse.model.skeletons import shipped_skeleton
+
+
+def test_a_frame_of_a_recording_holds_its_people(rng):
+    pixels = rng.uniform(0, 100, (4, 3, 17, 2))
+    detections = Detections.from_dense(shipped_skeleton("coco_17"), ("a", "b", "c"), pixels, rate_hz=10.0)
+    frame = Frame.of(detections, 2)
+    np.testing.assert_array_equal(frame.keypoints_px, pixels[2])
+    np.testing.assert_array_equal(frame.view, [0, 1, 2])
+    np.testing.assert_allclose(frame.time_s, 0.2)
+    assert frame.number == 2
+    np.testing.assert_array_equal(frame.rows_of(1), [1])
+
+
+def test_people_of_each_view_are_put_in_rows(rng):
+    pixels = [rng.uniform(0, 100, (n, 5, 2)) for n in (2, 0, 1)]
+    frame = Frame.of_people(pixels, [np.ones((n, 5)) for n in (2, 0, 1)], 1.5, [[7, 8], [], [9]], number=3)
+    np.testing.assert_array_equal(frame.view, [0, 0, 2])
+    np.testing.assert_array_equal(frame.track_ids, [7, 8, 9])
+    np.testing.assert_array_equal(frame.rows_of(0), [0, 1])
+    assert len(frame.rows_of(1)) == 0
+    np.testing.assert_array_equal(frame.keypoints_px[2], pixels[2][0])
+
+
+def test_views_must_have_the_same_keypoints(rng):
+    with pytest.raises(DetectionsError, match="differ in how many keypoints"):
+        Frame.of_people([np.zeros((1, 5, 2)), np.zeros((1, 4, 2))], [np.ones((1, 5)), np.ones((1, 4))], 0.0)
+
+
+def test_infinite_pixels_are_refused():
+    with pytest.raises(DetectionsError, match="infinite"):
+        Frame.of_people([np.full((1, 5, 2), np.inf)], [np.ones((1, 5))], 0.0)
