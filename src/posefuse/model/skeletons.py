@@ -9,6 +9,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
 * ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
 * ``plausible_m``: rows of two names and the shortest and longest distance a body has between them, in metres;
+* ``tree``: how the body turns and how large it is, see :mod:`posefuse.model.trees`;
 * ``[names]``: other programs' names for the keypoints, in the same order.
 """
 
@@ -24,8 +25,9 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
+from posefuse.model.trees import Tree, parse_tree, shared_body
 
-_KEYS = ("name", "description", "keypoints", "edges", "pairs", "chains", "derived", "plausible_m", "names")
+_KEYS = ("name", "description", "keypoints", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names")
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class Skeleton:
         plausible_m: two names, and the shortest and longest distance a body has between them, in metres.
         names: another program to its names of the keypoints, in order.
         description: a sentence.
+        tree: how the body turns, or None where the file does not say.
 
     Raises:
         SkeletonError: where a table names a keypoint that is not there, or one twice.
@@ -56,6 +59,7 @@ class Skeleton:
     plausible_m: tuple[tuple[str, str, float, float], ...] = ()
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     description: str = ""
+    tree: Tree | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
@@ -221,7 +225,20 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         plausible_m=tuple((a, b, float(low), float(high)) for a, b, low, high in data.get("plausible_m", [])),
         names={program: _expand(names) for program, names in data.get("names", {}).items()},
         description=data.get("description", ""),
+        tree=_tree(data.get("tree"), keypoints, partner, data["name"]),
     )
+
+
+def _tree(table: object, keypoints: tuple[str, ...], partner: Mapping[str, str], skeleton: str) -> Tree | None:
+    if table is None:
+        return None
+    body = shared_body(table) if isinstance(table, str) else table
+    if not isinstance(body, Mapping):
+        raise SkeletonError(f"Skeleton {skeleton!r}: tree is a table or the name of a shared body, got {table!r}.")
+    # Joints that no detector sees have sides too.
+    hidden = [str(name) for table in ("points", "bones") for name in body.get(table, {}) if str(name).startswith("left_")]
+    sides = {name: f"right_{name[5:]}" for name in hidden}
+    return parse_tree(body, keypoints, {**sides, **partner}, skeleton)
 
 
 def _names(value: object, where: str) -> list[str]:

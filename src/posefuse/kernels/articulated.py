@@ -1,0 +1,589 @@
+"""People as articulated bodies: foreseen, and put right by what the views see of them.
+
+A person's state is a pose (see :mod:`posefuse.kernels.bodies`), a shape, and the pose's velocity; its covariance has
+the order pose, shape, velocity. An update is an iterated extended Kalman filter: Gauss-Newton on squared residuals of
+pixels, robust by Student's t, with the prediction as prior, in pose and shape alone; velocities follow by their
+correlation. See docs/methods.md, "People".
+"""
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from posefuse.kernels.bodies import differentiate, locate, move
+from posefuse.kernels.jit import inline, kernel, step
+from posefuse.kernels.lens import OK, ROTATION, project_jacobian, project_point, to_camera
+from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
+
+Body = namedtuple("Body", "parents movers is_bone places shape_of signs starts columns keypoint_nodes limits limit_axes")
+"""A tree as kernels take it: ``Tree.packed``, the node of each keypoint, and ``Tree.packed_limits``."""
+
+State = namedtuple("State", "root turns bones shape velocity covariance free")
+"""Of all people, by person: shape (person, 3), (person, segment, 3, 3), (person, bone, 3, 3), (person, shape),
+(person, pose), (person, pose + shape + pose, the same), and (person,), int64: whether the shape is still sought."""
+
+Law = namedtuple("Law", "scale_px exponent floor_m nu gate limit_sigma min_confidence")
+"""Of detections: shape (view,), the noise of confidence 1 in px; how it falls with confidence; by how much a body's
+points are not what the detector calls by their name; degrees of freedom of its tails; the largest squared innovation,
+in its own covariance, that counts; how stiff joint limits are; what confidence counts."""
+
+USED = 0
+GATED = 1
+UNSEEN = 2
+
+_DAMPING = 1e-3
+_SMALL_STEP = 1e-2
+_GROW = 10.0
+
+
+@kernel
+def predict_people(dt_s, decay_s, power, walk, state):
+    """Move all people on in time: velocities fade, what is not known grows.
+
+    Every number of the pose moves by an Ornstein-Uhlenbeck velocity of its own.
+
+    Args:
+        dt_s: shape (person,).
+        decay_s: shape (pose,): in what time velocities fade.
+        power: shape (pose,): spectral density of the accelerations, units^2 / s^3.
+        walk: variance by which each number of a shape wanders, m^2 / s.
+        state: in and out.
+    """
+    n = state.velocity.shape[1]
+    h = state.shape.shape[1]
+    first = n + h
+    fade = np.empty(n)
+    reach = np.empty(n)
+    change = np.empty(n)
+    for p in range(dt_s.shape[0]):
+        dt = dt_s[p]
+        cov = state.covariance[p]
+        for i in range(n):
+            fade[i] = math.exp(-dt / decay_s[i])
+            reach[i] = decay_s[i] * (1.0 - fade[i])
+            change[i] = reach[i] * state.velocity[p, i]
+            state.velocity[p, i] *= fade[i]
+        move(change, state.root[p], state.turns[p], state.bones[p])
+        for i in range(n):
+            for j in range(n):
+                cov[i, j] += reach[i] * cov[first + i, j] + reach[j] * cov[i, first + j]
+                cov[i, j] += reach[i] * reach[j] * cov[first + i, first + j]
+        for i in range(first):
+            for j in range(n):
+                gain = reach[i] * cov[first + i, first + j] if i < n else 0.0
+                if i >= n:
+                    cov[i, j] += cov[i, first + j] * reach[j]
+                    cov[j, i] = cov[i, j]
+                cov[i, first + j] = (cov[i, first + j] + gain) * fade[j]
+                cov[first + j, i] = cov[i, first + j]
+        for i in range(n):
+            for j in range(n):
+                cov[first + i, first + j] *= fade[i] * fade[j]
+        for i in range(n):
+            q = power[i]
+            t = decay_s[i]
+            f = fade[i]
+            cov[i, i] += q * t * t * (dt - 2.0 * t * (1.0 - f) + 0.5 * t * (1.0 - f * f))
+            mixed = 0.5 * q * t * t * (1.0 - f) * (1.0 - f)
+            cov[i, first + i] += mixed
+            cov[first + i, i] += mixed
+            cov[first + i, first + i] += 0.5 * q * t * (1.0 - f * f)
+        if state.free[p] != 0:
+            for s in range(h):
+                cov[n + s, n + s] += walk * dt
+
+
+@step
+def point_covariance(jacobian, starts, columns, node, cov, out):
+    """The covariance of a node, xx xy xz yy yz zz, from that of pose and shape."""
+    for e in range(6):
+        out[e] = 0.0
+    for a in range(starts[node], starts[node + 1]):
+        i = columns[a]
+        x = y = z = 0.0
+        for b in range(starts[node], starts[node + 1]):
+            j = columns[b]
+            x += cov[i, j] * jacobian[node, 0, j]
+            y += cov[i, j] * jacobian[node, 1, j]
+            z += cov[i, j] * jacobian[node, 2, j]
+        out[0] += jacobian[node, 0, i] * x
+        out[1] += jacobian[node, 0, i] * y
+        out[2] += jacobian[node, 0, i] * z
+        out[3] += jacobian[node, 1, i] * y
+        out[4] += jacobian[node, 1, i] * z
+        out[5] += jacobian[node, 2, i] * z
+
+
+@inline
+def _look(cameras, v, points, k):
+    """The pixel of a point and how it moves with the point: status, pixel, and two rows of three numbers per metre."""
+    x, y, z = to_camera(cameras, v, points[k, 0], points[k, 1], points[k, 2])
+    status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
+    _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
+    r = ROTATION
+    r0, r1, r2 = cameras[v, r], cameras[v, r + 1], cameras[v, r + 2]
+    r3, r4, r5 = cameras[v, r + 3], cameras[v, r + 4], cameras[v, r + 5]
+    r6, r7, r8 = cameras[v, r + 6], cameras[v, r + 7], cameras[v, r + 8]
+    return (
+        status,
+        pixel_u,
+        pixel_v,
+        ux * r0 + uy * r3 + uz * r6,
+        ux * r1 + uy * r4 + uz * r7,
+        ux * r2 + uy * r5 + uz * r8,
+        vx * r0 + vy * r3 + vz * r6,
+        vx * r1 + vy * r4 + vz * r7,
+        vx * r2 + vy * r5 + vz * r8,
+    )
+
+
+@inline
+def _spread_px(look, cov):
+    """The covariance of a pixel whose point has the packed covariance ``cov``: uu, uv, vv."""
+    a0 = cov[0] * look[3] + cov[1] * look[4] + cov[2] * look[5]
+    a1 = cov[1] * look[3] + cov[3] * look[4] + cov[4] * look[5]
+    a2 = cov[2] * look[3] + cov[4] * look[4] + cov[5] * look[5]
+    b0 = cov[0] * look[6] + cov[1] * look[7] + cov[2] * look[8]
+    b1 = cov[1] * look[6] + cov[3] * look[7] + cov[4] * look[8]
+    b2 = cov[2] * look[6] + cov[4] * look[7] + cov[5] * look[8]
+    uu = look[3] * a0 + look[4] * a1 + look[5] * a2
+    uv = look[6] * a0 + look[7] * a1 + look[8] * a2
+    vv = look[6] * b0 + look[7] * b1 + look[8] * b2
+    return uu, uv, vv
+
+
+@inline
+def _px_per_m_squared(look):
+    """How large a metre is seen, squared, on average over directions across the view."""
+    total = look[3] ** 2 + look[4] ** 2 + look[5] ** 2 + look[6] ** 2 + look[7] ** 2 + look[8] ** 2
+    return 0.5 * total
+
+
+@kernel
+def foresee_people(cameras, body, state, points, covariance, pixels, spread, size_px):
+    """Where the views should see all people.
+
+    Args:
+        cameras: the camera array.
+        body: a Body.
+        state: a State.
+        points: shape (person, keypoint, 3), written; NaN where the tree has no such point.
+        covariance: shape (person, keypoint, 6), written: m^2.
+        pixels: shape (person, view, keypoint, 2), written: NaN where a view cannot see the point.
+        spread: shape (person, view, keypoint, 3), written: uu, uv, vv, px^2: by how much the pixel is not known.
+        size_px: shape (person, view, keypoint), written: how many px a metre is.
+    """
+    n_pose = state.velocity.shape[1]
+    jacobian = np.zeros((body.parents.shape[0], 3, n_pose + state.shape.shape[1]))
+    nodes = np.empty((body.parents.shape[0], 3))
+    b = body
+    for p in range(state.root.shape[0]):
+        turns, bones, shape = state.turns[p], state.bones[p], state.shape[p]
+        locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, state.root[p], turns, bones, shape, nodes)
+        differentiate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n_pose, turns, bones, shape, jacobian)
+        for k in range(b.keypoint_nodes.shape[0]):
+            node = b.keypoint_nodes[k]
+            if node < 0:
+                for i in range(3):
+                    points[p, k, i] = math.nan
+                for i in range(6):
+                    covariance[p, k, i] = math.nan
+                for v in range(cameras.shape[0]):
+                    pixels[p, v, k, 0] = math.nan
+                    pixels[p, v, k, 1] = math.nan
+                continue
+            for i in range(3):
+                points[p, k, i] = nodes[node, i]
+            point_covariance(jacobian, b.starts, b.columns, node, state.covariance[p], covariance[p, k])
+            for v in range(cameras.shape[0]):
+                look = _look(cameras, v, nodes, node)
+                pixels[p, v, k, 0] = look[1]
+                pixels[p, v, k, 1] = look[2]
+                uu, uv, vv = _spread_px(look, covariance[p, k])
+                spread[p, v, k, 0] = uu
+                spread[p, v, k, 1] = uv
+                spread[p, v, k, 2] = vv
+                size_px[p, v, k] = math.sqrt(_px_per_m_squared(look))
+
+
+@inline
+def _noise_squared(law, temper, v, trust, look):
+    """The variance of a detection, px^2 per axis."""
+    sigma = law.scale_px[v]
+    if law.exponent > 0.0:
+        sigma *= max(trust, 0.05) ** -law.exponent
+    return temper * sigma * sigma + law.floor_m * law.floor_m * _px_per_m_squared(look)
+
+
+@step
+def _gate(cameras, body, law, temper, rows, labels, keypoints_px, confidence, nodes, jacobian, cov, packed, use, noise):
+    """Which observations count, and how noisy each is, before any of them has moved the body."""
+    for k in range(body.keypoint_nodes.shape[0]):
+        node = body.keypoint_nodes[k]
+        if node >= 0:
+            point_covariance(jacobian, body.starts, body.columns, node, cov, packed)
+        for v in range(cameras.shape[0]):
+            use[v, k] = UNSEEN
+            if node < 0 or rows[v] < 0 or labels[v, k] < 0:
+                continue
+            trust = confidence[rows[v], labels[v, k]]
+            pixel_u = keypoints_px[rows[v], labels[v, k], 0]
+            pixel_v = keypoints_px[rows[v], labels[v, k], 1]
+            if not math.isfinite(pixel_u + pixel_v) or trust < law.min_confidence:
+                continue
+            look = _look(cameras, v, nodes, node)
+            if look[0] != OK:
+                continue
+            # Without a confidence every detection is as good as the best.
+            trust = trust if trust == trust else 1.0
+            noise[v, k] = _noise_squared(law, temper, v, trust, look)
+            uu, uv, vv = _spread_px(look, packed)
+            uu += noise[v, k]
+            vv += noise[v, k]
+            du = pixel_u - look[1]
+            dv = pixel_v - look[2]
+            squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / (uu * vv - uv * uv)
+            use[v, k] = USED if squared <= law.gate else GATED
+
+
+@inline
+def _clear(matrix, vector, n):
+    for i in range(n):
+        vector[i] = 0.0
+        for j in range(i + 1):
+            matrix[i, j] = 0.0
+
+
+@step
+def _add_keypoint(jacobian, starts, columns, node, m, weight, pull, hessian, gradient, weighted):
+    """What one keypoint, with its information ``weight`` (packed) and its ``pull``, says of pose and shape."""
+    for a in range(starts[node], starts[node + 1]):
+        i = columns[a]
+        x, y, z = jacobian[node, 0, i], jacobian[node, 1, i], jacobian[node, 2, i]
+        if i < m:
+            gradient[i] += x * pull[0] + y * pull[1] + z * pull[2]
+        weighted[0, i] = weight[0] * x + weight[1] * y + weight[2] * z
+        weighted[1, i] = weight[1] * x + weight[3] * y + weight[4] * z
+        weighted[2, i] = weight[2] * x + weight[4] * y + weight[5] * z
+    for a in range(starts[node], starts[node + 1]):
+        i = columns[a]
+        if i >= m:
+            break
+        x, y, z = jacobian[node, 0, i], jacobian[node, 1, i], jacobian[node, 2, i]
+        for b in range(starts[node], a + 1):
+            j = columns[b]
+            hessian[i, j] += x * weighted[0, j] + y * weighted[1, j] + z * weighted[2, j]
+
+
+@step
+def _add_views(
+    cameras, body, law, rows, labels, keypoints_px, use, noise, nodes, jacobian, m, weight, pull, hessian, gradient,
+    weighted,
+):
+    """Normal equations of all observations that count; what they cost."""
+    cost = 0.0
+    for k in range(body.keypoint_nodes.shape[0]):
+        node = body.keypoint_nodes[k]
+        any_view = False
+        for e in range(6):
+            weight[e] = 0.0
+        for e in range(3):
+            pull[e] = 0.0
+        for v in range(cameras.shape[0]):
+            if use[v, k] != USED:
+                continue
+            look = _look(cameras, v, nodes, node)
+            if look[0] != OK:
+                continue
+            du = keypoints_px[rows[v], labels[v, k], 0] - look[1]
+            dv = keypoints_px[rows[v], labels[v, k], 1] - look[2]
+            squared = (du * du + dv * dv) / noise[v, k]
+            cost += 0.5 * (law.nu + 2.0) * math.log(1.0 + squared / law.nu)
+            w = (law.nu + 2.0) / (law.nu + squared) / noise[v, k]
+            weight[0] += w * (look[3] * look[3] + look[6] * look[6])
+            weight[1] += w * (look[3] * look[4] + look[6] * look[7])
+            weight[2] += w * (look[3] * look[5] + look[6] * look[8])
+            weight[3] += w * (look[4] * look[4] + look[7] * look[7])
+            weight[4] += w * (look[4] * look[5] + look[7] * look[8])
+            weight[5] += w * (look[5] * look[5] + look[8] * look[8])
+            pull[0] += w * (look[3] * du + look[6] * dv)
+            pull[1] += w * (look[4] * du + look[7] * dv)
+            pull[2] += w * (look[5] * du + look[8] * dv)
+            any_view = True
+        if any_view:
+            _add_keypoint(jacobian, body.starts, body.columns, node, m, weight, pull, hessian, gradient, weighted)
+    return cost
+
+
+@step
+def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
+    """A joint limit that is overstepped pulls back; what that costs."""
+    kind, bone, before, segment = (
+        body.limits[limit, 0], body.limits[limit, 1], body.limits[limit, 2], body.limits[limit, 3],
+    )
+    axes = turns[segment]
+    a0 = body.limit_axes[limit, 0]
+    a1 = body.limit_axes[limit, 1]
+    a2 = body.limit_axes[limit, 2]
+    x = axes[0, 0] * a0 + axes[0, 1] * a1 + axes[0, 2] * a2
+    y = axes[1, 0] * a0 + axes[1, 1] * a1 + axes[1, 2] * a2
+    z = axes[2, 0] * a0 + axes[2, 1] * a1 + axes[2, 2] * a2
+    first = 3 + 3 * turns.shape[0]
+    far = bones[bone]
+    if kind == 0:
+        near = bones[before]
+        # The gradient by the far bone's direction is axis x near, by the near one's far x axis.
+        gx = y * near[2, 2] - z * near[1, 2]
+        gy = z * near[0, 2] - x * near[2, 2]
+        gz = x * near[1, 2] - y * near[0, 2]
+        hx = far[1, 2] * z - far[2, 2] * y
+        hy = far[2, 2] * x - far[0, 2] * z
+        hz = far[0, 2] * y - far[1, 2] * x
+    else:
+        gx, gy, gz = x, y, z
+        hx = hy = hz = 0.0
+    value = gx * far[0, 2] + gy * far[1, 2] + gz * far[2, 2]
+    short = body.limit_axes[limit, 3] - value
+    if short <= 0.0:
+        return 0.0
+    i = first + 2 * bone
+    d0 = -(gx * far[0, 1] + gy * far[1, 1] + gz * far[2, 1])
+    d1 = gx * far[0, 0] + gy * far[1, 0] + gz * far[2, 0]
+    gradient[i] += stiffness * short * d0
+    gradient[i + 1] += stiffness * short * d1
+    hessian[i, i] += stiffness * d0 * d0
+    hessian[i + 1, i] += stiffness * d0 * d1
+    hessian[i + 1, i + 1] += stiffness * d1 * d1
+    if kind == 0:
+        near = bones[before]
+        j = first + 2 * before
+        e0 = -(hx * near[0, 1] + hy * near[1, 1] + hz * near[2, 1])
+        e1 = hx * near[0, 0] + hy * near[1, 0] + hz * near[2, 0]
+        gradient[j] += stiffness * short * e0
+        gradient[j + 1] += stiffness * short * e1
+        hessian[j, j] += stiffness * e0 * e0
+        hessian[j + 1, j] += stiffness * e0 * e1
+        hessian[j + 1, j + 1] += stiffness * e1 * e1
+        high, low = max(i, j), min(i, j)
+        for s in range(2):
+            for t in range(2):
+                left = (d0 if s == 0 else d1) if high == i else (e0 if s == 0 else e1)
+                right = (e0 if t == 0 else e1) if high == i else (d0 if t == 0 else d1)
+                hessian[high + s, low + t] += stiffness * left * right
+    return 0.5 * stiffness * short * short
+
+
+@step
+def _condition(prior, offset, m, hessian, gradient):
+    """Add the prediction as prior; what the offset from it costs."""
+    cost = 0.0
+    for i in range(m):
+        pulled = 0.0
+        for j in range(m):
+            pulled += prior[i, j] * offset[j]
+        for j in range(i + 1):
+            hessian[i, j] += prior[i, j]
+        gradient[i] -= pulled
+        cost += 0.5 * offset[i] * pulled
+    return cost
+
+
+@step
+def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
+    """Velocities and their covariance, from how pose and shape moved and what is known of them now."""
+    first = cov.shape[0] - n
+    for i in range(n):
+        for j in range(m):
+            gain[i, j] = 0.0
+        for k in range(m):
+            factor_ = cov[first + i, k]
+            for j in range(m):
+                gain[i, j] += factor_ * prior[k, j]
+        moved = 0.0
+        for j in range(m):
+            moved += gain[i, j] * offset[j]
+        velocity[i] += moved
+    # P_vv - G (P_aa - P_aa') G^T, with G P_aa = P_va; P_va' = G P_aa'.
+    for i in range(n):
+        for j in range(m):
+            mixed[i, j] = 0.0
+        for k in range(m):
+            factor_ = gain[i, k]
+            for j in range(m):
+                mixed[i, j] += factor_ * posterior[k, j]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(m):
+                total += (mixed[i, k] - cov[first + i, k]) * gain[j, k]
+            cov[first + i, first + j] += total
+            cov[first + j, first + i] = cov[first + i, first + j]
+    for i in range(n):
+        for j in range(m):
+            cov[first + i, j] = mixed[i, j]
+            cov[j, first + i] = mixed[i, j]
+    for i in range(m):
+        for j in range(m):
+            cov[i, j] = posterior[i, j]
+
+
+@inline
+def _copy_pose(state, p, root, turns, bones, shape, back):
+    """Remember the pose and shape of a person, or put them back."""
+    for i in range(3):
+        if back:
+            state.root[p, i] = root[i]
+        else:
+            root[i] = state.root[p, i]
+    for i in range(3):
+        for j in range(3):
+            for s in range(turns.shape[0]):
+                if back:
+                    state.turns[p, s, i, j] = turns[s, i, j]
+                else:
+                    turns[s, i, j] = state.turns[p, s, i, j]
+            for s in range(bones.shape[0]):
+                if back:
+                    state.bones[p, s, i, j] = bones[s, i, j]
+                else:
+                    bones[s, i, j] = state.bones[p, s, i, j]
+    for s in range(shape.shape[0]):
+        if back:
+            state.shape[p, s] = shape[s]
+        else:
+            shape[s] = state.shape[p, s]
+
+
+@inline
+def _copy_triangle(source, m, target):
+    for i in range(m):
+        for j in range(i + 1):
+            target[i, j] = source[i, j]
+
+
+@step
+def _step_from(hessian, gradient, damping, m, lower, change):
+    """The damped Gauss-Newton step; how far it is, squared, in units of what is known."""
+    _copy_triangle(hessian, m, lower)
+    for i in range(m):
+        lower[i, i] *= 1.0 + damping
+        change[i] = gradient[i]
+    size = 0.0
+    if factor(lower, m):
+        solve_factored(lower, m, change)
+        for i in range(m):
+            size += change[i] * gradient[i]
+    else:
+        for i in range(m):
+            change[i] = 0.0
+    return size
+
+
+@kernel
+def update_people(
+    cameras, body, law, temper, iterations, rows, labels, keypoints_px, confidence, state, use, moved, cost
+):
+    """Put all people right by what the views see of them.
+
+    Args:
+        cameras: the camera array.
+        body: a Body.
+        law: a Law.
+        temper: shape (person,): by how much variances of detections grow because their errors last.
+        iterations: of Gauss-Newton, at most.
+        rows: shape (person, view), int64: rows of the detections, -1 where none.
+        labels: shape (person, view, keypoint), int64: which of a detection's keypoints is the body's; -1 none.
+        keypoints_px: shape (row, keypoint, 2).
+        confidence: shape (row, keypoint).
+        state: a State, in and out.
+        use: shape (person, view, keypoint), int64, written: USED, GATED or UNSEEN.
+        moved: shape (person,), written: by how much the prediction was off, squared, in its own covariance; NaN where
+            that is broken, and nothing was done.
+        cost: shape (person,), written: what remains.
+    """
+    n_people, n = state.velocity.shape
+    h = state.shape.shape[1]
+    n_nodes = body.parents.shape[0]
+    nodes = np.empty((n_nodes, 3))
+    jacobian = np.zeros((n_nodes, 3, n + h))
+    noise = np.empty((cameras.shape[0], body.keypoint_nodes.shape[0]))
+    prior, hessian, kept = np.empty((n + h, n + h)), np.empty((n + h, n + h)), np.empty((n + h, n + h))
+    lower = np.empty((n + h, n + h))
+    gradient, kept_gradient, change = np.empty(n + h), np.empty(n + h), np.empty(n + h)
+    offset, kept_offset = np.empty(n + h), np.empty(n + h)
+    weight, pull, packed = np.empty(6), np.empty(3), np.empty(6)
+    weighted = np.empty((3, n + h))
+    gain, mixed = np.empty((n, n + h)), np.empty((n, n + h))
+    root, shape = np.empty(3), np.empty(h)
+    turns, bones = np.empty((state.turns.shape[1], 3, 3)), np.empty((state.bones.shape[1], 3, 3))
+    stiffness = law.limit_sigma**-2.0
+    b = body
+    for p in range(n_people):
+        m = n + h if state.free[p] != 0 else n
+        cov = state.covariance[p]
+        r, t, q, s = state.root[p], state.turns[p], state.bones[p], state.shape[p]
+        _copy_triangle(cov, m, lower)
+        if not factor(lower, m):
+            moved[p] = math.nan
+            continue
+        invert_factored(lower, m, prior)
+        for i in range(m):
+            offset[i] = 0.0
+        damping, before = 0.0, math.inf
+        for turn in range(iterations + 1):
+            locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, r, t, q, s, nodes)
+            differentiate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n, t, q, s, jacobian)
+            if turn == 0:
+                _gate(
+                    cameras, b, law, temper[p], rows[p], labels[p], keypoints_px, confidence, nodes, jacobian, cov,
+                    packed, use[p], noise,
+                )
+            _clear(hessian, gradient, m)
+            total = _condition(prior, offset, m, hessian, gradient)
+            total += _add_views(
+                cameras, b, law, rows[p], labels[p], keypoints_px, use[p], noise, nodes, jacobian, m, weight, pull,
+                hessian, gradient, weighted,
+            )
+            for limit in range(b.limits.shape[0]):
+                total += _add_limit(b, limit, stiffness, t, q, hessian, gradient)
+            if total <= before + 1e-9 * abs(before):
+                before = total
+                damping /= _GROW
+                _copy_triangle(hessian, m, kept)
+                for i in range(m):
+                    kept_gradient[i] = gradient[i]
+                    kept_offset[i] = offset[i]
+                _copy_pose(state, p, root, turns, bones, shape, False)
+            else:
+                # Too far: back, and a shorter step from there.
+                damping = max(_DAMPING, damping * _GROW)
+                _copy_pose(state, p, root, turns, bones, shape, True)
+                for i in range(m):
+                    offset[i] = kept_offset[i]
+            if turn == iterations:
+                break
+            size = _step_from(kept, kept_gradient, damping, m, lower, change)
+            move(change, r, t, q)
+            for i in range(m - n):
+                s[i] += change[n + i]
+            for i in range(m):
+                offset[i] += change[i]
+            if size < _SMALL_STEP and damping < _DAMPING:
+                break
+        cost[p] = before
+        moved[p] = _spread(cov, prior, kept, offset, n, m, state.velocity[p], lower, gain, mixed)
+
+
+@step
+def _spread(cov, prior, hessian, offset, n, m, velocity, lower, gain, mixed):
+    """The covariance after an update and the velocities; by how much the prediction was off."""
+    off = 0.0
+    for i in range(m):
+        for j in range(m):
+            off += offset[i] * prior[i, j] * offset[j]
+    _copy_triangle(hessian, m, lower)
+    if factor(lower, m):
+        invert_factored(lower, m, hessian)
+        _spread_to_velocities(cov, prior, hessian, offset, n, m, velocity, gain, mixed)
+    return off

@@ -1,0 +1,388 @@
+"""Kinematic trees: what of a body turns, what it carries, and how large it is.
+
+A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``bodies/`` that several skeletons share
+(``tree = "human"``); of those only what bears on the skeleton's keypoints is taken. It has the tables:
+
+* ``segments``: name to ``{at = point}``; each turns freely about a point. The first is the root and has no ``at``; its
+  origin is where the body is, and is a point of the segment's own name.
+* ``points``: name to ``[segment, forward, left, up]``, metres, of an adult: what rides on a segment. A coordinate of
+  exactly 0 stays 0, others differ from person to person.
+* ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward, left,
+  up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
+* ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
+  times it (a cross product), points along the axis.
+* ``cones``: name of the far end of a bone to ``[segment, axis, most degrees]``: how far from the axis it swings.
+* ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
+
+Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
+one, mirrored. Where a skeleton has no table, its edges are a tree of bones.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from posefuse.arrays import frozen
+from posefuse.errors import SkeletonError, choices, suggestion
+
+_KEYS = ("segments", "points", "bones", "hinges", "cones", "spread", "size_spread")
+_MIRROR = np.array([1.0, -1.0, 1.0])
+_SPREAD, _SIZE_SPREAD = 0.08, 0.07
+_LEAST_SD = 0.015
+_DOWN = (0.0, 0.0, -1.0)
+HINGE = 0
+CONE = 1
+
+
+@dataclass(frozen=True)
+class Node:
+    """A point of a tree.
+
+    Attributes:
+        name: of the point.
+        parent: number of the node it hangs on, -1 for the root.
+        mover: the segment or bone that moves it, by number.
+        is_bone: whether that is a bone.
+        place_m: shape (3,): where it is in the segment's axes; a bone's length is its last number.
+        shape: which number of the person's shape each coordinate is, -1 where it stays.
+        sign: -1 where it is the mirror image of that number.
+    """
+
+    name: str
+    parent: int
+    mover: int
+    is_bone: bool
+    place_m: tuple[float, float, float]
+    shape: tuple[int, int, int]
+    sign: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Limit:
+    """How far a joint goes.
+
+    Attributes:
+        kind: HINGE or CONE.
+        bone: its number.
+        before: the bone before it, of a hinge; else -1.
+        segment: in whose axes the axis is.
+        axis: unit vector.
+        least: of the cosine (cone) or the sine (hinge).
+    """
+
+    kind: int
+    bone: int
+    before: int
+    segment: int
+    axis: tuple[float, float, float]
+    least: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A kinematic tree with the shape of a body.
+
+    The pose has 3 numbers for where the root is, 3 for each segment's turn, 2 for each bone's direction, in this order;
+    after them comes the shape: lengths in metres that are a person's own.
+
+    Attributes:
+        segments: names.
+        bones: names of their far ends.
+        nodes: points, parents before children; the first is the root.
+        limits: of joints.
+        shape_names: what each number of the shape is.
+        shape_m: shape (shape,): of an adult.
+        shape_covariance: shape (shape, shape): between people, m^2.
+        keypoint_nodes: shape (keypoint,), int64: the node of each keypoint of the skeleton, -1 where it has none.
+        rest: shape (bone, 3): directions when standing, in the axes of the root.
+    """
+
+    segments: tuple[str, ...]
+    bones: tuple[str, ...]
+    nodes: tuple[Node, ...]
+    limits: tuple[Limit, ...]
+    shape_names: tuple[str, ...]
+    shape_m: np.ndarray
+    shape_covariance: np.ndarray
+    keypoint_nodes: np.ndarray
+    rest: np.ndarray
+
+    @property
+    def n_pose(self) -> int:
+        """How many numbers a pose has, and a velocity."""
+        return 3 + 3 * len(self.segments) + 2 * len(self.bones)
+
+    @property
+    def n_shape(self) -> int:
+        """How many numbers a shape has."""
+        return len(self.shape_m)
+
+    @cached_property
+    def packed(self) -> tuple[np.ndarray, ...]:
+        """For kernels: parents, movers, is_bone, places, shape, sign, column starts, columns (see kernels/bodies.py)."""
+        nodes = self.nodes
+        starts, columns = _columns(self)
+        return (
+            frozen(np.array([n.parent for n in nodes]), np.int64),
+            frozen(np.array([n.mover for n in nodes]), np.int64),
+            frozen(np.array([n.is_bone for n in nodes]), np.int64),
+            frozen(np.array([n.place_m for n in nodes])),
+            frozen(np.array([n.shape for n in nodes]), np.int64),
+            frozen(np.array([n.sign for n in nodes])),
+            frozen(starts, np.int64),
+            frozen(columns, np.int64),
+        )
+
+    @cached_property
+    def packed_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """For kernels: shape (limit, 4), int64: kind, bone, before, segment; and (limit, 4): axis, least."""
+        whole = [(limit.kind, limit.bone, limit.before, limit.segment) for limit in self.limits]
+        real = [(*limit.axis, limit.least) for limit in self.limits]
+        return frozen(np.array(whole).reshape(-1, 4), np.int64), frozen(np.array(real).reshape(-1, 4))
+
+    def node(self, name: str) -> int:
+        """The number of a point, by name."""
+        return [node.name for node in self.nodes].index(name)
+
+
+def _columns(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
+    """Which numbers of pose and shape move each node: starts (node + 1,) into the columns, ascending."""
+    n_segments = len(tree.segments)
+    found: list[list[int]] = []
+    for node in tree.nodes:
+        mine = set(found[node.parent]) if node.parent >= 0 else {0, 1, 2}
+        if node.parent >= 0:
+            first = 3 + (3 * n_segments + 2 * node.mover if node.is_bone else 3 * node.mover)
+            mine.update(range(first, first + (2 if node.is_bone else 3)))
+            mine.update(tree.n_pose + s for s in node.shape if s >= 0)
+        found.append(sorted(mine))
+    return np.cumsum([0, *(len(each) for each in found)]), np.array([c for each in found for c in each])
+
+
+def parse_tree(
+    table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapping[str, str], skeleton: str
+) -> Tree:
+    """A tree from its table in a skeleton's TOML.
+
+    Args:
+        table: ``[tree]``.
+        keypoints: of the skeleton.
+        partner: left name to right name.
+        skeleton: its name, for messages.
+
+    Raises:
+        SkeletonError: where the table names what is not there.
+    """
+    for key in table:
+        if key not in _KEYS:
+            raise SkeletonError(f"Skeleton {skeleton!r}: tree has no table {key!r}. {suggestion(key, _KEYS)}")
+    segments = table.get("segments", {})
+    mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
+    sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
+    builder = _Builder(skeleton, sides)
+    if not segments:
+        raise SkeletonError(f"Skeleton {skeleton!r}: a tree needs segments; the first is the root.")
+    points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
+    used = {row[0] for row in points.values()} | {sides.get(row[0]) for row in points.values()}
+    segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
+    builder.add_segments(segments, points, bones)
+    spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
+    limits = builder.limits(*({k: v for k, v in table.get(kind, {}).items() if k in bones} for kind in ("hinges", "cones")))
+    return builder.finish(keypoints, limits, spread, size)
+
+
+def _bearing_on(
+    keypoints: Sequence[str],
+    segments: Mapping[str, Any],
+    points: Mapping[str, Any],
+    bones: Mapping[str, Any],
+    partner: Mapping[str, str],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The points and bones that are keypoints, or that keypoints hang on."""
+    hangs_on = {name: str(dict(segments[row[0]]).get("at", "")) for name, row in points.items()}
+    hangs_on.update({name: str(row[0]) for name, row in bones.items()})
+    wanted: set[str] = set()
+    for name in hangs_on:
+        here = name if name in keypoints or partner.get(name) in keypoints else ""
+        while here and here not in wanted:
+            wanted.add(here)
+            here = hangs_on.get(here, "")
+    return {n: r for n, r in points.items() if n in wanted}, {n: r for n, r in bones.items() if n in wanted}
+
+
+@cache
+def shared_body(name: str) -> Mapping[str, Any]:
+    """The tables of a body that several skeletons share.
+
+    Raises:
+        SkeletonError: if there is none of that name.
+    """
+    folder = files("posefuse.model").joinpath("bodies")
+    known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    if name not in known:
+        raise SkeletonError(f"No body {name!r} to take a tree from. {suggestion(name, known)}")
+    return tomllib.loads(folder.joinpath(f"{name}.toml").read_text("utf-8"))
+
+
+class _Builder:
+    """Puts nodes in order, left sides before their mirror images."""
+
+    def __init__(self, skeleton: str, partner: dict[str, str]) -> None:
+        self.skeleton, self.partner = skeleton, partner
+        self.segments: list[str] = []
+        self.bones: list[str] = []
+        self.nodes: list[Node] = []
+        self.shape_names: list[str] = []
+        self.shape_m: list[float] = []
+        self.place_of: dict[str, int] = {}
+        self.rest: list[np.ndarray] = []
+
+    def add_segments(self, segments: Mapping[str, Any], points: Mapping[str, Any], bones: Mapping[str, Any]) -> None:
+        """Everything, in an order in which what a thing hangs on comes before it."""
+        names = list(segments)
+        for name in names:
+            self.segments.append(name)
+        self._put(Node(names[0], -1, 0, False, (0.0, 0.0, 0.0), (-1, -1, -1), (1.0, 1.0, 1.0)))
+        waiting = {**{p: ("point", row) for p, row in points.items()}, **{b: ("bone", row) for b, row in bones.items()}}
+        at = {name: names[0] if i == 0 else str(dict(segments[name]).get("at", names[0])) for i, name in enumerate(names)}
+        while waiting:
+            ready = [n for n, (kind, row) in waiting.items() if (at.get(row[0]) if kind == "point" else row[0]) in self.place_of]
+            if not ready:
+                raise SkeletonError(
+                    f"Skeleton {self.skeleton!r}: points {choices(waiting)} of the tree hang on what is not there. "
+                    f"There are segments {choices(names)} and points {choices(self.place_of)}."
+                )
+            for name in ready:
+                kind, row = waiting.pop(name)
+                if kind == "point":
+                    self._add_point(name, at[row[0]], row)
+                else:
+                    self._add_bone(name, row)
+
+    def _put(self, node: Node) -> None:
+        self.place_of[node.name] = len(self.nodes)
+        self.nodes.append(node)
+
+    def _number(self, name: str, value: float) -> int:
+        self.shape_names.append(name)
+        self.shape_m.append(value)
+        return len(self.shape_m) - 1
+
+    def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
+        place = tuple(float(x) for x in row[1:4])
+        segment = self.segments.index(row[0])
+        axes = ("forward", "left", "up")
+        shape = tuple(
+            self._number(f"{name}.{axis}", x) if x != 0.0 else -1 for axis, x in zip(axes, place, strict=True)
+        )
+        self._put(Node(name, self.place_of[at], segment, False, place, shape, (1.0, 1.0, 1.0)))
+        other = self.partner.get(name)
+        if other is not None:
+            parent = self.place_of[self.partner.get(at, at)]
+            segment = self.segments.index(self.partner.get(row[0], row[0]))
+            mirrored = tuple(float(x) for x in _MIRROR * place)
+            self._put(Node(other, parent, segment, False, mirrored, shape, tuple(_MIRROR.tolist())))
+
+    def _add_bone(self, name: str, row: Sequence[Any]) -> None:
+        length = float(row[1])
+        number = self._number(name, length)
+        for end, start in ((name, row[0]), (self.partner.get(name), self.partner.get(row[0], row[0]))):
+            if end is None:
+                continue
+            self.bones.append(end)
+            direction = np.array(row[2] if len(row) > 2 else _DOWN, dtype=float)
+            self.rest.append(np.array(_unit(direction * (np.ones(3) if end == name else _MIRROR))))
+            self._put(
+                Node(
+                    end, self.place_of[start], len(self.bones) - 1, True, (0.0, 0.0, length), (-1, -1, number),
+                    (1.0, 1.0, 1.0),
+                )
+            )
+
+    def limits(self, hinges: Mapping[str, Any], cones: Mapping[str, Any]) -> tuple[Limit, ...]:
+        """Of both sides. Axes mirror as points do, axes of turning the other way round."""
+        found = []
+        for name, (segment, axis) in hinges.items():
+            for end, sign in ((name, 1.0), (self.partner.get(name), -1.0)):
+                if end is not None:
+                    bone = self._bone(end)
+                    before = self._bone(self.nodes[self.nodes[self.place_of[end]].parent].name)
+                    # A mirror turns the sense of a cross product round: only its part across the mirror keeps its sign.
+                    turned = np.array(axis, dtype=float) * (np.ones(3) if sign > 0 else np.array([-1.0, 1.0, -1.0]))
+                    found.append(Limit(HINGE, bone, before, self._segment(segment), _unit(turned), -0.1))
+        for name, (segment, axis, degrees) in cones.items():
+            for end, mirror in ((name, np.ones(3)), (self.partner.get(name), _MIRROR)):
+                if end is not None:
+                    turned = np.array(axis, dtype=float) * mirror
+                    least = float(np.cos(np.radians(degrees)))
+                    found.append(Limit(CONE, self._bone(end), -1, self._segment(segment), _unit(turned), least))
+        return tuple(found)
+
+    def _bone(self, end: str) -> int:
+        if end not in self.bones:
+            raise SkeletonError(f"Skeleton {self.skeleton!r}: no bone ends in {end!r}. {suggestion(end, self.bones)}")
+        return self.bones.index(end)
+
+    def _segment(self, name: str) -> int:
+        if name not in self.segments:
+            raise SkeletonError(f"Skeleton {self.skeleton!r}: no segment {name!r}. {suggestion(name, self.segments)}")
+        return self.segments.index(name)
+
+    def finish(self, keypoints: Sequence[str], limits: tuple[Limit, ...], spread: float, size_spread: float) -> Tree:
+        """The tree, and how shapes differ between people."""
+        shape = np.array(self.shape_m)
+        own = np.maximum(spread * np.abs(shape), _LEAST_SD)
+        covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)
+        return Tree(
+            tuple(self.segments), tuple(self.bones), tuple(self.nodes), limits, tuple(self.shape_names),
+            frozen(shape), frozen(covariance),
+            frozen(np.array([self.place_of.get(name, -1) for name in keypoints]), np.int64),
+            frozen(np.array(self.rest).reshape(-1, 3)),
+        )
+
+
+def _unit(vector: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (vector / np.linalg.norm(vector)).tolist()
+    return x, y, z
+
+
+def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.ndarray) -> Tree:
+    """The bones that a skeleton's edges are, for skeletons that say nothing of their tree.
+
+    Args:
+        keypoints: names.
+        edges: shape (edge, 2), int.
+        lengths_m: shape (edge,): of the bones.
+    """
+    n = len(keypoints)
+    neighbours: list[list[tuple[int, int]]] = [[] for _ in range(n)]
+    for e, (a, b) in enumerate(edges):
+        neighbours[a].append((int(b), e))
+        neighbours[b].append((int(a), e))
+    root = int(np.argmax([len(of) for of in neighbours]))
+    order, nodes, place_of = [root], [Node(keypoints[root], -1, 0, False, (0.0,) * 3, (-1,) * 3, (1.0,) * 3)], {root: 0}
+    bones: list[str] = []
+    shape: list[float] = []
+    for here in order:
+        for other, e in neighbours[here]:
+            if other not in place_of:
+                place_of[other] = len(nodes)
+                number = len(shape)
+                shape.append(float(lengths_m[e]))
+                nodes.append(
+                    Node(keypoints[other], place_of[here], len(bones), True, (0.0, 0.0, shape[-1]), (-1, -1, number), (1.0,) * 3)
+                )
+                bones.append(keypoints[other])
+                order.append(other)
+    values = np.array(shape)
+    covariance = np.diag((0.5 * values) ** 2 + 1e-8) + 0.5**2 * np.outer(values, values)
+    of_keypoint = np.array([place_of.get(k, -1) for k in range(n)])
+    return Tree(
+        (), tuple(bones), tuple(nodes), (), tuple(bones), frozen(values), frozen(covariance), frozen(of_keypoint, np.int64),
+        frozen(np.tile(_DOWN, (len(bones), 1))),
+    )

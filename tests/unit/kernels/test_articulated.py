@@ -1,0 +1,172 @@
+"""Articulated bodies: derivatives, small systems, and the filter against dense textbook formulas."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from posefuse.kernels import articulated, bodies, rotations, symmetric
+from posefuse.kernels.articulated import Body, Law, State
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.trees import Tree
+from posefuse.synthetic.rigs import build_rig
+from tests.kernels import from_python
+
+TREE = shipped_skeleton("halpe_26").tree
+assert TREE is not None
+WHERE = TREE.packed[:6]
+
+locate = from_python(bodies.locate)
+differentiate = from_python(bodies.differentiate)
+move = from_python(bodies.move)
+
+
+def body_of(tree: Tree) -> Body:
+    return Body(*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+
+
+def pose(rng: np.random.Generator, tree: Tree) -> tuple[np.ndarray, ...]:
+    turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
+    bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
+    return rng.normal(size=3), turns, bones, tree.shape_m * rng.uniform(0.9, 1.1, tree.n_shape)
+
+
+def points_of(tree: Tree, root, turns, bones, shape) -> np.ndarray:
+    points = np.empty((len(tree.nodes), 3))
+    locate(*tree.packed[:6], root, turns, bones, shape, points)
+    return points
+
+
+def moved_points(tree: Tree, state: tuple[np.ndarray, ...], change: np.ndarray) -> np.ndarray:
+    root, turns, bones, shape = (each.copy() for each in state)
+    move(change[: tree.n_pose], root, turns, bones)
+    return points_of(tree, root, turns, bones, shape + change[tree.n_pose :])
+
+
+def test_jacobian_is_the_derivative(rng):
+    state = pose(rng, TREE)
+    jacobian = np.empty((len(TREE.nodes), 3, TREE.n_pose + TREE.n_shape))
+    differentiate(*WHERE, TREE.n_pose, *state[1:], jacobian)
+    for c in range(jacobian.shape[2]):
+        step = np.zeros(jacobian.shape[2])
+        step[c] = 1e-6
+        change = (moved_points(TREE, state, step) - moved_points(TREE, state, -step)) / 2e-6
+        np.testing.assert_allclose(jacobian[:, :, c], change, atol=1e-8)
+
+
+def test_only_the_columns_of_a_node_move_it(rng):
+    jacobian = np.empty((len(TREE.nodes), 3, TREE.n_pose + TREE.n_shape))
+    differentiate(*WHERE, TREE.n_pose, *pose(rng, TREE)[1:], jacobian)
+    starts, columns = TREE.packed[6:]
+    for n in range(len(TREE.nodes)):
+        others = np.setdiff1d(np.arange(jacobian.shape[2]), columns[starts[n] : starts[n + 1]])
+        assert np.abs(jacobian[n][:, others]).max() == 0.0
+
+
+def test_turning_about_a_bone_moves_nothing(rng):
+    root, turns, bones, shape = pose(rng, TREE)
+    before = points_of(TREE, root, turns, bones, shape)
+    twisted = bones @ Rotation.from_euler("z", rng.uniform(-3, 3, (len(bones), 1))).as_matrix()
+    np.testing.assert_allclose(points_of(TREE, root, turns, twisted, shape), before, atol=1e-12)
+
+
+def test_small_turns_go_there_and_back(rng):
+    turn, between = from_python(rotations.turn), from_python(rotations.turn_between)
+    for _ in range(20):
+        start = Rotation.random(rng=rng).as_matrix()
+        by = rng.normal(size=3)
+        by *= rng.uniform(1e-8, 3.0) / np.linalg.norm(by)
+        end = start.copy()
+        turn(end, *by)
+        np.testing.assert_allclose(end, start @ Rotation.from_rotvec(by).as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(between(start, end), by, atol=1e-7)
+
+
+def test_systems_are_solved_and_inverted(rng):
+    factor, invert = from_python(symmetric.factor), from_python(symmetric.invert_factored)
+    solve = from_python(symmetric.solve_factored)
+    half = rng.normal(size=(7, 9))
+    matrix, vector = half @ half.T, rng.normal(size=7)
+    lower, inverse, found = matrix.copy(), np.empty((7, 7)), vector.copy()
+    assert factor(lower, 7)
+    solve(lower, 7, found)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, vector), rtol=1e-9)
+    invert(lower, 7, inverse)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-8, atol=1e-12)
+    assert not factor(-matrix, 7)
+
+
+def people(tree: Tree, rng: np.random.Generator, spread: float) -> State:
+    """One person standing, with a random covariance of everything."""
+    n = tree.n_pose
+    size = 2 * n + tree.n_shape
+    half = spread * rng.normal(size=(size, 2 * size)) / np.sqrt(2 * size)
+    root = np.array([[0.1, -0.2, 0.9]])
+    turns = np.tile(np.eye(3), (1, len(tree.segments), 1, 1))
+    bones = np.tile(np.diag([1.0, -1.0, -1.0]), (1, len(tree.bones), 1, 1))
+    covariance = (half @ half.T)[None].copy()
+    return State(root, turns, bones, tree.shape_m[None].copy(), np.zeros((1, n)), covariance, np.ones(1, dtype=np.int64))
+
+
+def test_prediction_is_the_linear_formula(rng):
+    state = people(TREE, rng, 0.1)
+    n, h = TREE.n_pose, TREE.n_shape
+    state.velocity[0] = 0.01 * rng.normal(size=n)
+    decay, power, dt, walk = rng.uniform(0.2, 2.0, n), rng.uniform(0.5, 2.0, n), 0.04, 1e-4
+    fade, reach = np.exp(-dt / decay), decay * (1 - np.exp(-dt / decay))
+    transition = np.eye(2 * n + h)
+    transition[:n, n + h :] = np.diag(reach)
+    transition[n + h :, n + h :] = np.diag(fade)
+    steps = (np.arange(2000) + 0.5) / 2000 * dt
+    left = decay[:, None] * (1 - np.exp(-(dt - steps) / decay[:, None]))
+    rest = np.exp(-(dt - steps) / decay[:, None])
+    noise = np.zeros_like(transition)
+    noise[:n, :n] = np.diag(power * (left**2).mean(axis=1) * dt)
+    noise[:n, n + h :] = noise[n + h :, :n] = np.diag(power * (left * rest).mean(axis=1) * dt)
+    noise[n + h :, n + h :] = np.diag(power * (rest**2).mean(axis=1) * dt)
+    noise[n : n + h, n : n + h] = walk * dt * np.eye(h)
+    expected = transition @ state.covariance[0] @ transition.T + noise
+    change = np.concatenate([reach * state.velocity[0], np.zeros(h)])
+    before = (state.root[0], state.turns[0], state.bones[0], state.shape[0])
+    there = moved_points(TREE, before, change)
+    velocity = fade * state.velocity[0]
+    articulated.predict_people(np.array([dt]), decay, power, walk, state)
+    np.testing.assert_allclose(state.covariance[0], expected, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(state.velocity[0], velocity)
+    np.testing.assert_allclose(points_of(TREE, *(each[0] for each in state[:4])), there, atol=1e-12)
+
+
+def seen_by(rig, points: np.ndarray) -> np.ndarray:
+    return np.stack([camera.project(points)[0] for camera in rig.cameras])
+
+
+@pytest.mark.parametrize("lens", ["pinhole", "barrel", "fisheye"])
+def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
+    rig = build_rig(n_cameras=4, lens=lens)
+    state = people(TREE, rng, 1e-3)
+    n, h, keypoints = TREE.n_pose, TREE.n_shape, len(TREE.keypoint_nodes)
+    before = tuple(each[0].copy() for each in state[:4])
+    prior = state.covariance[0].copy()
+    predicted = seen_by(rig, points_of(TREE, *before)[TREE.keypoint_nodes])
+    pixels = predicted + 0.1 * rng.normal(size=predicted.shape)
+    law = Law(np.full(4, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
+    labels = np.tile(np.arange(keypoints), (1, 4, 1))
+    use = np.empty((1, 4, keypoints), dtype=np.int64)
+    moved, cost = np.empty(1), np.empty(1)
+    articulated.update_people(
+        rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(4)[None], labels, pixels, np.ones((4, keypoints)),
+        state, use, moved, cost,
+    )
+    assert (use == articulated.USED).all()
+    jacobian = np.zeros((pixels.size, 2 * n + h))
+    for c in range(n + h):
+        step = np.zeros(n + h)
+        step[c] = 1e-6
+        ahead, behind = (seen_by(rig, moved_points(TREE, before, sign * step)[TREE.keypoint_nodes]) for sign in (1, -1))
+        jacobian[:, c] = ((ahead - behind) / 2e-6).ravel()
+    gain = prior @ jacobian.T @ np.linalg.inv(jacobian @ prior @ jacobian.T + 4.0 * np.eye(len(jacobian)))
+    change = gain @ (pixels - predicted).ravel()
+    np.testing.assert_allclose(state.covariance[0], prior - gain @ jacobian @ prior, rtol=1e-3, atol=1e-11)
+    np.testing.assert_allclose(state.velocity[0], change[n + h :], rtol=1e-2, atol=2e-7)
+    np.testing.assert_allclose(
+        points_of(TREE, *(each[0] for each in state[:4])), moved_points(TREE, before, change[: n + h]), atol=1e-6
+    )
