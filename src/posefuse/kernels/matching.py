@@ -1,0 +1,195 @@
+"""Which detection in a view is whose: how likely each is, left and right as labelled or swapped, and the best matching.
+
+A keypoint of a detection is either where the person is expected to have it (Student's t in two dimensions, wider by
+what is not known of the person) or anywhere within about the person's own size. The evidence that a detection is a
+person's is the mean logarithm of the ratio, counted as so many keypoints' worth, because the keypoints of a wrong
+person are wrong together.
+"""
+
+import math
+
+import numpy as np
+
+from posefuse.kernels.jit import inline, kernel, step
+
+
+@inline
+def _evidence(du, dv, uu, uv, vv, nu, area, least):
+    """The log of how much likelier a residual is for this keypoint than for any place within ``area``, px^2."""
+    determinant = uu * vv - uv * uv
+    squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
+    log_density = -math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
+    log_density -= 0.5 * (nu + 2.0) * math.log(1.0 + squared / nu)
+    ratio = log_density + math.log(area)
+    return ratio if ratio > least else least
+
+
+@step
+def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least):
+    """Evidence of one keypoint under one label, NaN where there is none."""
+    pixel_u = keypoints_px[row, label, 0]
+    pixel_v = keypoints_px[row, label, 1]
+    trust = confidence[row, label]
+    du = pixel_u - pixels[p, v, k, 0]
+    dv = pixel_v - pixels[p, v, k, 1]
+    if not math.isfinite(du + dv) or trust < law.min_confidence:
+        return math.nan
+    sigma = law.scale_px[v]
+    if law.exponent > 0.0 and trust == trust:
+        sigma *= max(trust, 0.05) ** -law.exponent
+    metre = size_px[p, v, k]
+    noise = sigma * sigma + (law.floor_m * metre) ** 2
+    uu = spread[p, v, k, 0] + noise
+    vv = spread[p, v, k, 2] + noise
+    return _evidence(du, dv, uu, spread[p, v, k, 1], vv, law.nu, (clutter_m * metre) ** 2, least)
+
+
+@kernel
+def score_detections(
+    pixels, spread, size_px, keypoints_px, confidence, view_of_row, mirror, group_of, n_groups, law, swapped_before,
+    swap_odds, stay_odds, clutter_m, least, worth, scores, swapped,
+):
+    """Evidence that detections are people's.
+
+    Args:
+        pixels, spread, size_px: from ``foresee_people``.
+        keypoints_px: shape (row, keypoint, 2).
+        confidence: shape (row, keypoint).
+        view_of_row: shape (row,), int64.
+        mirror: shape (keypoint,), int64: the keypoint's partner on the other side.
+        group_of: shape (keypoint,), int64: which limb's sides swap together, -1 for none.
+        n_groups: how many of them.
+        law: a Law.
+        swapped_before: shape (person, view, group), int8: whether the limb was swapped last.
+        swap_odds, stay_odds: log odds of being swapped, after not having been and after having been.
+        clutter_m: within which size a wrong keypoint may lie anywhere.
+        least: the least evidence of one keypoint.
+        worth: as how many keypoints the whole counts at most.
+        scores: shape (person, row), written: -inf without a common keypoint.
+        swapped: shape (person, row, group), int8, written.
+    """
+    straight = np.empty(n_groups)
+    crossed = np.empty(n_groups)
+    for p in range(pixels.shape[0]):
+        for row in range(keypoints_px.shape[0]):
+            v = view_of_row[row]
+            total = 0.0
+            count = 0
+            for g in range(n_groups):
+                straight[g] = 0.0
+                crossed[g] = 0.0
+            for k in range(mirror.shape[0]):
+                as_is = _of_keypoint(
+                    p, row, v, k, k, pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least
+                )
+                count += 1 if as_is == as_is else 0
+                g = group_of[k]
+                if g < 0:
+                    total += as_is if as_is == as_is else 0.0
+                    continue
+                other = _of_keypoint(
+                    p, row, v, k, mirror[k], pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least
+                )
+                straight[g] += as_is if as_is == as_is else 0.0
+                crossed[g] += other if other == other else 0.0
+            for g in range(n_groups):
+                odds = stay_odds if swapped_before[p, v, g] != 0 else swap_odds
+                turned = crossed[g] + odds > straight[g]
+                swapped[p, row, g] = 1 if turned else 0
+                total += crossed[g] if turned else straight[g]
+            scores[p, row] = total / count * min(float(count), worth) if count > 0 else -math.inf
+
+
+@step
+def assign(gain, n, m, least, of_row, of_column, potential_row, potential_column, slack, way, done):
+    """The matching of ``n`` rows and ``m`` columns that gains most; what gains less than ``least`` is not matched.
+
+    Shortest augmenting paths (Jonker & Volgenant 1987); every row has a column of its own, of no gain, beside the
+    ``m``.
+
+    Args:
+        gain: shape (n, m).
+        of_row: shape (n,), written: the column of each row, -1 for none.
+        of_column: shape (m + n + 1,), scratch, like all that follow.
+    """
+    width = m + n
+    for j in range(width + 1):
+        of_column[j] = -1
+        potential_column[j] = 0.0
+    for i in range(n):
+        potential_row[i] = 0.0
+    for i in range(n):
+        of_column[width] = i
+        here = width
+        for j in range(width + 1):
+            slack[j] = math.inf
+            done[j] = False
+            way[j] = width
+        while of_column[here] >= 0:
+            done[here] = True
+            row = of_column[here]
+            delta = math.inf
+            following = -1
+            for j in range(width):
+                if done[j]:
+                    continue
+                if j < m:
+                    value = gain[row, j]
+                    cost = -value if value > least else 1e9
+                else:
+                    cost = -least if j - m == row else 1e9
+                reduced = cost - potential_row[row] - potential_column[j]
+                if reduced < slack[j]:
+                    slack[j] = reduced
+                    way[j] = here
+                if slack[j] < delta:
+                    delta = slack[j]
+                    following = j
+            for j in range(width + 1):
+                if done[j]:
+                    potential_row[of_column[j]] += delta
+                    potential_column[j] -= delta
+                else:
+                    slack[j] -= delta
+            here = following
+        while here != width:
+            of_column[here] = of_column[way[here]]
+            here = way[here]
+    for i in range(n):
+        of_row[i] = -1
+    for j in range(m):
+        if of_column[j] >= 0:
+            of_row[of_column[j]] = j
+
+
+@kernel
+def match_views(scores, view_of_row, n_views, least, rows):
+    """Per view, the one-to-one matching of people and detections of the most evidence.
+
+    Args:
+        scores: shape (person, row).
+        view_of_row: shape (row,), int64, ascending.
+        n_views: how many.
+        least: evidence below which a detection is nobody's.
+        rows: shape (person, view), int64, written: -1 for none.
+    """
+    n = scores.shape[0]
+    most = scores.shape[1]
+    size = n + most + 1
+    gain = np.empty((n, most))
+    of_row = np.empty(n, np.int64)
+    of_column = np.empty(size, np.int64)
+    potential_row, potential_column = np.empty(n), np.empty(size)
+    slack, way, done = np.empty(size), np.empty(size, np.int64), np.empty(size, np.bool_)
+    first = 0
+    for v in range(n_views):
+        last = first
+        while last < most and view_of_row[last] == v:
+            last += 1
+        for i in range(n):
+            for j in range(first, last):
+                gain[i, j - first] = scores[i, j]
+        assign(gain, n, last - first, least, of_row, of_column, potential_row, potential_column, slack, way, done)
+        for i in range(n):
+            rows[i, v] = first + of_row[i] if of_row[i] >= 0 else -1
+        first = last

@@ -1,0 +1,34 @@
+"""Matching detections to people."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
+
+from posefuse.kernels.matching import match_views
+
+
+def best_gain(scores: np.ndarray, least: float) -> float:
+    """By SciPy, with a column of its own for every row."""
+    own = np.full((len(scores), len(scores)), -1e9)
+    np.fill_diagonal(own, least)
+    gain = np.hstack([np.where(scores > least, scores, -1e9), own])
+    return float(gain[linear_sum_assignment(gain, maximize=True)].sum())
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(1, 6), st.integers(0, 7), st.integers(0, 5), st.integers(0, 10**6))
+def test_matching_gains_as_much_as_can_be(people, first, second, seed):
+    rng = np.random.default_rng(seed)
+    scores = rng.normal(size=(people, first + second))
+    scores[rng.random(scores.shape) < 0.2] = -np.inf
+    views = np.repeat([0, 1], [first, second])
+    rows = np.empty((people, 2), dtype=np.int64)
+    match_views(scores, views, 2, 0.1, rows)
+    for v in range(2):
+        mine = np.flatnonzero(views == v)
+        taken = rows[rows[:, v] >= 0, v]
+        assert len(set(taken)) == len(taken)
+        assert set(taken) <= set(mine)
+        gained = sum(scores[p, rows[p, v]] if rows[p, v] >= 0 else 0.1 for p in range(people))
+        np.testing.assert_allclose(gained, best_gain(scores[:, mine], 0.1))
