@@ -6,6 +6,8 @@ the correlation of one view's error from frame to frame is 0.85 at 25 fps (so 0.
 law is for benchmarks: white noise of one size, confidences that say nothing.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.special import gammaincinv, ndtr
 
@@ -19,6 +21,23 @@ _SCALE_PX_AT_1000 = 4.5
 _TAILS = 2.7
 _CORRELATION_AT_25_HZ = 0.85
 _SWAP_DWELL_S = {"chain": 0.4, "body": 1.0}
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """Keypoints behind something, and what the detector makes of them.
+
+    Attributes:
+        mask: shape (frame, column, keypoint), bool.
+        miss_share: share of them that it misses, in spells.
+        confidence: what its confidence in the others is multiplied by.
+        error: what their errors, before the confidence, are multiplied by.
+    """
+
+    mask: np.ndarray
+    miss_share: float
+    confidence: float
+    error: float
 
 
 def clock_offsets(rig: CameraRig, options: DetectorOptions, rng: np.random.Generator) -> np.ndarray:
@@ -48,32 +67,66 @@ def detect(
         options: how it errs.
         rng: where its errors come from.
     """
-    shape = points_m.shape[:3]
-    pixels = np.empty((*shape, 2))
+    pixels = np.empty((*points_m.shape[:3], 2))
     for v, camera in enumerate(rig.cameras):
         pixels[:, v] = camera.project(points_m[:, v])[0]
+    sizes = np.array([camera.size_px for camera in rig.cameras])
+    pixels, confidence = spoil(pixels, sizes, skeleton, rate_hz, options, rng)
+    return Detections.from_dense(skeleton, rig.names, pixels, confidence, rate_hz=rate_hz)
+
+
+def spoil(
+    exact_px: np.ndarray,
+    sizes_px: np.ndarray,
+    skeleton: Skeleton,
+    rate_hz: float,
+    options: DetectorOptions,
+    rng: np.random.Generator,
+    hidden: Hidden | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the detector makes of exact projections, each column a person in a view with errors of its own.
+
+    Args:
+        exact_px: shape (frame, column, keypoint, 2), NaN where there is nothing to see.
+        sizes_px: shape (column, 2): width and height of the image.
+        skeleton: of the keypoints.
+        rate_hz: frames per second.
+        options: how it errs.
+        rng: where its errors come from.
+        hidden: what is hidden by something else, and what the detector makes of that.
+
+    Returns:
+        Pixels, of the same shape, and confidence, shape (frame, column, keypoint); NaN where nothing is detected.
+    """
+    shape = exact_px.shape[:3]
+    pixels = exact_px.copy()
     if options.noise == "gaussian":
         confidence = rng.uniform(0.35, 0.9, shape)
-        pixels += options.sigma_px * rng.standard_normal(pixels.shape)
+        sigma = np.full(shape, options.sigma_px)
+        unit = rng.standard_normal(pixels.shape)
     else:
         confidence = _confidences(shape, rate_hz, rng)
-        widths = np.array([camera.size_px[0] for camera in rig.cameras])
-        sigma = _SCALE_PX_AT_1000 * widths[:, None] / 1000.0 / confidence
-        pixels += sigma[..., None] * _lasting_t_noise(shape, rate_hz, rng)
+        sigma = _SCALE_PX_AT_1000 * sizes_px[:, :1] / 1000.0 / confidence
+        unit = _lasting_t_noise(shape, rate_hz, rng)
+    if hidden is not None:
+        confidence = np.where(hidden.mask, hidden.confidence * confidence, confidence)
+        sigma = np.where(hidden.mask, hidden.error * sigma, sigma)
+    pixels += sigma[..., None] * unit
     _swap_limbs(pixels, confidence, skeleton, rate_hz, options, rng)
     thrown = rng.random(shape) < options.outlier_share
     direction = rng.uniform(0, 2 * np.pi, shape)
     distance = rng.uniform(*options.outlier_px, shape) * thrown
     pixels += distance[..., None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    missed = _spells(shape, options.miss_share, 0.2, rate_hz, rng)
-    sizes = np.array([camera.size_px for camera in rig.cameras])
-    outside = ((pixels < -0.5) | (pixels > sizes[None, :, None] - 0.5)).any(axis=-1)
+    missed = spells(shape, options.miss_share, 0.2, rate_hz, rng)
+    if hidden is not None:
+        missed |= hidden.mask & spells(shape, hidden.miss_share, 0.2, rate_hz, rng)
+    outside = ((pixels < -0.5) | (pixels > sizes_px[None, :, None] - 0.5)).any(axis=-1)
     pixels[missed | outside] = np.nan
     confidence[~np.isfinite(pixels).all(axis=-1)] = np.nan
-    return Detections.from_dense(skeleton, rig.names, pixels, confidence, rate_hz=rate_hz)
+    return pixels, confidence
 
 
-def _lasting(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+def lasting(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
     """Standard normal numbers, correlated along the first axis (frames) as measured."""
     rho = _CORRELATION_AT_25_HZ ** (25.0 / rate_hz)
     white = rng.standard_normal(shape)
@@ -87,18 +140,18 @@ def _lasting(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -
 
 def _lasting_t_noise(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
     """Shape (*shape, 2): Student-t errors of unit scale whose direction and size both last."""
-    normal = _lasting((*shape, 2), rate_hz, rng)
-    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(_lasting(shape, rate_hz, rng)))
+    normal = lasting((*shape, 2), rate_hz, rng)
+    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(lasting(shape, rate_hz, rng)))
     return normal / np.sqrt(chi_square / _TAILS)[..., None]
 
 
 def _confidences(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
     """Confidences that last as errors do: mostly between 0.5 and 0.95, now and then low."""
-    level = rng.normal(1.4, 0.4, shape[1:]) + _lasting(shape, rate_hz, rng)
+    level = rng.normal(1.4, 0.4, shape[1:]) + lasting(shape, rate_hz, rng)
     return 0.15 + 0.82 / (1.0 + np.exp(-level))
 
 
-def _spells(
+def spells(
     shape: tuple[int, ...],
     share: float | np.ndarray,
     dwell_s: float,
@@ -137,7 +190,7 @@ def _swap_limbs(
         if options.swap_law == "pair":
             swapped = rng.random(pixels.shape[:2]) < share
         else:
-            swapped = _spells(pixels.shape[:2], share, _SWAP_DWELL_S[options.swap_law], rate_hz, rng)
+            swapped = spells(pixels.shape[:2], share, _SWAP_DWELL_S[options.swap_law], rate_hz, rng)
         for left, right in pairs:
             both = [skeleton.index(left), skeleton.index(right)]
             for values in (pixels, confidence):

@@ -18,7 +18,7 @@ from posefuse.synthetic.options import ACTIVITIES, Activity
 _CROSSOVER_S = 0.5
 _GRAVITY = 9.81
 _AIRBORNE_S = 0.7
-_FEET = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("heel", "big_toe", "small_toe"))
+FEET = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("heel", "big_toe", "small_toe"))
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class HumanMotion:
         angles = self._angles(time_s, gait, weights)
         walked, turned = self._progress(time_s)
         heading = self.heading + walked / self.path_radius_m + turned
-        rotations = np.stack([_joint_rotations(angles, joint, len(time_s)) for joint in figure.joints], axis=1)
+        rotations = np.stack([joint_rotations(angles, joint, len(time_s)) for joint in figure.joints], axis=1)
         facing = Rotation.from_euler("z", heading[:, None]).as_matrix()
         root_joint = figure.joints.index("mid_hip")
         rotations[:, root_joint] = facing @ rotations[:, root_joint]
@@ -80,8 +80,8 @@ class HumanMotion:
         root[:, 0] = self.start_m[0] + self.path_radius_m * np.cos(around)
         root[:, 1] = self.start_m[1] + self.path_radius_m * np.sin(around)
         positions = figure.positions(root, rotations)
-        feet = positions[:, [figure.names.index(foot) for foot in _FEET], 2]
-        positions[..., 2] += (self._flight(time_s) - _soft_minimum(feet))[:, None]
+        feet = positions[:, [figure.names.index(foot) for foot in FEET], 2]
+        positions[..., 2] += (self._flight(time_s) - soft_minimum(feet))[:, None]
         return positions
 
     def _slot(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ class HumanMotion:
 
     def _weights(self, time_s: np.ndarray) -> dict[Activity, np.ndarray]:
         slot, since = self._slot(time_s)
-        fresh = _smooth_step(since / _CROSSOVER_S)
+        fresh = smooth_step(since / _CROSSOVER_S)
         names = np.array(self.activities)
         now, before = names[slot % len(names)], names[np.maximum(slot - 1, 0) % len(names)]
         return {a: np.where(now == a, fresh, 0.0) + np.where(before == a, 1.0 - fresh, 0.0) for a in ACTIVITIES}
@@ -126,8 +126,8 @@ class HumanMotion:
         """Joint name to (bend forward, lean left, turn left) in degrees, shape (time, 3)."""
         _, since = self._slot(time_s)
         poses: dict[Activity, dict[str, tuple[np.ndarray, ...]]] = {
-            "walk": _walk(gait),
-            "turn": _walk(gait, swing=0.35),
+            "walk": walk_pose(gait),
+            "turn": walk_pose(gait, swing=0.35),
             "reach": _reach(since),
             "sit": _sit(since, self.activity_s),
             "jump": _crouch(since - self.activity_s / 2),
@@ -172,7 +172,8 @@ class CreatureMotion:
         return figure.positions(root, rotations)
 
 
-def _joint_rotations(angles: Mapping[str, np.ndarray], joint: str, n: int) -> np.ndarray:
+def joint_rotations(angles: Mapping[str, np.ndarray], joint: str, n: int) -> np.ndarray:
+    """Shape (n, 3, 3): of a joint's bends in degrees, shape (n, 3): forward, to the left, turned left."""
     if joint not in angles:
         return np.broadcast_to(np.eye(3), (n, 3, 3))
     bend, lean, turn = angles[joint].T
@@ -180,7 +181,8 @@ def _joint_rotations(angles: Mapping[str, np.ndarray], joint: str, n: int) -> np
     return Rotation.from_euler("ZXY", np.stack([turn, -lean, bend], axis=-1), degrees=True).as_matrix()
 
 
-def _walk(gait: np.ndarray, swing: float = 1.0) -> dict[str, tuple[np.ndarray, ...]]:
+def walk_pose(gait: np.ndarray, swing: float | np.ndarray = 1.0) -> dict[str, tuple[np.ndarray, ...]]:
+    """Bends of a walker's joints, in degrees, by phase of the gait; ``swing`` 0 is standing still."""
     zero = np.zeros_like(gait)
     pose = {
         "mid_hip": (3.0 + zero, 2.0 * swing * np.sin(gait), 4.0 * swing * np.sin(gait)),
@@ -200,7 +202,7 @@ def _walk(gait: np.ndarray, swing: float = 1.0) -> dict[str, tuple[np.ndarray, .
 
 
 def _reach(since: np.ndarray) -> dict[str, tuple[np.ndarray, ...]]:
-    lift = _smooth_step(since / 1.2) * (1.0 - _smooth_step((since - 1.8) / 1.0))
+    lift = smooth_step(since / 1.2) * (1.0 - smooth_step((since - 1.8) / 1.0))
     zero = np.zeros_like(since)
     pose = {
         "spine": (18.0 * lift, zero, 12.0 * lift),
@@ -215,7 +217,7 @@ def _reach(since: np.ndarray) -> dict[str, tuple[np.ndarray, ...]]:
 
 
 def _sit(since: np.ndarray, length: float) -> dict[str, tuple[np.ndarray, ...]]:
-    down = _smooth_step(since / 1.0) * (1.0 - _smooth_step((since - length + 0.9) / 0.9))
+    down = smooth_step(since / 1.0) * (1.0 - smooth_step((since - length + 0.9) / 0.9))
     return _squat(85.0 * down, 90.0 * down, 20.0 * down * (1.0 - 0.6 * down))
 
 
@@ -240,13 +242,13 @@ def _squat(hip: np.ndarray, knee: np.ndarray, lean: np.ndarray) -> dict[str, tup
     return pose
 
 
-def _smooth_step(x: np.ndarray) -> np.ndarray:
+def smooth_step(x: np.ndarray) -> np.ndarray:
     """0 to 1 over 0 to 1, with two continuous derivatives."""
     x = np.clip(x, 0.0, 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
 
 
-def _soft_minimum(heights: np.ndarray, softness_m: float = 0.01) -> np.ndarray:
+def soft_minimum(heights: np.ndarray, softness_m: float = 0.01) -> np.ndarray:
     """A smooth stand-in for the minimum over the last axis."""
     low = heights.min(axis=-1, keepdims=True)
     return low[..., 0] - softness_m * np.log(np.exp(-(heights - low) / softness_m).sum(axis=-1))

@@ -67,15 +67,16 @@ def simulate(options: SceneOptions | None = None) -> Scene:
 
 
 def truth_of(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray, rate_hz: float) -> Reconstruction:
-    """Known positions of one person as a reconstruction.
+    """Known positions as a reconstruction.
 
     Args:
         rig: the cameras of the scene.
         skeleton: of the keypoints.
-        points_m: shape (frame, keypoint, 3).
+        points_m: shape (frame, keypoint, 3) of one person, or (frame, person, keypoint, 3); NaN where absent.
         rate_hz: frames per second.
     """
-    points = np.asarray(points_m, dtype=np.float64)[:, None]
+    points = np.asarray(points_m, dtype=np.float64)
+    points = points[:, None] if points.ndim == 3 else points
     shape, views = points.shape[:3], len(rig)
     known = np.asarray(np.isfinite(points).all(axis=-1))
     layer = Layer(
@@ -90,7 +91,7 @@ def truth_of(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray, rate_hz: 
     return Reconstruction(
         rig=rig,
         skeleton=skeleton,
-        person_ids=("person_1",),
+        person_ids=tuple(f"person_{p + 1}" for p in range(points.shape[1])),
         frame_numbers=np.arange(len(points)),
         time_s=np.arange(len(points)) / rate_hz,
         layers={"measured": layer},

@@ -6,7 +6,7 @@ from scipy.stats import kstest, t
 
 from posefuse.errors import OptionsError
 from posefuse.model.skeletons import shipped_skeletons
-from posefuse.synthetic.detector import _spells, detect
+from posefuse.synthetic.detector import spells, detect
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import CreatureMotion, HumanMotion
 from posefuse.synthetic.options import ACTIVITIES, CLEAN, MOST_CAMERAS, DetectorOptions, SceneOptions
@@ -154,15 +154,15 @@ class TestDetector:
         found = np.isnan(sizes).mean() if fault == "miss_share" else (sizes > 20).mean()
         assert found == pytest.approx(share, abs=0.015)
 
-    def test_misses_come_in_spells(self):
+    def test_misses_come_inspells(self):
         errors, _ = self.noise(DetectorOptions("gaussian", 1.0, outlier_share=0, swap_share=0, miss_share=0.2))
         missing = np.isnan(errors[..., 0]).reshape(len(errors), -1)
         starts = (missing[1:] & ~missing[:-1]).sum()
         assert missing.sum() / starts == pytest.approx(0.2 * 25, rel=0.1)
 
     @pytest.mark.parametrize(("share", "rate_hz"), [(0.8, 5.0), (0.6, 2.0), (0.9, 30.0), (0.05, 100.0), (1.0, 30.0)])
-    def test_spells_last_the_share_asked_for(self, share, rate_hz):
-        on = _spells((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
+    def testspells_last_the_share_asked_for(self, share, rate_hz):
+        on = spells((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
         assert on.mean() == pytest.approx(share, abs=0.02)
 
     def test_limbs_swap_as_a_whole(self):

@@ -1,0 +1,116 @@
+"""Bodies as capsules: what stands between a camera and somebody's keypoints."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.skeletons import Skeleton
+
+_TORSO_M, _HEAD_M, _ARM_M, _LEG_M, _OTHER_M = 0.15, 0.11, 0.05, 0.07, 0.03
+_NEAR_M = 0.05
+
+
+@dataclass(frozen=True)
+class Capsules:
+    """Solid things with round ends that move.
+
+    Attributes:
+        starts_m: shape (frame, capsule, 3): one end of the axis, NaN where it is not there.
+        ends_m: shape (frame, capsule, 3): the other.
+        radii_m: shape (capsule,).
+        owners: shape (capsule,), int64: whose body it is, -1 for a thing.
+    """
+
+    starts_m: np.ndarray
+    ends_m: np.ndarray
+    radii_m: np.ndarray
+    owners: np.ndarray
+
+    @classmethod
+    def none(cls, n_frames: int) -> "Capsules":
+        """Nothing there."""
+        nothing = np.empty((n_frames, 0, 3))
+        return cls(nothing, nothing, np.empty(0), np.empty(0, dtype=np.int64))
+
+    @classmethod
+    def together(cls, parts: list["Capsules"]) -> "Capsules":
+        """All of them."""
+        return cls(
+            np.concatenate([part.starts_m for part in parts], axis=1),
+            np.concatenate([part.ends_m for part in parts], axis=1),
+            np.concatenate([part.radii_m for part in parts]),
+            np.concatenate([part.owners for part in parts]),
+        )
+
+
+def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
+    """Torsos, heads and limbs around known keypoints; a skeleton without shoulders and hips has its edges.
+
+    Args:
+        points_m: shape (frame, person, keypoint, 3), NaN where absent.
+        skeleton: of the keypoints.
+    """
+    bones = _bones(skeleton)
+    n_frames, n_people = points_m.shape[:2]
+    ends = [
+        np.stack([points_m[:, :, list(side)].mean(axis=2) for side in sides], axis=2)
+        for sides in zip(*((a, b) for a, b, _ in bones), strict=True)
+    ]
+    return Capsules(
+        starts_m=np.ascontiguousarray(ends[0].reshape(n_frames, -1, 3)),
+        ends_m=np.ascontiguousarray(ends[1].reshape(n_frames, -1, 3)),
+        radii_m=np.tile([radius for _, _, radius in bones], n_people),
+        owners=np.repeat(np.arange(n_people), len(bones)),
+    )
+
+
+def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules) -> np.ndarray:
+    """Shape (frame, view, person, keypoint), bool: what somebody else or something hides from each camera.
+
+    Args:
+        rig: the cameras.
+        points_m: shape (frame, person, keypoint, 3).
+        capsules: what is there, bodies too.
+    """
+    from posefuse.kernels.occlusion import hide_behind_capsules  # kernels start the compiler: only when called
+
+    n_frames, n_people, n_keypoints, _ = points_m.shape
+    hidden = np.zeros((len(rig), n_frames, n_people, n_keypoints), dtype=bool)
+    points = np.ascontiguousarray(points_m, dtype=np.float64)
+    for v, camera in enumerate(rig.cameras):
+        hide_behind_capsules(
+            camera.centre_m,
+            points,
+            capsules.starts_m,
+            capsules.ends_m,
+            capsules.radii_m,
+            capsules.owners,
+            _NEAR_M,
+            hidden[v],
+        )
+    return np.moveaxis(hidden, 0, 1)
+
+
+def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], float]]:
+    """Each capsule's two ends, each the mean of keypoints, and its radius."""
+    names = {name: i for i, name in enumerate(skeleton.keypoints)}
+
+    def both(part: str) -> tuple[int, ...]:
+        return tuple(names[f"{side}_{part}"] for side in ("left", "right") if f"{side}_{part}" in names)
+
+    hips, shoulders = both("hip"), both("shoulder")
+    if len(hips) < 2 or len(shoulders) < 2:
+        return [((int(a),), (int(b),), _OTHER_M) for a, b in skeleton.edge_indices]
+    bones: list[tuple[tuple[int, ...], tuple[int, ...], float]] = [(hips, shoulders, _TORSO_M)]
+    head = both("ear") or tuple(names[name] for name in ("head", "nose") if name in names)[:1]
+    if head:
+        bones.append((head, head, _HEAD_M))
+    for limb, radius in (("arm", _ARM_M), ("leg", _LEG_M)):
+        # Three joints of a limb: the rest is hands and feet.
+        chain = skeleton.chains.get(limb, ())[:3]
+        for (upper_left, upper_right), (lower_left, lower_right) in pairwise(chain):
+            bones.append(((names[upper_left],), (names[lower_left],), radius))
+            bones.append(((names[upper_right],), (names[lower_right],), radius))
+    return bones
