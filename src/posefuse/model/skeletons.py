@@ -5,6 +5,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``name``, ``description``;
 * ``keypoints``: canonical names, snake_case with ``left_`` / ``right_`` as in COCO; ``"face_{00..67}"`` stands for 68;
 * ``edges``: pairs of names to draw, and whose lengths are bones;
+* ``core``: keypoints that a new person is told by; where absent, all of them;
 * ``pairs``: (left, right) names; where absent, every ``left_x`` that has a ``right_x``;
 * ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
 * ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
@@ -25,7 +26,7 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
-_KEYS = ("name", "description", "keypoints", "edges", "pairs", "chains", "derived", "plausible_m", "names")
+_KEYS = ("name", "description", "keypoints", "core", "edges", "pairs", "chains", "derived", "plausible_m", "names")
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Skeleton:
         plausible_m: two names, and the shortest and longest distance a body has between them, in metres.
         names: another program to its names of the keypoints, in order.
         description: a sentence.
+        core: names of the keypoints that a new person is told by; empty where all are.
 
     Raises:
         SkeletonError: where a table names a keypoint that is not there, or one twice.
@@ -56,6 +58,7 @@ class Skeleton:
     plausible_m: tuple[tuple[str, str, float, float], ...] = ()
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     description: str = ""
+    core: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
@@ -69,6 +72,9 @@ class Skeleton:
         for table, pairs in tables:
             for pair in pairs:
                 self._check_names(table, pair)
+        self._check_names("core", self.core)
+        if len(set(self.core)) != len(self.core):
+            raise SkeletonError(f"Skeleton {self.name!r}: core names a keypoint twice: {choices(self.core)}.")
         for program, names in self.names.items():
             if len(names) != len(self.keypoints):
                 raise SkeletonError(
@@ -107,6 +113,11 @@ class Skeleton:
     def pair_indices(self) -> np.ndarray:
         """Shape (pair, 2), int64: left and right."""
         return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.pairs]).reshape(-1, 2), np.int64)
+
+    @cached_property
+    def core_indices(self) -> np.ndarray:
+        """Shape (core,), int64: places of the keypoints that a new person is told by, all where none are named."""
+        return frozen(np.array([self.index(name) for name in self.core or self.keypoints]), np.int64)
 
     @cached_property
     def mirror(self) -> np.ndarray:
@@ -221,6 +232,7 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         plausible_m=tuple((a, b, float(low), float(high)) for a, b, low, high in data.get("plausible_m", [])),
         names={program: _expand(names) for program, names in data.get("names", {}).items()},
         description=data.get("description", ""),
+        core=_expand(_names(data.get("core", []), f"{source}: core")),
     )
 
 
