@@ -132,4 +132,5 @@ def skeleton_from_text(text: str) -> Skeleton:
         plausible_m=tuple((a, b, low, high) for a, b, low, high in data["plausible_m"]),
         names={program: tuple(names) for program, names in data["names"].items()},
         description=data["description"],
+        core=tuple(data.get("core", ())),
     )

@@ -5,6 +5,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``name``, ``description``;
 * ``keypoints``: canonical names, snake_case with ``left_`` / ``right_`` as in COCO; ``"face_{00..67}"`` stands for 68;
 * ``edges``: pairs of names to draw, and whose lengths are bones;
+* ``core``: keypoints that a new person is told by; where absent, all of them;
 * ``pairs``: (left, right) names; where absent, every ``left_x`` that has a ``right_x``;
 * ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
 * ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
@@ -27,7 +28,9 @@ from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.model.trees import Tree, parse_tree, shared_body
 
-_KEYS = ("name", "description", "keypoints", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names")
+_KEYS = (
+    "name", "description", "keypoints", "core", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Skeleton:
         names: another program to its names of the keypoints, in order.
         description: a sentence.
         tree: how the body turns, or None where the file does not say.
+        core: names of the keypoints that a new person is told by; empty where all are.
 
     Raises:
         SkeletonError: where a table names a keypoint that is not there, or one twice.
@@ -59,6 +63,7 @@ class Skeleton:
     plausible_m: tuple[tuple[str, str, float, float], ...] = ()
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     description: str = ""
+    core: tuple[str, ...] = ()
     tree: Tree | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -73,6 +78,9 @@ class Skeleton:
         for table, pairs in tables:
             for pair in pairs:
                 self._check_names(table, pair)
+        self._check_names("core", self.core)
+        if len(set(self.core)) != len(self.core):
+            raise SkeletonError(f"Skeleton {self.name!r}: core names a keypoint twice: {choices(self.core)}.")
         for program, names in self.names.items():
             if len(names) != len(self.keypoints):
                 raise SkeletonError(
@@ -111,6 +119,11 @@ class Skeleton:
     def pair_indices(self) -> np.ndarray:
         """Shape (pair, 2), int64: left and right."""
         return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.pairs]).reshape(-1, 2), np.int64)
+
+    @cached_property
+    def core_indices(self) -> np.ndarray:
+        """Shape (core,), int64: places of the keypoints that a new person is told by, all where none are named."""
+        return frozen(np.array([self.index(name) for name in self.core or self.keypoints]), np.int64)
 
     @cached_property
     def mirror(self) -> np.ndarray:
@@ -226,6 +239,7 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         names={program: _expand(names) for program, names in data.get("names", {}).items()},
         description=data.get("description", ""),
         tree=_tree(data.get("tree"), keypoints, partner, data["name"]),
+        core=_expand(_names(data.get("core", []), f"{source}: core")),
     )
 
 

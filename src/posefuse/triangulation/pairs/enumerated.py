@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.kernels.pairs import solve_pairs
+from posefuse.kernels.tries import pairs_to_try
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import TriangulationOptions
 from posefuse.model.pair_options import PairOptions
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, pairs_to_try, reweighting_loss
+from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
 from posefuse.triangulation.pairs.results import SolvedPairs
 from posefuse.triangulation.results import rows_by_person_frame
 

@@ -13,6 +13,7 @@ import numpy as np
 from posefuse.kernels.lens import OK
 from posefuse.kernels.pairs import solve_pairs
 from posefuse.kernels.sds import search_pairs
+from posefuse.kernels.tries import pairs_to_try
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -20,7 +21,6 @@ from posefuse.model.options import TriangulationOptions
 from posefuse.model.pair_options import PairOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.consensus import pairs_to_try
 from posefuse.triangulation.pairs.results import SolvedPairs
 from posefuse.triangulation.results import rows_by_person_frame
 

@@ -1,0 +1,251 @@
+"""People as groups of detections: pairs by the odds that they show one person, grown to at most one detection a view.
+
+The odds of a pair are how much likelier its rays would pass so near each other if both detections showed one person
+than if they did not, keypoint by keypoint over the core. A group's points say where its person should be seen in the
+other views, and how certainly: that gives the odds of every further detection. Bones that no body has, and views that
+should show the person and do not, count against a group; the rest is arithmetic. See docs/methods.md.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.association.results import Proposals
+from posefuse.association.solved import solve
+from posefuse.association.torso import torso
+from posefuse.kernels import proposals as kernels
+from posefuse.kernels.agreement import observe
+from posefuse.kernels.lens import FX, FY
+from posefuse.model.association_options import AssociationOptions
+from posefuse.model.cameras import CameraRig
+from posefuse.model.frames import Frame
+from posefuse.model.noise import NoiseModel
+from posefuse.model.skeletons import Skeleton
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The free detections of a frame, as observations of core keypoints.
+
+    Attributes:
+        rows: shape (detection,), int64: of the frame.
+        view: shape (detection,), int64.
+        rays: shape (detection, core, 12), observation rows.
+        weights: shape (detection, core), 1/px^2.
+    """
+
+    rows: np.ndarray
+    view: np.ndarray
+    rays: np.ndarray
+    weights: np.ndarray
+
+
+def propose(
+    rig: CameraRig,
+    frame: Frame,
+    noise: NoiseModel,
+    skeleton: Skeleton,
+    free: np.ndarray,
+    options: AssociationOptions,
+    known_m: np.ndarray | None = None,
+) -> Proposals:
+    """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
+    seen = look(rig, frame, noise, skeleton, free, options)
+    allowed = may_pair(rig, skeleton, seen, options, known_m)
+    clutter_px = options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64)
+    evidence, seeds = _seeds(rig, skeleton, seen, allowed, clutter_px, options)
+    groups, sides, numbers, duplicate_of = _grow(
+        rig, frame, skeleton, seen, allowed, clutter_px, evidence, seeds, options
+    )
+    taken = np.flatnonzero(numbers[:, kernels.STATE] == 1.0)
+    taken = taken[np.argsort(-numbers[taken, kernels.ODDS], kind="stable")]
+    if not len(taken):
+        return Proposals.none(len(skeleton), len(rig))
+    members, swapped = groups[taken], sides[taken]
+    rows = np.where(members >= 0, seen.rows[members], -1)
+    points = solve(rig, frame, noise, skeleton, rows, swapped, options)
+    torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
+    return Proposals(
+        rows=rows,
+        swapped=swapped,
+        points_m=points.points_m,
+        covariance_m2=points.covariance_m2,
+        status=points.status,
+        used=points.used,
+        torso_m=torso_m,
+        torso_covariance_m2=torso_covariance_m2,
+        log_odds=numbers[taken, kernels.ODDS] + options.prior_log_odds,
+        error_sigma=points.error_sigma,
+        n_views=(rows >= 0).sum(axis=1),
+        n_pairs=numbers[taken, kernels.PAIRS].astype(np.int64),
+        duplicates=_duplicates(seen, duplicate_of, taken),
+    )
+
+
+def look(
+    rig: CameraRig,
+    frame: Frame,
+    noise: NoiseModel,
+    skeleton: Skeleton,
+    free: np.ndarray,
+    options: AssociationOptions,
+) -> Seen:
+    """The free detections as observations of core keypoints."""
+    rows, core = np.flatnonzero(free), skeleton.core_indices
+    rays, weights = np.empty((len(rows), len(core), 12)), np.empty((len(rows), len(core)))
+    observe(
+        *rig.packed,
+        frame.keypoints_px,
+        frame.confidence,
+        frame.view,
+        rows,
+        core,
+        noise.scale_px * options.sigma_factor,
+        noise.exponent,
+        options.min_confidence,
+        rays,
+        weights,
+    )
+    return Seen(rows, frame.view[rows], rays, weights)
+
+
+def may_pair(
+    rig: CameraRig, skeleton: Skeleton, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
+) -> np.ndarray:
+    """Shape (detection, detection), bool: which pairs do not contradict the people already known.
+
+    Two detections may show one person if both show the same known one, or neither shows any.
+    """
+    if known_m is None or not len(known_m):
+        return np.ones((len(seen.rows), len(seen.rows)), dtype=bool)
+    near = np.empty((len(seen.rows), len(known_m)), dtype=bool)
+    cameras = rig.packed[0]
+    kernels.near_known(
+        seen.rays,
+        seen.weights,
+        seen.view,
+        np.ascontiguousarray(known_m, dtype=np.float64),
+        np.sqrt(cameras[:, FX] * cameras[:, FY]),
+        options.known_within_m,
+        skeleton.core_indices,
+        near,
+    )
+    nobody = ~near.any(axis=1)
+    shared = near.astype(np.int64) @ near.T > 0
+    return shared | (nobody[:, None] & nobody[None, :])
+
+
+def _seeds(
+    rig: CameraRig,
+    skeleton: Skeleton,
+    seen: Seen,
+    allowed: np.ndarray,
+    clutter_px: np.ndarray,
+    options: AssociationOptions,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Log odds of all pairs, shape (detection, detection), and those worth growing, shape (seed, 2), best first."""
+    n = len(seen.rows)
+    evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    volume = np.concatenate(options.volume_m or ([-math.inf] * 3, [math.inf] * 3))
+    kernels.pair_evidence(
+        seen.rays,
+        seen.weights,
+        core_mirror(skeleton),
+        seen.view,
+        core_bones(skeleton),
+        allowed,
+        clutter_px,
+        volume,
+        options.min_common,
+        options.outlier_share,
+        options.independent_keypoints,
+        options.bone_log_odds,
+        evidence,
+        seed,
+    )
+    kernels.support(seed, evidence, seen.view, len(rig), supported)
+    order = np.argsort(-supported, axis=None, kind="stable")[: np.count_nonzero(supported > 0.0)]
+    return evidence, np.stack(np.unravel_index(order, (n, n)), axis=1)
+
+
+def _grow(
+    rig: CameraRig,
+    frame: Frame,
+    skeleton: Skeleton,
+    seen: Seen,
+    allowed: np.ndarray,
+    clutter_px: np.ndarray,
+    evidence: np.ndarray,
+    seeds: np.ndarray,
+    options: AssociationOptions,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Groups, whose sides are swapped in them, their numbers, and whom each detection repeats."""
+    n = len(seen.rows)
+    room = min(len(seeds), options.max_seeds) * 2 + n
+    groups, sides = np.empty((room, len(rig)), dtype=np.int64), np.empty((room, len(rig)), dtype=bool)
+    numbers, duplicate_of = np.zeros((room, kernels.GROUP_COLUMNS)), np.empty(n, dtype=np.int64)
+    sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
+    grown = kernels.group(
+        rig.packed[0],
+        np.where(frame.recorded[:, None], sizes_px, 0.0),
+        boxes(frame.keypoints_px),
+        frame.view,
+        frame.keypoints_px,
+        seen.rows,
+        skeleton.core_indices,
+        seen.rays,
+        seen.weights,
+        core_mirror(skeleton),
+        seen.view,
+        core_bones(skeleton),
+        allowed,
+        evidence,
+        seeds,
+        clutter_px,
+        options.min_common,
+        options.outlier_share,
+        options.independent_keypoints,
+        options.bone_log_odds,
+        options.join_log_odds,
+        options.swap_log_odds,
+        options.miss_log_odds,
+        options.prior_log_odds,
+        options.duplicate_sigma,
+        options.max_seeds,
+        groups,
+        sides,
+        numbers,
+        duplicate_of,
+    )
+    return groups[:grown], sides[:grown], numbers[:grown], duplicate_of
+
+
+def _duplicates(seen: Seen, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    again = np.flatnonzero(duplicate_of >= 0)
+    order = np.argsort(taken)
+    person = order[np.searchsorted(taken[order], duplicate_of[again])]
+    return np.stack([seen.rows[again], person], axis=1)
+
+
+def boxes(keypoints_px: np.ndarray) -> np.ndarray:
+    """Shape (row, 4): least u, v and greatest u, v of each detection's keypoints, px; NaN where it has none."""
+    missing = np.isnan(keypoints_px)
+    low = np.where(missing, np.inf, keypoints_px).min(axis=1)
+    high = np.where(missing, -np.inf, keypoints_px).max(axis=1)
+    return np.concatenate([low, high], axis=1)
+
+
+def core_mirror(skeleton: Skeleton) -> np.ndarray:
+    """Shape (core,), int64: among the core keypoints each one's partner on the other side, else itself."""
+    core = skeleton.core_indices.tolist()
+    partners = skeleton.mirror[core].tolist()
+    return np.array([core.index(b) if b in core else i for i, b in enumerate(partners)], dtype=np.int64)
+
+
+def core_bones(skeleton: Skeleton) -> np.ndarray:
+    """Shape (bone, 4): two places in the core, and the least and greatest distance a body has between them, m."""
+    core = skeleton.core_indices.tolist()
+    bones = [(skeleton.index(a), skeleton.index(b), low, high) for a, b, low, high in skeleton.plausible_m]
+    kept = [(core.index(a), core.index(b), low, high) for a, b, low, high in bones if a in core and b in core]
+    return np.array(kept, dtype=np.float64).reshape(-1, 4)

@@ -1,0 +1,54 @@
+"""People proposed from the detections of one frame that nobody claims, by the chosen method."""
+
+import numpy as np
+
+from posefuse.association import groups
+from posefuse.association.results import Proposals
+from posefuse.errors import DetectionsError
+from posefuse.model.association_options import AssociationOptions
+from posefuse.model.cameras import CameraRig
+from posefuse.model.frames import Frame
+from posefuse.model.noise import NoiseModel
+from posefuse.model.skeletons import Skeleton
+
+_METHODS = {"groups": groups.propose}
+
+
+def propose(
+    rig: CameraRig,
+    frame: Frame,
+    noise: NoiseModel,
+    skeleton: Skeleton,
+    free: np.ndarray,
+    options: AssociationOptions,
+    known_m: np.ndarray | None = None,
+) -> Proposals:
+    """People whom the free detections of a frame show in at least two views.
+
+    Args:
+        rig: the cameras, in the order of the frame's views.
+        frame: the detections.
+        noise: the standard deviation of a detection.
+        skeleton: of the keypoints; its core tells people apart.
+        free: shape (row,), bool: the detections that no established track has claimed.
+        options: how people are proposed.
+        known_m: shape (person, keypoint, 3): people known from the last frame, NaN where missing; pairs of detections
+            that contradict them are not made.
+
+    Raises:
+        DetectionsError: where the frame does not fit the rig, the skeleton or ``free``.
+    """
+    if len(free) != len(frame.view) or len(frame.recorded) != len(rig):
+        raise DetectionsError(
+            f"Frame {frame.number} has {len(frame.view)} detections in {len(frame.recorded)} views, but the rig has "
+            f"{len(rig)} cameras and `free` speaks of {len(free)} detections. They must be of one recording."
+        )
+    views = frame.view[free]
+    if len(views) < 2 or views[0] == views[-1]:
+        return Proposals.none(len(skeleton), len(rig))
+    if frame.keypoints_px.shape[1] != len(skeleton):
+        raise DetectionsError(
+            f"Frame {frame.number} has {frame.keypoints_px.shape[1]} keypoints a person, but the skeleton "
+            f"{skeleton.name!r} has {len(skeleton)}. Give the skeleton that the detector has."
+        )
+    return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m)

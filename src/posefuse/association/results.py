@@ -1,0 +1,87 @@
+"""What is proposed: people in one frame, each with the detections that make them."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from posefuse.arrays import same
+from posefuse.kernels import codes
+
+
+@dataclass(frozen=True, eq=False)
+class Proposals:
+    """People whom the views of one frame agree on, the likeliest first.
+
+    Attributes:
+        rows: shape (proposal, view), int64: the row of the frame that shows the person, -1 where none does. No row is
+            in two proposals.
+        swapped: shape (proposal, view), bool: whose left and right are mixed up, as the other views have it.
+        points_m: shape (proposal, keypoint, 3), NaN where missing.
+        covariance_m2: shape (proposal, keypoint, 6): xx xy xz yy yz zz; views are taken to err as much as they may
+            differ (``sigma_factor``).
+        status: shape (proposal, keypoint), int8, point codes.
+        used: shape (proposal, keypoint, view), bool: the views each point rests on.
+        torso_m: shape (proposal, 3): the middle of the trunk, see :mod:`posefuse.association.torso`.
+        torso_covariance_m2: shape (proposal, 6).
+        log_odds: shape (proposal,): natural logarithm of the odds that these detections show one person and not several
+            things that happen to fit; the baseline, which knows no odds, has the logit of its score here.
+        error_sigma: shape (proposal,): median reprojection error over its used observations, in sigmas of the noise
+            model (per axis; 1.18 if that holds).
+        n_views: shape (proposal,), int64.
+        n_pairs: shape (proposal,), int64: pairs of its detections that agree by themselves.
+        duplicates: shape (duplicate, 2), int64: a row that shows a person whom a better row of the same view shows,
+            and the proposal.
+    """
+
+    rows: np.ndarray
+    swapped: np.ndarray
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    status: np.ndarray
+    used: np.ndarray
+    torso_m: np.ndarray
+    torso_covariance_m2: np.ndarray
+    log_odds: np.ndarray
+    error_sigma: np.ndarray
+    n_views: np.ndarray
+    n_pairs: np.ndarray
+    duplicates: np.ndarray
+
+    @classmethod
+    def none(cls, n_keypoints: int, n_views: int) -> "Proposals":
+        """Nobody.
+
+        Args:
+            n_keypoints: of the skeleton.
+            n_views: of the rig.
+        """
+        return cls(
+            rows=np.empty((0, n_views), dtype=np.int64),
+            swapped=np.empty((0, n_views), dtype=bool),
+            points_m=np.empty((0, n_keypoints, 3)),
+            covariance_m2=np.empty((0, n_keypoints, 6)),
+            status=np.empty((0, n_keypoints), dtype=np.int8),
+            used=np.empty((0, n_keypoints, n_views), dtype=bool),
+            torso_m=np.empty((0, 3)),
+            torso_covariance_m2=np.empty((0, 6)),
+            log_odds=np.empty(0),
+            error_sigma=np.empty(0),
+            n_views=np.empty(0, dtype=np.int64),
+            n_pairs=np.empty(0, dtype=np.int64),
+            duplicates=np.empty((0, 2), dtype=np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def has_point(self) -> np.ndarray:
+        """Shape (proposal, keypoint), bool."""
+        return self.status < codes.POINT_MISSING
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Proposals) and all(
+            same(getattr(self, field.name), getattr(other, field.name)) for field in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]

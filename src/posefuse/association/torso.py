@@ -1,0 +1,93 @@
+"""Where a trunk is, from shoulders and hips, any of which may be missing or wrong.
+
+The four points are taken as ``c + h + s, c + h - s, c - h + p, c - h - p`` (left and right shoulder, left and right
+hip) with the middle c unknown and the half height h, half shoulder width s and half hip width p normally distributed
+about 0 with the sizes of an adult in any direction. That is linear, so c and its covariance follow at once; where
+points are missing the covariance says what is not known. Points that do not fit get less weight (Student's t, 3
+degrees of freedom). The pelvis alone is the worst landmark of all and never decides.
+
+A skeleton without shoulders and hips has its core keypoints instead, each anywhere around the middle.
+"""
+
+import numpy as np
+
+from posefuse.model.skeletons import Skeleton
+
+_TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+# Columns: c, h, s, p.
+_DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 1.0], [1.0, -1.0, 0.0, -1.0]])
+_HALF_SIZES_M = np.array([0.26, 0.2, 0.14])
+# Of a landmark, whatever its rays say: detectors do not agree on where a hip is.
+_FLOOR_M = 0.02
+_ROUNDS = 3
+_NU = 3.0
+_UNKNOWN_M = 100.0
+
+
+def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The middle of the trunk.
+
+    Args:
+        skeleton: of the keypoints.
+        points_m: shape (person, keypoint, 3), NaN where missing.
+        covariance_m2: shape (person, keypoint, 6).
+
+    Returns:
+        Positions, shape (person, 3), and covariances, shape (person, 6); NaN for a person of whom no such keypoint is
+        known.
+    """
+    if all(name in skeleton.keypoints for name in _TRUNK):
+        chosen = np.array([skeleton.index(name) for name in _TRUNK])
+        return _fit(points_m[:, chosen], covariance_m2[:, chosen], _DESIGN, _HALF_SIZES_M)
+    return _middle(points_m[:, skeleton.core_indices])
+
+
+def _fit(points: np.ndarray, covariance: np.ndarray, design: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Iteratively reweighted least squares of the linear model, all people at once."""
+    seen = np.isfinite(points).all(axis=-1)
+    target = np.where(seen[..., None], points, 0.0)
+    spread = np.where(seen[..., None, None], full(covariance), np.eye(3)) + _FLOOR_M**2 * np.eye(3)
+    information = np.where(seen[..., None, None], np.linalg.inv(spread), 0.0)
+    n, m = len(points), design.shape[1]
+    # The model is about where the points are, so the middle's prior must not pull it to the world's origin.
+    origin = target.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
+    target = np.where(seen[..., None], target - origin[:, None], 0.0)
+    prior = np.kron(np.diag(np.concatenate([[_UNKNOWN_M], sizes]) ** -2.0), np.eye(3))
+    weight = np.ones(seen.shape)
+    inverse = np.empty((n, 3 * m, 3 * m))
+    solution = np.empty((n, m, 3))
+    for turn in range(_ROUNDS):
+        weighted = weight[..., None, None] * information
+        normal = np.einsum("ka,nkij,kb->naibj", design, weighted, design).reshape(n, 3 * m, 3 * m) + prior
+        inverse = np.linalg.inv(normal)
+        right = np.einsum("ka,nkij,nkj->nai", design, weighted, target).reshape(n, 3 * m)
+        solution = np.einsum("nab,nb->na", inverse, right).reshape(n, m, 3)
+        if turn < _ROUNDS - 1:
+            off = target - np.einsum("ka,nai->nki", design, solution)
+            weight = (_NU + 3.0) / (_NU + np.einsum("nki,nkij,nkj->nk", off, information, off))
+    known = seen.any(axis=1)[:, None]
+    return np.where(known, origin + solution[:, 0], np.nan), np.where(known, six(inverse[:, :3, :3]), np.nan)
+
+
+def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The median of the points, axis by axis, as well known as their scatter says."""
+    seen = np.isfinite(points).all(axis=-1)
+    out, spread = np.full((len(points), 3), np.nan), np.full((len(points), 6), np.nan)
+    for i in range(len(points)):
+        if seen[i].any():
+            own = points[i, seen[i]]
+            out[i] = np.median(own, axis=0)
+            variance = np.mean((own - out[i]) ** 2) + _FLOOR_M**2
+            # The median of n normal numbers varies by pi / 2 of what their mean does.
+            spread[i] = six(np.eye(3) * variance * np.pi / 2.0 / len(own))
+    return out, spread
+
+
+def full(covariance: np.ndarray) -> np.ndarray:
+    """Symmetric matrices from their six numbers: (..., 6) to (..., 3, 3)."""
+    return np.asarray(covariance)[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+
+def six(matrices: np.ndarray) -> np.ndarray:
+    """The six numbers xx xy xz yy yz zz of symmetric matrices: (..., 3, 3) to (..., 6)."""
+    return np.asarray(matrices)[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
