@@ -16,7 +16,9 @@ from posefuse.kernels.jit import inline, kernel, step
 from posefuse.kernels.lens import OK, ROTATION, project_jacobian, project_point, to_camera
 from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
 
-Body = namedtuple("Body", "parents movers is_bone places shape_of signs starts columns keypoint_nodes limits limit_axes")
+Body = namedtuple(
+    "Body", "parents movers is_bone places shape_of signs starts columns keypoint_nodes limits limit_axes"
+)
 """A tree as kernels take it: ``Tree.packed``, the node of each keypoint, and ``Tree.packed_limits``."""
 
 State = namedtuple("State", "root turns bones shape velocity covariance free")
@@ -38,7 +40,7 @@ _GROW = 10.0
 
 
 @kernel
-def predict_people(dt_s, decay_s, power, walk, state):
+def predict_people(dt_s, decay_s, power, most, walk, state):
     """Move all people on in time: velocities fade, what is not known grows.
 
     Every number of the pose moves by an Ornstein-Uhlenbeck velocity of its own.
@@ -47,6 +49,7 @@ def predict_people(dt_s, decay_s, power, walk, state):
         dt_s: shape (person,).
         decay_s: shape (pose,): in what time velocities fade.
         power: shape (pose,): spectral density of the accelerations, units^2 / s^3.
+        most: shape (pose,): the largest variance of each number; what is not seen is not anywhere.
         walk: variance by which each number of a shape wanders, m^2 / s.
         state: in and out.
     """
@@ -92,6 +95,12 @@ def predict_people(dt_s, decay_s, power, walk, state):
         if state.free[p] != 0:
             for s in range(h):
                 cov[n + s, n + s] += walk * dt
+        for i in range(n):
+            if cov[i, i] > most[i]:
+                scale = math.sqrt(most[i] / cov[i, i])
+                for j in range(cov.shape[0]):
+                    cov[i, j] *= scale
+                    cov[j, i] *= scale
 
 
 @step
@@ -181,7 +190,9 @@ def foresee_people(cameras, body, state, points, covariance, pixels, spread, siz
     for p in range(state.root.shape[0]):
         turns, bones, shape = state.turns[p], state.bones[p], state.shape[p]
         locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, state.root[p], turns, bones, shape, nodes)
-        differentiate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n_pose, turns, bones, shape, jacobian)
+        differentiate(
+            b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n_pose, turns, bones, shape, jacobian
+        )
         for k in range(b.keypoint_nodes.shape[0]):
             node = b.keypoint_nodes[k]
             if node < 0:
@@ -208,16 +219,16 @@ def foresee_people(cameras, body, state, points, covariance, pixels, spread, siz
 
 
 @inline
-def _noise_squared(law, temper, v, trust, look):
+def _noise_squared(law, v, trust, look):
     """The variance of a detection, px^2 per axis."""
     sigma = law.scale_px[v]
     if law.exponent > 0.0:
         sigma *= max(trust, 0.05) ** -law.exponent
-    return temper * sigma * sigma + law.floor_m * law.floor_m * _px_per_m_squared(look)
+    return sigma * sigma + law.floor_m * law.floor_m * _px_per_m_squared(look)
 
 
 @step
-def _gate(cameras, body, law, temper, rows, labels, keypoints_px, confidence, nodes, jacobian, cov, packed, use, noise):
+def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jacobian, cov, packed, use, noise):
     """Which observations count, and how noisy each is, before any of them has moved the body."""
     for k in range(body.keypoint_nodes.shape[0]):
         node = body.keypoint_nodes[k]
@@ -237,7 +248,7 @@ def _gate(cameras, body, law, temper, rows, labels, keypoints_px, confidence, no
                 continue
             # Without a confidence every detection is as good as the best.
             trust = trust if trust == trust else 1.0
-            noise[v, k] = _noise_squared(law, temper, v, trust, look)
+            noise[v, k] = _noise_squared(law, v, trust, look)
             uu, uv, vv = _spread_px(look, packed)
             uu += noise[v, k]
             vv += noise[v, k]
@@ -278,7 +289,22 @@ def _add_keypoint(jacobian, starts, columns, node, m, weight, pull, hessian, gra
 
 @step
 def _add_views(
-    cameras, body, law, rows, labels, keypoints_px, use, noise, nodes, jacobian, m, weight, pull, hessian, gradient,
+    cameras,
+    body,
+    law,
+    calm,
+    rows,
+    labels,
+    keypoints_px,
+    use,
+    noise,
+    nodes,
+    jacobian,
+    m,
+    weight,
+    pull,
+    hessian,
+    gradient,
     weighted,
 ):
     """Normal equations of all observations that count; what they cost."""
@@ -299,8 +325,8 @@ def _add_views(
             du = keypoints_px[rows[v], labels[v, k], 0] - look[1]
             dv = keypoints_px[rows[v], labels[v, k], 1] - look[2]
             squared = (du * du + dv * dv) / noise[v, k]
-            cost += 0.5 * (law.nu + 2.0) * math.log(1.0 + squared / law.nu)
-            w = (law.nu + 2.0) / (law.nu + squared) / noise[v, k]
+            cost += calm * 0.5 * (law.nu + 2.0) * math.log(1.0 + squared / law.nu)
+            w = calm * (law.nu + 2.0) / (law.nu + squared) / noise[v, k]
             weight[0] += w * (look[3] * look[3] + look[6] * look[6])
             weight[1] += w * (look[3] * look[4] + look[6] * look[7])
             weight[2] += w * (look[3] * look[5] + look[6] * look[8])
@@ -320,7 +346,10 @@ def _add_views(
 def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     """A joint limit that is overstepped pulls back; what that costs."""
     kind, bone, before, segment = (
-        body.limits[limit, 0], body.limits[limit, 1], body.limits[limit, 2], body.limits[limit, 3],
+        body.limits[limit, 0],
+        body.limits[limit, 1],
+        body.limits[limit, 2],
+        body.limits[limit, 3],
     )
     axes = turns[segment]
     a0 = body.limit_axes[limit, 0]
@@ -490,7 +519,8 @@ def update_people(
         cameras: the camera array.
         body: a Body.
         law: a Law.
-        temper: shape (person,): by how much variances of detections grow because their errors last.
+        temper: shape (person,): as how many independent ones so many frames' detections count as one, because their
+            errors last.
         iterations: of Gauss-Newton, at most.
         rows: shape (person, view), int64: rows of the detections, -1 where none.
         labels: shape (person, view, keypoint), int64: which of a detection's keypoints is the body's; -1 none.
@@ -536,14 +566,40 @@ def update_people(
             differentiate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n, t, q, s, jacobian)
             if turn == 0:
                 _gate(
-                    cameras, b, law, temper[p], rows[p], labels[p], keypoints_px, confidence, nodes, jacobian, cov,
-                    packed, use[p], noise,
+                    cameras,
+                    b,
+                    law,
+                    rows[p],
+                    labels[p],
+                    keypoints_px,
+                    confidence,
+                    nodes,
+                    jacobian,
+                    cov,
+                    packed,
+                    use[p],
+                    noise,
                 )
             _clear(hessian, gradient, m)
             total = _condition(prior, offset, m, hessian, gradient)
             total += _add_views(
-                cameras, b, law, rows[p], labels[p], keypoints_px, use[p], noise, nodes, jacobian, m, weight, pull,
-                hessian, gradient, weighted,
+                cameras,
+                b,
+                law,
+                1.0 / temper[p],
+                rows[p],
+                labels[p],
+                keypoints_px,
+                use[p],
+                noise,
+                nodes,
+                jacobian,
+                m,
+                weight,
+                pull,
+                hessian,
+                gradient,
+                weighted,
             )
             for limit in range(b.limits.shape[0]):
                 total += _add_limit(b, limit, stiffness, t, q, hessian, gradient)

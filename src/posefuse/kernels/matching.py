@@ -46,8 +46,24 @@ def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, con
 
 @kernel
 def score_detections(
-    pixels, spread, size_px, keypoints_px, confidence, view_of_row, mirror, group_of, n_groups, law, swapped_before,
-    swap_odds, stay_odds, clutter_m, least, worth, scores, swapped,
+    pixels,
+    spread,
+    size_px,
+    keypoints_px,
+    confidence,
+    view_of_row,
+    mirror,
+    group_of,
+    n_groups,
+    law,
+    swapped_before,
+    swap_odds,
+    stay_odds,
+    clutter_m,
+    least,
+    worth,
+    scores,
+    swapped,
 ):
     """Evidence that detections are people's.
 

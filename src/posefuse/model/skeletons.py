@@ -250,7 +250,9 @@ def _tree(table: object, keypoints: tuple[str, ...], partner: Mapping[str, str],
     if not isinstance(body, Mapping):
         raise SkeletonError(f"Skeleton {skeleton!r}: tree is a table or the name of a shared body, got {table!r}.")
     # Joints that no detector sees have sides too.
-    hidden = [str(name) for table in ("points", "bones") for name in body.get(table, {}) if str(name).startswith("left_")]
+    hidden = [
+        str(name) for table in ("points", "bones") for name in body.get(table, {}) if str(name).startswith("left_")
+    ]
     sides = {name: f"right_{name[5:]}" for name in hidden}
     return parse_tree(body, keypoints, {**sides, **partner}, skeleton)
 

@@ -164,9 +164,7 @@ def _columns(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
     return np.cumsum([0, *(len(each) for each in found)]), np.array([c for each in found for c in each])
 
 
-def parse_tree(
-    table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapping[str, str], skeleton: str
-) -> Tree:
+def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapping[str, str], skeleton: str) -> Tree:
     """A tree from its table in a skeleton's TOML.
 
     Args:
@@ -192,7 +190,9 @@ def parse_tree(
     segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder.add_segments(segments, points, bones)
     spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
-    limits = builder.limits(*({k: v for k, v in table.get(kind, {}).items() if k in bones} for kind in ("hinges", "cones")))
+    limits = builder.limits(
+        *({k: v for k, v in table.get(kind, {}).items() if k in bones} for kind in ("hinges", "cones"))
+    )
     return builder.finish(keypoints, limits, spread, size)
 
 
@@ -249,9 +249,15 @@ class _Builder:
             self.segments.append(name)
         self._put(Node(names[0], -1, 0, False, (0.0, 0.0, 0.0), (-1, -1, -1), (1.0, 1.0, 1.0)))
         waiting = {**{p: ("point", row) for p, row in points.items()}, **{b: ("bone", row) for b, row in bones.items()}}
-        at = {name: names[0] if i == 0 else str(dict(segments[name]).get("at", names[0])) for i, name in enumerate(names)}
+        at = {
+            name: names[0] if i == 0 else str(dict(segments[name]).get("at", names[0])) for i, name in enumerate(names)
+        }
         while waiting:
-            ready = [n for n, (kind, row) in waiting.items() if (at.get(row[0]) if kind == "point" else row[0]) in self.place_of]
+            ready = [
+                n
+                for n, (kind, row) in waiting.items()
+                if (at.get(row[0]) if kind == "point" else row[0]) in self.place_of
+            ]
             if not ready:
                 raise SkeletonError(
                     f"Skeleton {self.skeleton!r}: points {choices(waiting)} of the tree hang on what is not there. "
@@ -299,7 +305,12 @@ class _Builder:
             self.rest.append(np.array(_unit(direction * (np.ones(3) if end == name else _MIRROR))))
             self._put(
                 Node(
-                    end, self.place_of[start], len(self.bones) - 1, True, (0.0, 0.0, length), (-1, -1, number),
+                    end,
+                    self.place_of[start],
+                    len(self.bones) - 1,
+                    True,
+                    (0.0, 0.0, length),
+                    (-1, -1, number),
                     (1.0, 1.0, 1.0),
                 )
             )
@@ -339,8 +350,13 @@ class _Builder:
         own = np.maximum(spread * np.abs(shape), _LEAST_SD)
         covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)
         return Tree(
-            tuple(self.segments), tuple(self.bones), tuple(self.nodes), limits, tuple(self.shape_names),
-            frozen(shape), frozen(covariance),
+            tuple(self.segments),
+            tuple(self.bones),
+            tuple(self.nodes),
+            limits,
+            tuple(self.shape_names),
+            frozen(shape),
+            frozen(covariance),
             frozen(np.array([self.place_of.get(name, -1) for name in keypoints]), np.int64),
             frozen(np.array(self.rest).reshape(-1, 3)),
         )
@@ -375,7 +391,15 @@ def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.nda
                 number = len(shape)
                 shape.append(float(lengths_m[e]))
                 nodes.append(
-                    Node(keypoints[other], place_of[here], len(bones), True, (0.0, 0.0, shape[-1]), (-1, -1, number), (1.0,) * 3)
+                    Node(
+                        keypoints[other],
+                        place_of[here],
+                        len(bones),
+                        True,
+                        (0.0, 0.0, shape[-1]),
+                        (-1, -1, number),
+                        (1.0,) * 3,
+                    )
                 )
                 bones.append(keypoints[other])
                 order.append(other)
@@ -383,6 +407,13 @@ def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.nda
     covariance = np.diag((0.5 * values) ** 2 + 1e-8) + 0.5**2 * np.outer(values, values)
     of_keypoint = np.array([place_of.get(k, -1) for k in range(n)])
     return Tree(
-        (), tuple(bones), tuple(nodes), (), tuple(bones), frozen(values), frozen(covariance), frozen(of_keypoint, np.int64),
+        (),
+        tuple(bones),
+        tuple(nodes),
+        (),
+        tuple(bones),
+        frozen(values),
+        frozen(covariance),
+        frozen(of_keypoint, np.int64),
         frozen(np.tile(_DOWN, (len(bones), 1))),
     )

@@ -104,7 +104,9 @@ def people(tree: Tree, rng: np.random.Generator, spread: float) -> State:
     turns = np.tile(np.eye(3), (1, len(tree.segments), 1, 1))
     bones = np.tile(np.diag([1.0, -1.0, -1.0]), (1, len(tree.bones), 1, 1))
     covariance = (half @ half.T)[None].copy()
-    return State(root, turns, bones, tree.shape_m[None].copy(), np.zeros((1, n)), covariance, np.ones(1, dtype=np.int64))
+    return State(
+        root, turns, bones, tree.shape_m[None].copy(), np.zeros((1, n)), covariance, np.ones(1, dtype=np.int64)
+    )
 
 
 def test_prediction_is_the_linear_formula(rng):
@@ -129,7 +131,7 @@ def test_prediction_is_the_linear_formula(rng):
     before = (state.root[0], state.turns[0], state.bones[0], state.shape[0])
     there = moved_points(TREE, before, change)
     velocity = fade * state.velocity[0]
-    articulated.predict_people(np.array([dt]), decay, power, walk, state)
+    articulated.predict_people(np.array([dt]), decay, power, np.full(n, np.inf), walk, state)
     np.testing.assert_allclose(state.covariance[0], expected, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(state.velocity[0], velocity)
     np.testing.assert_allclose(points_of(TREE, *(each[0] for each in state[:4])), there, atol=1e-12)
@@ -153,8 +155,19 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
     use = np.empty((1, 4, keypoints), dtype=np.int64)
     moved, cost = np.empty(1), np.empty(1)
     articulated.update_people(
-        rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(4)[None], labels, pixels, np.ones((4, keypoints)),
-        state, use, moved, cost,
+        rig.packed[0],
+        body_of(TREE),
+        law,
+        np.ones(1),
+        3,
+        np.arange(4)[None],
+        labels,
+        pixels,
+        np.ones((4, keypoints)),
+        state,
+        use,
+        moved,
+        cost,
     )
     assert (use == articulated.USED).all()
     jacobian = np.zeros((pixels.size, 2 * n + h))

@@ -1,0 +1,137 @@
+"""What a user can choose about following people; in seconds, metres and sigmas, so that frame rates do not matter."""
+
+import math
+from dataclasses import dataclass, field, fields
+
+from posefuse.errors import OptionsError
+
+
+@dataclass(frozen=True)
+class BirthOptions:
+    """When what detections propose becomes a person.
+
+    Attributes:
+        min_age_s: A tentative person is at least so old before it is believed (A_min).
+        min_age_two_views_s: The same where two views see it on average.
+        hit_share: In at least this share of its frames it was seen (K of L).
+        min_views: By so many views on average (V_min).
+        max_error_sigma: Its median reprojection error is at most this (tau_repr).
+        max_bone_variation: And the lengths of its bones vary by at most this share, noise taken off (tau_len).
+        promote_log_odds: And the evidence of its frames together is at least this (tau_promote).
+        max_age_s: What is not believed by then is forgotten (A_tent_max).
+        max_missing_s: And what was not seen for this long (M_tent).
+        gate_m: A proposal goes on with a tentative person this near, more by how fast people move.
+        apart_m: A proposal whose keypoints are on average this near to an established person is that person.
+    """
+
+    min_age_s: float = 0.12
+    min_age_two_views_s: float = 0.3
+    hit_share: float = 0.6
+    min_views: float = 2.0
+    max_error_sigma: float = 4.0
+    max_bone_variation: float = 0.25
+    promote_log_odds: float = 6.0
+    max_age_s: float = 1.5
+    max_missing_s: float = 0.25
+    gate_m: float = 0.35
+    apart_m: float = 0.3
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """How people move.
+
+    Attributes:
+        root_decay_s: In what time the trunk's velocity fades.
+        root_acceleration: Spectral density of the trunk's accelerations, m^2 / s^3.
+        turn_decay_s: The same of trunk, head and feet turning.
+        turn_acceleration: Spectral density, rad^2 / s^3.
+        limb_decay_s: The same of limbs.
+        limb_acceleration: Spectral density, rad^2 / s^3.
+        shape_walk: By how much lengths wander, variance in m^2 / s.
+        top_speed_m_s: How fast a person moves at most, to be found again.
+    """
+
+    root_decay_s: float = 0.6
+    root_acceleration: float = 3.0
+    turn_decay_s: float = 0.3
+    turn_acceleration: float = 15.0
+    limb_decay_s: float = 0.3
+    limb_acceleration: float = 60.0
+    shape_walk: float = 1e-7
+    top_speed_m_s: float = 3.0
+
+
+@dataclass(frozen=True)
+class TrackerOptions:
+    """How people are followed.
+
+    Attributes:
+        iterations: Gauss-Newton steps a frame, at most.
+        nu: Degrees of freedom of detections' errors, Student's t.
+        gate: The largest squared innovation of a keypoint, in its own covariance, that counts (tau_joint).
+        model_floor_m: By how much a body's points are not what the detector means by their name.
+        error_memory_s: For how long detections' errors last: so much less a frame counts.
+        limit_sigma: How far a joint limit is overstepped, as a sine or cosine.
+        clutter_m: A wrong detection's keypoints may lie anywhere within this of a person.
+        match_evidence: The least evidence, in nats, for a detection to be a person's.
+        keypoint_evidence: The least that one keypoint counts.
+        independent_keypoints: All keypoints together count as this many at most.
+        id_evidence: What the detector's own identity being that of the last frame counts (lambda_id).
+        swap_log_odds: The odds that a limb's sides are exchanged.
+        swap_stay_log_odds: The same if they were in the frame before.
+        min_joints: A view supports a person with at least so many keypoints.
+        lost_after_s: A person without support for this long is lost (M_lost).
+        lost_log_odds: Or if it has become this unlikely that they are there (tau_lost).
+        most_log_odds: No person is more certain than this.
+        evidence_time_s: What views show and do not show counts whole over this time.
+        detection_share: How often a view that should see a person does.
+        false_share: How often a detection is near a person who is not there.
+        reacquire_views: A lost person is found again where so many views see them (V_reacq).
+        reacquire_log_odds: Or where a new person is this much likelier to be them than to be new (tau_reacq).
+        forget_after_s: Who is lost for longer is not looked for any more (A_delete).
+        shape_settle_s: How long a body's lengths are sought before they are kept.
+        max_people: No more are followed at a time.
+        births: When detections become a person.
+        motion: How people move.
+    """
+
+    iterations: int = 3
+    nu: float = 3.0
+    gate: float = 60.0
+    model_floor_m: float = 0.015
+    error_memory_s: float = 0.25
+    limit_sigma: float = 0.1
+    clutter_m: float = 1.0
+    match_evidence: float = 0.0
+    keypoint_evidence: float = -3.0
+    independent_keypoints: float = 6.0
+    id_evidence: float = 2.0
+    swap_log_odds: float = -5.0
+    swap_stay_log_odds: float = 1.5
+    min_joints: int = 4
+    lost_after_s: float = 0.5
+    lost_log_odds: float = -2.0
+    most_log_odds: float = 6.0
+    evidence_time_s: float = 1.0
+    detection_share: float = 0.85
+    false_share: float = 0.05
+    reacquire_views: int = 2
+    reacquire_log_odds: float = 0.0
+    forget_after_s: float = 30.0
+    shape_settle_s: float = 4.0
+    max_people: int = 50
+    births: BirthOptions = field(default_factory=BirthOptions)
+    motion: MotionOptions = field(default_factory=MotionOptions)
+
+    def __post_init__(self) -> None:
+        for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
+            if getattr(self, name) < 1:
+                raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        for name in ("detection_share", "false_share"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, float) and not math.isfinite(value):
+                raise OptionsError(f"tracker.{each.name} must be a finite number, got {value}.")

@@ -1,0 +1,126 @@
+"""Rules of life: who counts as there, who is lost, who is forgotten, and when a body's lengths are kept."""
+
+import math
+
+import numpy as np
+
+from posefuse.kernels.articulated import State
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.bodies import Sight, put
+from posefuse.tracking.records import Track
+from posefuse.tracking.settings import Settings
+
+_SEEN_SHARE = 0.5
+_LOST_SD_M = 0.15
+
+
+def newcomer(name: str, time_s: float, settings: Settings) -> Track:
+    """Somebody just believed."""
+    views = len(settings.rig)
+    return Track(
+        name,
+        TrackState.ACTIVE,
+        settings.options.most_log_odds / 2,
+        time_s,
+        time_s,
+        np.zeros((views, settings.n_groups), dtype=np.int8),
+        np.full(views, -1, dtype=np.int64),
+        np.zeros(3),
+    )
+
+
+def expected(sight: Sight, settings: Settings) -> np.ndarray:
+    """Shape (person, view), bool: which views should see whom: half of the core within the image."""
+    pixels = sight.pixels[:, :, settings.core]
+    inside = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1)
+    return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
+
+
+def live_on(
+    track: Track,
+    supported: np.ndarray,
+    should_see: np.ndarray,
+    torso_m: np.ndarray,
+    time_s: float,
+    dt_s: float,
+    settings: Settings,
+) -> list[tuple[str, str]]:
+    """Change a person's odds and state by what the views show.
+
+    Args:
+        track: in and out.
+        supported: shape (view,), bool: which views show them.
+        should_see: shape (view,), bool: which views should.
+        torso_m: shape (3,): where they are.
+        time_s: of the frame.
+        dt_s: since the last.
+        settings: of the tracker.
+
+    Returns:
+        What happened, and why.
+    """
+    o = settings.options
+    gain = math.log(o.detection_share / o.false_share)
+    loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
+    evidence = gain * int(supported.sum()) + loss * int((should_see & ~supported).sum())
+    track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
+    track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
+    said: list[tuple[str, str]] = []
+    if supported.any() and track.state == TrackState.ACTIVE:
+        track.seen_s, track.lost_at_m = time_s, torso_m
+    elif supported.sum() >= o.reacquire_views and track.state == TrackState.LOST:
+        said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
+        track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
+        track.log_odds = max(track.log_odds, o.most_log_odds / 2)
+    if track.state == TrackState.ACTIVE:
+        if time_s - track.seen_s > o.lost_after_s:
+            track.state = TrackState.LOST
+            said.append(("lost", f"seen by no camera for {time_s - track.seen_s:.2f} s"))
+        elif track.log_odds < o.lost_log_odds:
+            track.state = TrackState.LOST
+            missed = _named(should_see & ~supported, settings)
+            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {missed}"))
+    return said
+
+
+def _named(views: np.ndarray, settings: Settings) -> str:
+    names = [settings.rig.names[v] for v in np.flatnonzero(views)]
+    return ", ".join(names) if names else "no camera"
+
+
+def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settings) -> dict[int, str]:
+    """Who is not looked for any more, by place, and why."""
+    over: dict[int, str] = {}
+    for p, track in enumerate(tracks):
+        if track.state == TrackState.LOST and time_s - track.seen_s > settings.options.forget_after_s:
+            over[p] = f"lost for {time_s - track.seen_s:.1f} s"
+        elif not np.isfinite(state.root[p]).all():
+            over[p] = "the state is broken"
+    return over
+
+
+def settle_shape(track: Track, state: State, p: int, time_s: float, settings: Settings) -> None:
+    """Keep a body's lengths once they have been sought for long enough."""
+    if state.free[p] and track.state == TrackState.ACTIVE and time_s - track.born_s > settings.options.shape_settle_s:
+        n, h = settings.tree.n_pose, settings.tree.n_shape
+        block = state.covariance[p, n : n + h, n : n + h]
+        track.trusted = (state.shape[p].copy(), block.copy())
+        track.settled_s = time_s
+        state.free[p] = 0
+        state.covariance[p, n : n + h] = 0.0
+        state.covariance[p, :, n : n + h] = 0.0
+
+
+def take_back(track: Track, state: State, p: int, found: State, settings: Settings) -> None:
+    """Somebody lost is there again, as a new state says; a body whose lengths are known keeps them."""
+    known = state.shape[p].copy()
+    kept = not state.free[p]
+    put(state, p, found)
+    if kept:
+        n, h = settings.tree.n_pose, settings.tree.n_shape
+        state.shape[p] = known
+        state.free[p] = 0
+        state.covariance[p, n : n + h] = 0.0
+        state.covariance[p, :, n : n + h] = 0.0
+    track.swapped[:] = 0
+    track.ids[:] = -1

@@ -1,0 +1,159 @@
+"""What the tracker remembers of people beside their states, and what it says of a frame."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from posefuse.kernels.articulated import State
+from posefuse.model.tracks import TrackState
+
+
+@dataclass
+class Track:
+    """A person who is followed.
+
+    Attributes:
+        name: of the person.
+        state: ACTIVE or LOST.
+        log_odds: that they are there.
+        born_s: when they were first believed.
+        seen_s: when they were last supported.
+        swapped: shape (view, group), int8: whose sides were exchanged last.
+        ids: shape (view,), int64: the detector's identity of the last match, -1 for none.
+        trusted: the shape and its covariance before they were last in doubt.
+        lost_at_m: shape (3,): where they were last supported.
+        settled_s: when the shape was kept.
+        joined: names of people they could not be told from, since when.
+    """
+
+    name: str
+    state: TrackState
+    log_odds: float
+    born_s: float
+    seen_s: float
+    swapped: np.ndarray
+    ids: np.ndarray
+    lost_at_m: np.ndarray
+    settled_s: float = np.nan
+    trusted: tuple[np.ndarray, np.ndarray] | None = None
+    joined: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a frame showed of somebody who is not believed yet.
+
+    Attributes:
+        time_s: of the frame.
+        number: of the frame.
+        keypoints_px: shape (view, keypoint, 2), NaN where no detection is theirs; sides put right.
+        confidence: shape (view, keypoint).
+        rows: shape (view,), int64: of the frame, -1 for none.
+        points_m: shape (keypoint, 3).
+        covariance_m2: shape (keypoint, 6).
+        torso_m: shape (3,).
+        log_odds: of the proposal.
+        error_sigma: of the proposal.
+    """
+
+    time_s: float
+    number: int
+    keypoints_px: np.ndarray
+    confidence: np.ndarray
+    rows: np.ndarray
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    torso_m: np.ndarray
+    log_odds: float
+    error_sigma: float
+
+    @property
+    def n_views(self) -> int:
+        """How many views show them."""
+        return int((self.rows >= 0).sum())
+
+
+@dataclass
+class Tentative:
+    """Somebody who may be there.
+
+    Attributes:
+        number: to tell them apart.
+        evidence: frames that showed them, oldest first.
+        frames: how many frames there have been since the first.
+    """
+
+    number: int
+    evidence: list[Evidence]
+    frames: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Remembered:
+    """The state of one person in one frame that is past, found when they were believed."""
+
+    number: int
+    time_s: float
+    state: State
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened to a person.
+
+    Attributes:
+        number: of the frame.
+        time_s: of the frame.
+        person: name.
+        what: ``born``, ``lost``, ``found``, ``returned``, ``forgotten``, ``identity uncertain``, ``identities exchanged``.
+        why: a clause.
+    """
+
+    number: int
+    time_s: float
+    person: str
+    what: str
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """A person in one frame, as far as is known then.
+
+    Attributes:
+        name: of the person; of tentative ones a number.
+        state: TENTATIVE, ACTIVE or LOST.
+        points_m: shape (keypoint, 3), NaN where the body has no such point.
+        covariance_m2: shape (keypoint, 6).
+        rows: shape (view,), int64: the frame's detections that are theirs, -1 for none.
+        used: shape (view, keypoint), bool: the keypoints that counted.
+        log_odds: that they are there.
+        missing_s: for how long nothing has supported them.
+    """
+
+    name: str
+    state: TrackState
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    rows: np.ndarray
+    used: np.ndarray
+    log_odds: float
+    missing_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """Everybody in one frame.
+
+    Attributes:
+        number: of the frame.
+        time_s: of the frame.
+        people: active first, then lost, then tentative.
+        events: of this frame.
+    """
+
+    number: int
+    time_s: float
+    people: tuple[Person, ...]
+    events: tuple[Event, ...]

@@ -1,0 +1,72 @@
+"""Whether somebody who appears is somebody who was lost: by where they can have gone, and by their bones."""
+
+import math
+
+import numpy as np
+
+from posefuse.kernels.articulated import State
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.records import Track
+from posefuse.tracking.settings import Settings
+
+_REACH_M = 0.7
+_ROOM_M = 4.0
+_DEFINITION_SD = 0.03
+"""By how much of its length a bone differs from one look at a body to the next."""
+_CLEAR = 1.0
+
+
+def who_returns(
+    tracks: list[Track], state: State, found: State, torso_m: np.ndarray, time_s: float, settings: Settings
+) -> tuple[int, str, str] | None:
+    """The lost person that a new one is, if that is likelier than that they are new.
+
+    Args:
+        tracks: of people known.
+        state: theirs.
+        found: of the new one.
+        torso_m: shape (3,): where the new one is.
+        time_s: now.
+        settings: of the tracker.
+
+    Returns:
+        Their place, why, and, where another is nearly as likely, what makes that uncertain ("" where nothing does).
+    """
+    odds = {}
+    for p, track in enumerate(tracks):
+        if track.state != TrackState.LOST:
+            continue
+        away = float(np.linalg.norm(torso_m - track.lost_at_m))
+        reach = _REACH_M + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
+        if away > reach:
+            continue
+        # Anywhere within reach, against anywhere in a room.
+        nearness = 3.0 * math.log(max(_ROOM_M / min(reach, _ROOM_M), 1.0))
+        odds[p] = nearness + same_body(settings, track, state, p, found)
+    if not odds:
+        return None
+    best = max(odds, key=lambda p: odds[p])
+    if odds[best] < settings.options.reacquire_log_odds:
+        return None
+    others = [p for p in odds if p != best and odds[best] - odds[p] < _CLEAR]
+    uncertain = f"{tracks[others[0]].name} is as likely" if others else ""
+    return best, f"log odds {odds[best]:.1f} that it is them after {time_s - tracks[best].seen_s:.1f} s", uncertain
+
+
+def same_body(settings: Settings, track: Track, state: State, p: int, found: State) -> float:
+    """How much likelier (log) a body's lengths are if it is that person's than if it is anybody's."""
+    tree = settings.tree
+    n, h = tree.n_pose, tree.n_shape
+    known, block = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
+    new, new_block = found.shape[0], found.covariance[0, n : n + h, n : n + h]
+    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + 0.01) ** 2)
+    theirs = _log_normal(new - known, block + new_block + floor)
+    anybody = _log_normal(new - tree.shape_m, tree.shape_covariance + new_block)
+    return theirs - anybody
+
+
+def _log_normal(off: np.ndarray, covariance: np.ndarray) -> float:
+    sign, log_determinant = np.linalg.slogdet(covariance)
+    if sign <= 0:
+        return -math.inf
+    return float(-0.5 * (log_determinant + off @ np.linalg.solve(covariance, off)))

@@ -1,0 +1,100 @@
+"""Everything that stays the same while a tracker runs, packed once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.errors import SkeletonError
+from posefuse.kernels.articulated import Body, Law
+from posefuse.model.cameras import CameraRig
+from posefuse.model.noise import NoiseModel
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.trees import Tree
+from posefuse.tracking.bodies import body_of
+from posefuse.tracking.posing import motion_laws, widest
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """What a tracker works with.
+
+    Attributes:
+        rig: cameras, in the order of the frames' views.
+        skeleton: of the keypoints.
+        tree: of the bodies.
+        noise: of the detections.
+        options: of the tracker.
+        cameras: shape (view, COLUMNS).
+        sizes_px: shape (view, 2).
+        body: the tree, for kernels.
+        law: of the detections, for kernels.
+        decay_s, power, most: of the motion, shape (pose,).
+        group_of: shape (keypoint,): which limb's sides swap together, -1 for none.
+        n_groups: how many of them.
+        core: shape (core,): keypoints that tell people apart.
+    """
+
+    rig: CameraRig
+    skeleton: Skeleton
+    tree: Tree
+    noise: NoiseModel
+    options: TrackerOptions
+    cameras: np.ndarray
+    sizes_px: np.ndarray
+    body: Body
+    law: Law
+    decay_s: np.ndarray
+    power: np.ndarray
+    most: np.ndarray
+    group_of: np.ndarray
+    n_groups: int
+    core: np.ndarray
+
+    @classmethod
+    def of(cls, rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: TrackerOptions) -> "Settings":
+        """Packed from the records users know.
+
+        Raises:
+            SkeletonError: if the skeleton has no tree.
+        """
+        tree = skeleton.tree
+        if tree is None:
+            raise SkeletonError(
+                f"Skeleton {skeleton.name!r} has no tree, so nobody knows how its body moves. Add a table [tree] to its "
+                "TOML; see docs/formats.md."
+            )
+        decay, power = motion_laws(tree, options.motion)
+        # Bodies stand for the detections of either side.
+        cameras = rig.packed[0]
+        law = Law(
+            np.ascontiguousarray(noise.scale_px * noise.spread),
+            float(noise.exponent),
+            options.model_floor_m,
+            options.nu,
+            options.gate,
+            options.limit_sigma,
+            0.05,
+        )
+        group_of = _groups(skeleton)
+        return cls(
+            rig, skeleton, tree, noise, options, cameras,
+            np.array([camera.size_px for camera in rig.cameras], dtype=np.float64),
+            body_of(tree), law, decay, power, widest(tree), group_of, int(group_of.max(initial=-1)) + 1,
+            np.asarray(skeleton.core_indices),
+        )  # fmt: skip
+
+
+def _groups(skeleton: Skeleton) -> np.ndarray:
+    """Limbs by chain; pairs of no chain are one more group each."""
+    group = np.full(len(skeleton), -1, dtype=np.int64)
+    n = 0
+    for chain in skeleton.chains.values():
+        for pair in chain:
+            group[[skeleton.index(name) for name in pair]] = n
+        n += 1
+    for left, right in skeleton.pair_indices:
+        if group[left] < 0:
+            group[[left, right]] = n
+            n += 1
+    return group

@@ -1,0 +1,96 @@
+"""People who are not believed yet: what frames show of them is kept for a short time, to be confirmed or forgotten."""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from posefuse.association.results import Proposals
+from posefuse.model.frames import Frame
+from posefuse.tracking.records import Evidence, Tentative
+from posefuse.tracking.settings import Settings
+
+_FAR = 1e6
+
+
+def evidence_of(frame: Frame, time_s: float, proposals: Proposals, which: int, mirror: np.ndarray) -> Evidence:
+    """What a proposal's detections show, their sides put right."""
+    rows = proposals.rows[which]
+    shape = (len(rows), *frame.keypoints_px.shape[1:])
+    pixels, trust = np.full(shape, np.nan), np.full(shape[:2], np.nan)
+    for v in np.flatnonzero(rows >= 0):
+        order = mirror if proposals.swapped[which, v] else slice(None)
+        pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
+    return Evidence(
+        time_s, frame.number, pixels, trust, rows, proposals.points_m[which], proposals.covariance_m2[which],
+        proposals.torso_m[which], float(proposals.log_odds[which]), float(proposals.error_sigma[which]),
+    )  # fmt: skip
+
+
+def continue_with(
+    tentative: list[Tentative], found: list[Evidence], time_s: float, settings: Settings
+) -> list[Evidence]:
+    """Give every tentative person the proposal that goes on where they were; the proposals that are nobody's.
+
+    Args:
+        tentative: in and out.
+        found: of this frame.
+        time_s: of this frame.
+        settings: of the tracker.
+    """
+    options = settings.options
+    for each in tentative:
+        each.frames += 1
+    if not tentative or not found:
+        return found
+    cost = np.full((len(tentative), len(found)), _FAR)
+    for i, each in enumerate(tentative):
+        last = each.evidence[-1]
+        within = options.births.gate_m + options.motion.top_speed_m_s * (time_s - last.time_s)
+        for j, new in enumerate(found):
+            away = float(np.linalg.norm(new.torso_m - last.torso_m))
+            cost[i, j] = away if away < within else _FAR
+    taken = set()
+    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+        if cost[i, j] < _FAR:
+            tentative[i].evidence.append(found[j])
+            taken.add(int(j))
+    return [new for j, new in enumerate(found) if j not in taken]
+
+
+def is_over(each: Tentative, time_s: float, settings: Settings) -> bool:
+    """Whether a tentative person is to be forgotten."""
+    births = settings.options.births
+    too_old = time_s - each.evidence[0].time_s > births.max_age_s
+    return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s
+
+
+def is_believable(each: Tentative, time_s: float, settings: Settings) -> bool:
+    """Whether what is known of a tentative person is enough to follow them: the rule of promotion."""
+    births = settings.options.births
+    views = float(np.mean([e.n_views for e in each.evidence]))
+    age = time_s - each.evidence[0].time_s
+    return (
+        len(each.evidence) > 1
+        and each.evidence[-1].time_s == time_s
+        and age >= (births.min_age_two_views_s if views < births.min_views + 0.5 else births.min_age_s) - 1e-9
+        and len(each.evidence) >= births.hit_share * each.frames
+        and views >= births.min_views
+        and float(np.median([e.error_sigma for e in each.evidence])) <= births.max_error_sigma
+        and sum(e.log_odds for e in each.evidence) >= births.promote_log_odds
+        and _bone_variation(each, settings) <= births.max_bone_variation
+    )
+
+
+def _bone_variation(each: Tentative, settings: Settings) -> float:
+    """By which share the bones of the core vary from frame to frame, noise taken off; 0 where that cannot be told."""
+    edges = settings.skeleton.edge_indices
+    edges = edges[np.isin(edges, settings.core).all(axis=1)]
+    points = np.stack([e.points_m for e in each.evidence])
+    variances = np.stack([e.covariance_m2[:, (0, 3, 5)].mean(axis=1) for e in each.evidence])
+    lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
+    noise = variances[:, edges].sum(axis=-1)
+    usable = np.isfinite(lengths).sum(axis=0) > 1
+    if not usable.any():
+        return 0.0
+    lengths, noise = lengths[:, usable], noise[:, usable]
+    excess = np.nanvar(lengths, axis=0, ddof=1) - np.nanmean(noise, axis=0)
+    return float(np.median(np.sqrt(np.maximum(excess, 0.0)) / np.nanmean(lengths, axis=0)))

@@ -1,0 +1,265 @@
+"""The tracker's loop: foresee, match, put right, live on or be lost, be born. See docs/methods.md, "People"."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from posefuse.association.results import Proposals
+from posefuse.errors import DetectionsError
+from posefuse.kernels.articulated import USED, foresee_people, predict_people, update_people
+from posefuse.kernels.matching import match_views, score_detections
+from posefuse.model.frames import Frame
+from posefuse.model.tracks import TrackState
+from posefuse.tracking import lifecycle
+from posefuse.tracking.bodies import Sight, chosen, joined, nobody
+from posefuse.tracking.births import begin
+from posefuse.tracking.records import Event, Evidence, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.returns import who_returns
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
+
+Propose = Callable[[Frame, np.ndarray, np.ndarray | None], Proposals]
+"""From a frame, which of its rows are free (row,), and people known (person, keypoint, 3), to proposals."""
+
+
+class ArticulatedTracker:
+    """Follows people from one frame to the next; causal, and nothing is kept anywhere else.
+
+    Args:
+        settings: what it works with.
+        propose: finds people among detections that are nobody's.
+    """
+
+    def __init__(self, settings: Settings, propose: Propose) -> None:
+        self.settings = settings
+        self.propose = propose
+        self.tracks: list[Track] = []
+        self.state = nobody(settings.tree)
+        self.tentative: list[Tentative] = []
+        self.time_s = float("nan")
+        self.names = 0
+        self.guesses = 0
+        self.remembered: dict[str, list[Remembered]] = {}
+        """Of people first believed in the last frame: their states in the frames before."""
+        self.events: list[Event] = []
+
+    def update(self, frame: Frame) -> People:
+        """Take a frame, later than the last; who is where.
+
+        Raises:
+            DetectionsError: if the frame does not fit the cameras or the skeleton, or is not later than the last.
+        """
+        time_s = self._time_of(frame)
+        self.events, self.remembered = [], {}
+        dt_s = 0.0 if np.isnan(self.time_s) else time_s - self.time_s
+        self.time_s = time_s
+        rows, used = self._follow(frame, dt_s)
+        self._live_on(frame, rows, used, dt_s)
+        rows, used = self._bear(frame, rows, used)
+        return self._told(frame, rows, used)
+
+    def _time_of(self, frame: Frame) -> float:
+        views, keypoints = len(self.settings.rig), len(self.settings.skeleton)
+        if len(frame.recorded) != views or (len(frame.view) and frame.keypoints_px.shape[1] != keypoints):
+            raise DetectionsError(
+                f"Frame {frame.number} has {len(frame.recorded)} views and {frame.keypoints_px.shape[1]} keypoints a "
+                f"person; this tracker has {views} cameras and {keypoints} keypoints."
+            )
+        known = frame.time_s[np.isfinite(frame.time_s) & frame.recorded]
+        if not len(known):
+            raise DetectionsError(f"Frame {frame.number} has no time: a tracker needs one to say how far people move.")
+        time_s = float(known.mean())
+        if time_s <= self.time_s:
+            raise DetectionsError(
+                f"Frame {frame.number} is of {time_s:.4f} s, the last was of {self.time_s:.4f} s. Frames come in order."
+            )
+        return time_s
+
+    def _follow(self, frame: Frame, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Foresee everybody, match detections, put states right: rows (track, view), used (track, view, keypoint)."""
+        s, n = self.settings, len(self.tracks)
+        views, keypoints = len(s.rig), len(s.skeleton)
+        if not n:
+            self.sight = Sight.room(0, views, keypoints)
+            return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
+        predict_people(np.full(n, dt_s), s.decay_s, s.power, s.most, s.options.motion.shape_walk, self.state)
+        self.sight = Sight.room(n, views, keypoints)
+        foresee_people(s.cameras, s.body, self.state, *self.sight.arrays)
+        rows, swapped = self._match(frame)
+        self._hold_back_lost(rows)
+        labels = self._labels(rows, swapped)
+        use = np.empty((n, views, keypoints), dtype=np.int64)
+        temper = np.full(n, 1.0 / np.tanh(0.5 * max(dt_s, 1e-6) / s.options.error_memory_s))
+        update_people(
+            s.cameras, s.body, s.law, temper, s.options.iterations, rows, labels, frame.keypoints_px, frame.confidence,
+            self.state, use, np.empty(n), np.empty(n),
+        )  # fmt: skip
+        for p, track in enumerate(self.tracks):
+            for v in np.flatnonzero(rows[p] >= 0):
+                track.swapped[v] = swapped[p, rows[p, v]]
+                track.ids[v] = frame.track_ids[rows[p, v]]
+        return rows, use == USED
+
+    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (track, view), and whose sides are exchanged (track, row, group)."""
+        s, o, n = self.settings, self.settings.options, len(self.tracks)
+        scores = np.empty((n, len(frame.view)))
+        swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
+        score_detections(
+            self.sight.pixels, self.sight.spread, self.sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
+            s.skeleton.mirror, s.group_of, s.n_groups, s.law, np.stack([t.swapped for t in self.tracks]),
+            o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
+            swapped,
+        )  # fmt: skip
+        ids = np.stack([t.ids for t in self.tracks])[:, frame.view]
+        scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
+        rows = np.empty((n, len(s.rig)), dtype=np.int64)
+        match_views(scores, frame.view, len(s.rig), o.match_evidence, rows)
+        return rows, swapped
+
+    def _hold_back_lost(self, rows: np.ndarray) -> None:
+        """One view alone does not move somebody who is lost."""
+        for p, track in enumerate(self.tracks):
+            if track.state == TrackState.LOST and (rows[p] >= 0).sum() < self.settings.options.reacquire_views:
+                rows[p] = -1
+
+    def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
+        s = self.settings
+        labels = np.tile(np.arange(len(s.skeleton)), (*rows.shape, 1))
+        for p, v in zip(*np.nonzero(rows >= 0), strict=True):
+            turned = swapped[p, rows[p, v]]
+            if turned.any():
+                of = (s.group_of >= 0) & (turned[s.group_of] != 0)
+                labels[p, v, of] = s.skeleton.mirror[of]
+        return labels
+
+    def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
+        """Who is supported, who is lost, who is forgotten."""
+        supported = used.sum(axis=2) >= self.settings.options.min_joints
+        expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        for p, track in enumerate(self.tracks):
+            torso = np.nanmean(self.sight.points_m[p, self.settings.core], axis=0)
+            said = lifecycle.live_on(track, supported[p], expected[p], torso, self.time_s, dt_s, self.settings)
+            self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
+            lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
+        over = lifecycle.forgotten(self.tracks, self.state, self.time_s, self.settings)
+        for p, why in over.items():
+            self.events.append(Event(frame.number, self.time_s, self.tracks[p].name, "forgotten", why))
+        if over:
+            keep = [p for p in range(len(self.tracks)) if p not in over]
+            self.tracks = [self.tracks[p] for p in keep]
+            self.state = chosen(self.state, keep)
+            self._keep = keep
+        else:
+            self._keep = list(range(len(self.tracks)))
+
+    def _bear(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Who is new: proposals from free detections, tentative people, and those of them who are believed now."""
+        rows, used = rows[self._keep], used[self._keep]
+        free = np.ones(len(frame.view), dtype=bool)
+        free[rows[rows >= 0]] = False
+        found = self._found(frame, free)
+        new = continue_with(self.tentative, found, self.time_s, self.settings)
+        for each in new:
+            self.guesses += 1
+            self.tentative.append(Tentative(self.guesses, [each]))
+        staying = []
+        for each in self.tentative:
+            if is_believable(each, self.time_s, self.settings):
+                born = self._believe(each, frame.number)
+                if born is not None:
+                    p, counted = born
+                    if p < len(rows):
+                        rows[p], used[p] = each.evidence[-1].rows, counted
+                    else:
+                        rows, used = np.vstack([rows, each.evidence[-1].rows]), np.vstack([used, counted[None]])
+                    continue
+            if not is_over(each, self.time_s, self.settings):
+                staying.append(each)
+        self.tentative = staying
+        return rows, used
+
+    def _found(self, frame: Frame, free: np.ndarray) -> list[Evidence]:
+        """What the free detections propose, but for people who are followed already."""
+        s = self.settings
+        active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
+        known = self.sight.points_m[self._keep][active]
+        proposals = self.propose(frame, free, None)
+        found = []
+        for i in range(len(proposals)):
+            away = np.linalg.norm(known - proposals.points_m[i], axis=-1)
+            if len(active) and (np.nanmean(away, axis=1) < s.options.births.apart_m).any():
+                continue
+            found.append(evidence_of(frame, self.time_s, proposals, i, s.skeleton.mirror))
+        return found
+
+    def _believe(self, each: Tentative, number: int) -> tuple[int, np.ndarray] | None:
+        """Begin to follow somebody, under a new name or that of somebody lost; their place, and what counted.
+
+        None where no body fits what was seen.
+        """
+        s = self.settings
+        state, past, error = begin(each.evidence, s)
+        if not error <= s.options.births.max_error_sigma:
+            return None
+        seen = each.evidence[-1]
+        counted = np.isfinite(seen.keypoints_px[..., 0])
+        found = who_returns(self.tracks, self.state, state, seen.torso_m, self.time_s, s)
+        if found is not None:
+            p, why, uncertain = found
+            track = self.tracks[p]
+            lifecycle.take_back(track, self.state, p, state, s)
+            self.events.append(Event(number, self.time_s, track.name, "returned", why))
+            if uncertain:
+                self.events.append(Event(number, self.time_s, track.name, "identity uncertain", uncertain))
+        elif len(self.tracks) >= s.options.max_people:
+            return None
+        else:
+            self.names += 1
+            track = lifecycle.newcomer(f"person_{self.names}", self.time_s, s)
+            self.tracks.append(track)
+            self.state = joined(self.state, state)
+            p = len(self.tracks) - 1
+            views = f"{seen.n_views} cameras"
+            self.events.append(
+                Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
+            )
+        track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, self.time_s, seen.torso_m
+        track.log_odds = s.options.most_log_odds / 2
+        self.remembered[track.name] = past
+        return p, counted
+
+    def _told(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> People:
+        s, n = self.settings, len(self.tracks)
+        sight = Sight.room(n, len(s.rig), len(s.skeleton))
+        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        people = [
+            Person(
+                track.name,
+                track.state,
+                sight.points_m[p],
+                sight.covariance_m2[p],
+                rows[p],
+                used[p],
+                track.log_odds,
+                self.time_s - track.seen_s,
+            )  # fmt: skip
+            for p, track in enumerate(self.tracks)
+        ]
+        people.sort(key=lambda person: person.state != TrackState.ACTIVE)
+        for each in self.tentative:
+            last = each.evidence[-1]
+            if last.time_s == self.time_s:
+                people.append(
+                    Person(
+                        f"tentative_{each.number}",
+                        TrackState.TENTATIVE,
+                        last.points_m,
+                        last.covariance_m2,
+                        last.rows,
+                        np.isfinite(last.keypoints_px[..., 0]),
+                        sum(e.log_odds for e in each.evidence),
+                        0.0,
+                    )  # fmt: skip
+                )
+        return People(frame.number, self.time_s, tuple(people), tuple(self.events))
