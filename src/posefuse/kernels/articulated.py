@@ -34,6 +34,9 @@ USED = 0
 GATED = 1
 UNSEEN = 2
 
+_HINGE = 0
+_TWIST = 2
+
 _DAMPING = 1e-3
 _SMALL_STEP = 1e-2
 _GROW = 10.0
@@ -343,6 +346,40 @@ def _add_views(
 
 
 @step
+def _add_twist(body, limit, stiffness, turns, hessian, gradient):
+    """The same of two segments whose common axis has turned too far from the one to the other."""
+    first, second = body.limits[limit, 1], body.limits[limit, 3]
+    one, other = turns[first], turns[second]
+    a0, a1, a2 = body.limit_axes[limit, 0], body.limit_axes[limit, 1], body.limit_axes[limit, 2]
+    x = one[0, 0] * a0 + one[0, 1] * a1 + one[0, 2] * a2
+    y = one[1, 0] * a0 + one[1, 1] * a1 + one[1, 2] * a2
+    z = one[2, 0] * a0 + one[2, 1] * a1 + one[2, 2] * a2
+    u = other[0, 0] * a0 + other[0, 1] * a1 + other[0, 2] * a2
+    v = other[1, 0] * a0 + other[1, 1] * a1 + other[1, 2] * a2
+    w = other[2, 0] * a0 + other[2, 1] * a1 + other[2, 2] * a2
+    short = body.limit_axes[limit, 3] - (x * u + y * v + z * w)
+    if short <= 0.0:
+        return 0.0
+    for i in range(3):
+        # The common axis turns with its segment: (turn x axis) . other = turn . (axis x other), in world axes.
+        d = one[0, i] * (y * w - z * v) + one[1, i] * (z * u - x * w) + one[2, i] * (x * v - y * u)
+        gradient[3 + 3 * first + i] += stiffness * short * d
+        e = -(other[0, i] * (y * w - z * v) + other[1, i] * (z * u - x * w) + other[2, i] * (x * v - y * u))
+        gradient[3 + 3 * second + i] += stiffness * short * e
+        for j in range(3):
+            dj = one[0, j] * (y * w - z * v) + one[1, j] * (z * u - x * w) + one[2, j] * (x * v - y * u)
+            ej = -(other[0, j] * (y * w - z * v) + other[1, j] * (z * u - x * w) + other[2, j] * (x * v - y * u))
+            if j <= i:
+                hessian[3 + 3 * first + i, 3 + 3 * first + j] += stiffness * d * dj
+                hessian[3 + 3 * second + i, 3 + 3 * second + j] += stiffness * e * ej
+            if first > second:
+                hessian[3 + 3 * first + i, 3 + 3 * second + j] += stiffness * d * ej
+            else:
+                hessian[3 + 3 * second + i, 3 + 3 * first + j] += stiffness * e * dj
+    return 0.5 * stiffness * short * short
+
+
+@step
 def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     """A joint limit that is overstepped pulls back; what that costs."""
     kind, bone, before, segment = (
@@ -360,7 +397,7 @@ def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     z = axes[2, 0] * a0 + axes[2, 1] * a1 + axes[2, 2] * a2
     first = 3 + 3 * turns.shape[0]
     far = bones[bone]
-    if kind == 0:
+    if kind == _HINGE:
         near = bones[before]
         # The gradient by the far bone's direction is axis x near, by the near one's far x axis.
         gx = y * near[2, 2] - z * near[1, 2]
@@ -384,7 +421,7 @@ def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     hessian[i, i] += stiffness * d0 * d0
     hessian[i + 1, i] += stiffness * d0 * d1
     hessian[i + 1, i + 1] += stiffness * d1 * d1
-    if kind == 0:
+    if kind == _HINGE:
         near = bones[before]
         j = first + 2 * before
         e0 = -(hx * near[0, 1] + hy * near[1, 1] + hz * near[2, 1])
@@ -602,7 +639,10 @@ def update_people(
                 weighted,
             )
             for limit in range(b.limits.shape[0]):
-                total += _add_limit(b, limit, stiffness, t, q, hessian, gradient)
+                if b.limits[limit, 0] == _TWIST:
+                    total += _add_twist(b, limit, stiffness, t, hessian, gradient)
+                else:
+                    total += _add_limit(b, limit, stiffness, t, q, hessian, gradient)
             if total <= before + 1e-9 * abs(before):
                 before = total
                 damping /= _GROW

@@ -12,6 +12,7 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
   times it (a cross product), points along the axis.
 * ``cones``: name of the far end of a bone to ``[segment, axis, most degrees]``: how far from the axis it swings.
+* ``twists``: name of a segment to ``[segment, axis, most degrees]``: how far the axis turns from one to the other.
 * ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
 
 Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
@@ -30,13 +31,14 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
-_KEYS = ("segments", "points", "bones", "hinges", "cones", "spread", "size_spread")
+_KEYS = ("segments", "points", "bones", "hinges", "cones", "twists", "spread", "size_spread")
 _MIRROR = np.array([1.0, -1.0, 1.0])
 _SPREAD, _SIZE_SPREAD = 0.08, 0.07
 _LEAST_SD = 0.015
 _DOWN = (0.0, 0.0, -1.0)
 HINGE = 0
 CONE = 1
+TWIST = 2
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,12 @@ class Limit:
     """How far a joint goes.
 
     Attributes:
-        kind: HINGE or CONE.
-        bone: its number.
+        kind: HINGE, CONE or TWIST.
+        bone: its number; of a twist, that of the segment.
         before: the bone before it, of a hinge; else -1.
-        segment: in whose axes the axis is.
+        segment: in whose axes the axis is; of a twist, in whose too.
         axis: unit vector.
-        least: of the cosine (cone) or the sine (hinge).
+        least: of the cosine (cone, twist) or the sine (hinge).
     """
 
     kind: int
@@ -190,8 +192,10 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder.add_segments(segments, points, bones)
     spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
-    limits = builder.limits(
-        *({k: v for k, v in table.get(kind, {}).items() if k in bones} for kind in ("hinges", "cones"))
+    limits = (
+        *builder.hinges({k: v for k, v in table.get("hinges", {}).items() if k in bones}),
+        *builder.cones({k: v for k, v in table.get("cones", {}).items() if k in bones}),
+        *builder.twists({k: v for k, v in table.get("twists", {}).items() if k in segments}),
     )
     return builder.finish(keypoints, limits, spread, size)
 
@@ -315,24 +319,37 @@ class _Builder:
                 )
             )
 
-    def limits(self, hinges: Mapping[str, Any], cones: Mapping[str, Any]) -> tuple[Limit, ...]:
-        """Of both sides. Axes mirror as points do, axes of turning the other way round."""
+    def hinges(self, table: Mapping[str, Any]) -> list[Limit]:
+        """Of both sides. A mirror turns the sense of a cross product round: only its part across keeps its sign."""
         found = []
-        for name, (segment, axis) in hinges.items():
-            for end, sign in ((name, 1.0), (self.partner.get(name), -1.0)):
+        for name, (segment, axis) in table.items():
+            for end, mirror in ((name, np.ones(3)), (self.partner.get(name), -_MIRROR)):
                 if end is not None:
-                    bone = self._bone(end)
                     before = self._bone(self.nodes[self.nodes[self.place_of[end]].parent].name)
-                    # A mirror turns the sense of a cross product round: only its part across the mirror keeps its sign.
-                    turned = np.array(axis, dtype=float) * (np.ones(3) if sign > 0 else np.array([-1.0, 1.0, -1.0]))
-                    found.append(Limit(HINGE, bone, before, self._segment(segment), _unit(turned), -0.1))
-        for name, (segment, axis, degrees) in cones.items():
+                    turned = _unit(np.array(axis, dtype=float) * mirror)
+                    found.append(Limit(HINGE, self._bone(end), before, self._segment(segment), turned, -0.1))
+        return found
+
+    def cones(self, table: Mapping[str, Any]) -> list[Limit]:
+        """Of both sides."""
+        found = []
+        for name, (segment, axis, degrees) in table.items():
             for end, mirror in ((name, np.ones(3)), (self.partner.get(name), _MIRROR)):
                 if end is not None:
-                    turned = np.array(axis, dtype=float) * mirror
+                    turned = _unit(np.array(axis, dtype=float) * mirror)
                     least = float(np.cos(np.radians(degrees)))
-                    found.append(Limit(CONE, self._bone(end), -1, self._segment(segment), _unit(turned), least))
-        return tuple(found)
+                    found.append(Limit(CONE, self._bone(end), -1, self._segment(segment), turned, least))
+        return found
+
+    def twists(self, table: Mapping[str, Any]) -> list[Limit]:
+        """Between segments."""
+        return [
+            Limit(
+                TWIST, self._segment(name), -1, self._segment(other), _unit(np.array(axis, dtype=float)),
+                float(np.cos(np.radians(degrees))),
+            )  # fmt: skip
+            for name, (other, axis, degrees) in table.items()
+        ]
 
     def _bone(self, end: str) -> int:
         if end not in self.bones:

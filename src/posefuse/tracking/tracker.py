@@ -115,6 +115,7 @@ class ArticulatedTracker:
         scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
         rows = np.empty((n, len(s.rig)), dtype=np.int64)
         match_views(scores, frame.view, len(s.rig), o.match_evidence, rows)
+        _believe_most_labels(rows, swapped)
         return rows, swapped
 
     def _hold_back_lost(self, rows: np.ndarray) -> None:
@@ -263,3 +264,19 @@ class ArticulatedTracker:
                     )  # fmt: skip
                 )
         return People(frame.number, self.time_s, tuple(people), tuple(self.events))
+
+
+def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
+    """Where most views would have a limb's sides exchanged, it is the body that has: labels are right.
+
+    Args:
+        rows: shape (track, view).
+        swapped: shape (track, row, group), in and out.
+    """
+    if not swapped.any():
+        return
+    for p, mine in enumerate(rows):
+        matched = mine[mine >= 0]
+        if len(matched):
+            most = 2 * swapped[p, matched].sum(axis=0) >= len(matched)
+            swapped[p, :, most] = 0

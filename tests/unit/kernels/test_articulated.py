@@ -183,3 +183,31 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
     np.testing.assert_allclose(
         points_of(TREE, *(each[0] for each in state[:4])), moved_points(TREE, before, change[: n + h]), atol=1e-6
     )
+
+
+def test_limits_pull_back_where_they_are_overstepped(rng):
+    """A knee bent forwards and a trunk twisted round, seen by nobody: both go back, and nothing else moves."""
+    state = people(TREE, rng, 1e-9)
+    n = TREE.n_pose
+    state.covariance[0] = 0.1 * np.eye(len(state.covariance[0]))
+    knee, ankle = TREE.bones.index("left_knee"), TREE.bones.index("left_ankle")
+    state.bones[0, ankle] = Rotation.from_euler("y", -40, degrees=True).as_matrix() @ state.bones[0, knee]
+    state.turns[0, 1] = Rotation.from_euler("z", 100, degrees=True).as_matrix()
+    before = tuple(each.copy() for each in state)
+    keypoints = len(TREE.keypoint_nodes)
+    law = Law(np.full(1, 2.0), 0.0, 0.0, 3.0, 50.0, 0.05, 0.0)
+    rig = build_rig(n_cameras=1)
+    for _ in range(3):
+        articulated.update_people(
+            rig.packed[0], body_of(TREE), law, np.ones(1), 5, np.full((1, 1), -1), np.zeros((1, 1, keypoints), np.int64),
+            np.empty((0, keypoints, 2)), np.empty((0, keypoints)), state, np.empty((1, 1, keypoints), np.int64),
+            np.empty(1), np.empty(1),
+        )  # fmt: skip
+    thigh, shank, across = state.bones[0, knee, :, 2], state.bones[0, ankle, :, 2], state.turns[0, 0, :, 1]
+    assert np.cross(before[2][0, knee, :, 2], before[2][0, ankle, :, 2]) @ before[1][0, 0, :, 1] < -0.5
+    assert np.cross(thigh, shank) @ across > -0.2
+    assert state.turns[0, 1, :, 1] @ across > np.cos(np.radians(80.0))
+    np.testing.assert_allclose(state.root, before[0], atol=1e-9)
+    right = TREE.bones.index("right_knee")
+    np.testing.assert_allclose(state.bones[0, right], before[2][0, right], atol=1e-9)
+    assert n == 34
