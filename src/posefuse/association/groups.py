@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.association.results import Proposals
 from posefuse.association.solved import solve
 from posefuse.association.torso import torso
 from posefuse.kernels import proposals as kernels
@@ -21,6 +20,7 @@ from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.proposals import Proposals
 from posefuse.model.skeletons import Skeleton
 
 

@@ -9,6 +9,7 @@ from posefuse.arrays import ArraySource, check_shape, frozen, ranges, same
 from posefuse.errors import ResultError, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
+from posefuse.model.life import Event, Poses
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.skeletons import Skeleton
@@ -123,6 +124,8 @@ class Reconstruction:
         tracks: which detection in which view was whose, or None for a result that was not made from detections.
         noise: how noisy the detections were taken to be, or None likewise.
         swaps: which views took left for right, or None where labels were believed.
+        poses: how bodies stand, or None where no body was fitted.
+        events: what happened to people, in order.
         rate_hz: nominal frame rate, or None where unknown.
         unit: ``m``; ``px`` for one flattened camera, whose image plane is no place in the world.
         options: what the user chose.
@@ -141,6 +144,8 @@ class Reconstruction:
     tracks: Tracks | None = None
     noise: NoiseModel | None = None
     swaps: Swaps | None = None
+    poses: Poses | None = None
+    events: tuple[Event, ...] = ()
     rate_hz: float | None = None
     unit: str = "m"
     options: Options = field(default_factory=Options)
@@ -151,6 +156,7 @@ class Reconstruction:
         object.__setattr__(self, "frame_numbers", frozen(self.frame_numbers, np.int64))
         object.__setattr__(self, "time_s", frozen(self.time_s))
         object.__setattr__(self, "layers", dict(self.layers))
+        object.__setattr__(self, "events", tuple(self.events))
         n_frames, n_people = len(self.frame_numbers), len(self.person_ids)
         check_shape(ResultError, "Reconstruction", "time_s", self.time_s, frame=n_frames)
         if not self.layers:
@@ -195,6 +201,7 @@ class Reconstruction:
             layers={name: layer.frames(start, stop) for name, layer in self.layers.items()},
             tracks=None if self.tracks is None else self.tracks.frames(start, stop),
             swaps=None if self.swaps is None else self.swaps.frames(start, stop),
+            poses=None if self.poses is None else self.poses.frames(start, stop),
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
@@ -213,6 +220,7 @@ class Reconstruction:
             layers={name: Layer.concatenate([part.layers[name] for part in parts]) for name in first.layers},
             tracks=None if first.tracks is None else Tracks.concatenate([part.tracks for part in parts if part.tracks]),
             swaps=None if first.swaps is None else Swaps.concatenate([part.swaps for part in parts if part.swaps]),
+            poses=None if first.poses is None else Poses.concatenate([part.poses for part in parts if part.poses]),
         )
 
     def __eq__(self, other: object) -> bool:

@@ -53,9 +53,9 @@ class MotionOptions:
     """
 
     root_decay_s: float = 0.6
-    root_acceleration: float = 3.0
+    root_acceleration: float = 5.0
     turn_decay_s: float = 0.3
-    turn_acceleration: float = 15.0
+    turn_acceleration: float = 60.0
     limb_decay_s: float = 0.3
     limb_acceleration: float = 60.0
     shape_walk: float = 1e-7
@@ -100,7 +100,7 @@ class TrackerOptions:
     nu: float = 3.0
     gate: float = 60.0
     model_floor_m: float = 0.015
-    error_memory_s: float = 0.25
+    error_memory_s: float = 0.06
     limit_sigma: float = 0.1
     clutter_m: float = 1.0
     match_evidence: float = 0.0

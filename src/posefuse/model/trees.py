@@ -345,7 +345,11 @@ class _Builder:
         """Between segments."""
         return [
             Limit(
-                TWIST, self._segment(name), -1, self._segment(other), _unit(np.array(axis, dtype=float)),
+                TWIST,
+                self._segment(name),
+                -1,
+                self._segment(other),
+                _unit(np.array(axis, dtype=float)),
                 float(np.cos(np.radians(degrees))),
             )  # fmt: skip
             for name, (other, axis, degrees) in table.items()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from posefuse.kernels.articulated import State
+from posefuse.model.life import Event
 from posefuse.model.tracks import TrackState
 
 
@@ -96,25 +97,6 @@ class Remembered:
     time_s: float
     state: State
     rows: np.ndarray
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened to a person.
-
-    Attributes:
-        number: of the frame.
-        time_s: of the frame.
-        person: name.
-        what: ``born``, ``lost``, ``found``, ``returned``, ``forgotten``, ``identity uncertain``, ``identities exchanged``.
-        why: a clause.
-    """
-
-    number: int
-    time_s: float
-    person: str
-    what: str
-    why: str
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.association.results import Proposals
 from posefuse.model.frames import Frame
+from posefuse.model.proposals import Proposals
 from posefuse.tracking.records import Evidence, Tentative
 from posefuse.tracking.settings import Settings
 

@@ -4,16 +4,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from posefuse.association.results import Proposals
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import USED, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views, score_detections
 from posefuse.model.frames import Frame
+from posefuse.model.life import Event
+from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
 from posefuse.tracking import lifecycle
-from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.births import begin
-from posefuse.tracking.records import Event, Evidence, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.bodies import Sight, chosen, joined, nobody
+from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
