@@ -160,7 +160,7 @@ def _seeds(
         options.min_common,
         options.outlier_share,
         options.independent_keypoints,
-        options.bone_log_odds,
+        options.independent_bones,
         evidence,
         seed,
     )
@@ -206,7 +206,7 @@ def _grow(
         options.min_common,
         options.outlier_share,
         options.independent_keypoints,
-        options.bone_log_odds,
+        options.independent_bones,
         options.join_log_odds,
         options.swap_log_odds,
         options.miss_log_odds,

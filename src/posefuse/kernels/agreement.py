@@ -28,6 +28,7 @@ POINT_COLUMNS = 11
 # Student's t with 3 degrees of freedom at its middle, in one dimension.
 _T3_MIDDLE = 0.3675525969478613
 _HALF_TURN = 0.15915494309189535
+_NORMAL_MIDDLE = 0.3989422804014327
 # A view farther off than so many squared sigmas has no say in where a keypoint is.
 _REACH_SQUARED = 25.0
 
@@ -337,15 +338,20 @@ def _expected_spread(rays, points, n, m, k, depth, r, s, own):
 
 
 @step
-def bone_odds(points, bones, worst):
-    """Log odds of lengths that no body has, 0 if all can be; at most ``worst`` a bone.
+def bone_odds(points, bones, outlier_share, independent):
+    """Log odds of the lengths between keypoints, if the body's are and if anything is.
+
+    A body's length is taken as normally distributed with its plausible range as plus and minus three sigmas, anything
+    else as even up to twice the longest.
 
     Args:
         points: shape (core, POINT_COLUMNS).
         bones: shape (bone, 4): two core keypoints, shortest and longest distance in m.
-        worst: the least a bone can count, 0 or less.
+        outlier_share: how many lengths are wrong in the right person.
+        independent: at most so many count, for a wrong depth makes all of them wrong.
     """
     total = 0.0
+    known = 0
     for i in range(bones.shape[0]):
         a = int(bones[i, 0])
         b = int(bones[i, 1])
@@ -355,11 +361,14 @@ def bone_odds(points, bones, worst):
         dy = points[a, POINT + 1] - points[b, POINT + 1]
         dz = points[a, POINT + 2] - points[b, POINT + 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        off = max(bones[i, 2] - length, length - bones[i, 3])
-        if off > 0.0:
-            spread = _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
-            total += max(-0.5 * off * off / spread, worst)
-    return total
+        off = length - 0.5 * (bones[i, 2] + bones[i, 3])
+        own = (bones[i, 3] - bones[i, 2]) * (1.0 / 6.0)
+        variance = own * own
+        variance += _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
+        likeness = 2.0 * bones[i, 3] * math.exp(-0.5 * off * off / variance) / math.sqrt(variance) * _NORMAL_MIDDLE
+        total += _odds(likeness, outlier_share)
+        known += 1
+    return mean_evidence(total, known, 1, independent)
 
 
 @inline

@@ -52,7 +52,7 @@ def pair_evidence(
     min_common,
     outlier_share,
     independent,
-    bone_worst,
+    independent_bones,
     evidence,
     seed,
 ):
@@ -70,7 +70,7 @@ def pair_evidence(
         min_common: with fewer common keypoints nothing is said.
         outlier_share: how many keypoints are wrong in a detection of the right person.
         independent: at most so many keypoints count.
-        bone_worst: the least a bone can count.
+        independent_bones: at most so many bones count.
         evidence: shape (detection, detection), written: log odds of the rays; -inf for pairs that cannot be.
         seed: shape (detection, detection), written: the same with what the bones say.
     """
@@ -100,7 +100,7 @@ def pair_evidence(
                         outlier_share,
                         independent,
                     )
-                    bones_say = bone_odds(points, bones, bone_worst)
+                    bones_say = bone_odds(points, bones, outlier_share, independent_bones)
             evidence[a, b] = odds
             evidence[b, a] = odds
             seed[a, b] = odds + bones_say
@@ -262,7 +262,7 @@ def _grow(
     min_common,
     outlier_share,
     independent,
-    bone_worst,
+    independent_bones,
     join,
     swap,
     miss,
@@ -302,7 +302,7 @@ def _grow(
         swapped[count] = sides
         count += 1
         locate(rays, weights, mirror, members, swapped, count, _GROUP_ROUNDS, points)
-    odds += bone_odds(points, bones, bone_worst)
+    odds += bone_odds(points, bones, outlier_share, independent_bones)
     odds += _missed(cameras, sizes_px, boxes_px, box_view, view, members, count, points, miss)
     return odds, count
 
@@ -390,7 +390,7 @@ def group(
     min_common,
     outlier_share,
     independent,
-    bone_worst,
+    independent_bones,
     join,
     swap,
     miss,
@@ -427,7 +427,7 @@ def group(
         min_common: of core keypoints.
         outlier_share: how many keypoints are wrong in a detection of the right person.
         independent: at most so many keypoints count.
-        bone_worst: the least a bone can count.
+        independent_bones: at most so many bones count.
         join: log odds from which on a detection joins.
         swap: log odds that a detection has its sides swapped; -inf if none has.
         miss: log odds of a view that should show the person and does not.
@@ -475,7 +475,7 @@ def group(
                 min_common,
                 outlier_share,
                 independent,
-                bone_worst,
+                independent_bones,
                 join,
                 swap,
                 miss,
