@@ -144,16 +144,16 @@ def _seeds(
     clutter_px: np.ndarray,
     options: AssociationOptions,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log odds of all pairs, shape (detection, detection), and those worth growing, shape (seed, 2), best first."""
+    """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
     n = len(seen.rows)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     volume = np.concatenate(options.volume_m or ([-math.inf] * 3, [math.inf] * 3))
     kernels.pair_evidence(
         seen.rays,
         seen.weights,
-        core_mirror(skeleton),
+        skeleton.core_mirror,
         seen.view,
-        core_bones(skeleton),
+        skeleton.core_bones,
         allowed,
         clutter_px,
         volume,
@@ -165,8 +165,13 @@ def _seeds(
         seed,
     )
     kernels.support(seed, evidence, seen.view, len(rig), supported)
-    order = np.argsort(-supported, axis=None, kind="stable")[: np.count_nonzero(supported > 0.0)]
-    return evidence, np.stack(np.unravel_index(order, (n, n)), axis=1)
+    # What even its best friends do not make likely is not worth growing.
+    enough = np.count_nonzero(supported + options.prior_log_odds > 0.0)
+    order = np.argsort(-supported, axis=None, kind="stable")[:enough]
+    seeds = np.empty((enough, 3))
+    seeds[:, 0], seeds[:, 1] = np.divmod(order, n)
+    seeds[:, 2] = supported.ravel()[order]
+    return evidence, seeds
 
 
 def _grow(
@@ -196,9 +201,9 @@ def _grow(
         skeleton.core_indices,
         seen.rays,
         seen.weights,
-        core_mirror(skeleton),
+        skeleton.core_mirror,
         seen.view,
-        core_bones(skeleton),
+        skeleton.core_bones,
         allowed,
         evidence,
         seeds,
@@ -230,22 +235,4 @@ def _duplicates(seen: Seen, duplicate_of: np.ndarray, taken: np.ndarray) -> np.n
 
 def boxes(keypoints_px: np.ndarray) -> np.ndarray:
     """Shape (row, 4): least u, v and greatest u, v of each detection's keypoints, px; NaN where it has none."""
-    missing = np.isnan(keypoints_px)
-    low = np.where(missing, np.inf, keypoints_px).min(axis=1)
-    high = np.where(missing, -np.inf, keypoints_px).max(axis=1)
-    return np.concatenate([low, high], axis=1)
-
-
-def core_mirror(skeleton: Skeleton) -> np.ndarray:
-    """Shape (core,), int64: among the core keypoints each one's partner on the other side, else itself."""
-    core = skeleton.core_indices.tolist()
-    partners = skeleton.mirror[core].tolist()
-    return np.array([core.index(b) if b in core else i for i, b in enumerate(partners)], dtype=np.int64)
-
-
-def core_bones(skeleton: Skeleton) -> np.ndarray:
-    """Shape (bone, 4): two places in the core, and the least and greatest distance a body has between them, m."""
-    core = skeleton.core_indices.tolist()
-    bones = [(skeleton.index(a), skeleton.index(b), low, high) for a, b, low, high in skeleton.plausible_m]
-    kept = [(core.index(a), core.index(b), low, high) for a, b, low, high in bones if a in core and b in core]
-    return np.array(kept, dtype=np.float64).reshape(-1, 4)
+    return np.concatenate([np.fmin.reduce(keypoints_px, axis=1), np.fmax.reduce(keypoints_px, axis=1)], axis=1)

@@ -31,6 +31,9 @@ _HALF_TURN = 0.15915494309189535
 _NORMAL_MIDDLE = 0.3989422804014327
 # A view farther off than so many squared sigmas has no say in where a keypoint is.
 _REACH_SQUARED = 25.0
+_PAIR_ROUNDS = 1
+_FIRST_FEW = 5
+_PLAINLY_AGAINST = -1.0
 
 
 @kernel
@@ -192,6 +195,38 @@ def _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach):
 
 
 @step
+def locate_one(rays, weights, mirror, members, swapped, count, rounds, k, points):
+    """The point of core keypoint ``k``, if at least two members show it; arguments as of :func:`locate`."""
+    points[k, KNOWN] = 0.0
+    found, x, y, z = _algebraic(rays, weights, mirror, members, swapped, count, k)
+    if not found:
+        return
+    # Two views have nobody to overrule either.
+    reach = math.inf
+    for turn in range(rounds + 1):
+        if count > 2:
+            reach = 4.0 * _REACH_SQUARED if turn < 2 else _REACH_SQUARED
+        front, cost, sums = _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach)
+        if front < 2:
+            return
+        if turn < rounds:
+            solved, sx, sy, sz = solve_symmetric(*sums)
+            if not solved:
+                return
+            x -= sx
+            y -= sy
+            z -= sz
+        else:
+            points[k, POINT] = x
+            points[k, POINT + 1] = y
+            points[k, POINT + 2] = z
+            for i in range(6):
+                points[k, INFORMATION + i] = sums[i]
+            points[k, COST] = cost
+            points[k, KNOWN] = 1.0
+
+
+@step
 def locate(rays, weights, mirror, members, swapped, count, rounds, points):
     """Points of every core keypoint that at least two members show.
 
@@ -206,31 +241,7 @@ def locate(rays, weights, mirror, members, swapped, count, rounds, points):
         points: shape (core, POINT_COLUMNS), written.
     """
     for k in range(weights.shape[1]):
-        points[k, KNOWN] = 0.0
-        found, x, y, z = _algebraic(rays, weights, mirror, members, swapped, count, k)
-        if not found:
-            continue
-        # Two views have nobody to overrule either.
-        reach = math.inf
-        for turn in range(rounds + 1):
-            if count > 2:
-                reach = 4.0 * _REACH_SQUARED if turn < 2 else _REACH_SQUARED
-            front, cost, sums = _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach)
-            solved, sx, sy, sz = solve_symmetric(*sums)
-            if front < 2 or not solved:
-                break
-            if turn < rounds:
-                x -= sx
-                y -= sy
-                z -= sz
-            else:
-                points[k, POINT] = x
-                points[k, POINT + 1] = y
-                points[k, POINT + 2] = z
-                for i in range(6):
-                    points[k, INFORMATION + i] = sums[i]
-                points[k, COST] = cost
-                points[k, KNOWN] = 1.0
+        locate_one(rays, weights, mirror, members, swapped, count, rounds, k, points)
 
 
 @inline
@@ -246,36 +257,47 @@ def mean_evidence(total, common, min_common, independent):
 
 
 @step
-def pair_odds(weights, points, a, b, clutter_a, clutter_b, min_common, outlier_share, independent):
+def pair_odds(
+    rays, weights, mirror, members, swapped, clutter_a, clutter_b, min_common, outlier_share, independent, points
+):
     """Log odds that two detections show one person, from how near their rays pass.
 
     Two rays have one residual more than a point has unknowns, so a keypoint's cost is a squared t variable with one
-    degree of freedom.
+    degree of freedom. When the first few keypoints are plainly against it the rest is not looked at.
 
     Args:
+        rays: from :func:`observe`.
         weights: from :func:`observe`.
-        points: of the two, from :func:`locate`.
-        a: the one.
-        b: the other.
-        clutter_a: width in px of the region where anything else may lie, in the view of ``a``.
-        clutter_b: and of ``b``.
+        mirror: shape (core,), int64.
+        members: shape (at least 2,), int64: the two.
+        swapped: shape (at least 2,), bool.
+        clutter_a: width in px of the region where anything else may lie, in the view of the first.
+        clutter_b: and of the second.
         min_common: with fewer common keypoints nothing is said (0).
         outlier_share: how many keypoints are wrong in a detection of the right person.
         independent: at most so many count.
+        points: shape (core, POINT_COLUMNS), written.
+
+    Returns:
+        The odds; -inf where the rest was not looked at, ``points`` is then not whole.
     """
     total = 0.0
     common = 0
     for k in range(weights.shape[1]):
-        both = weights[a, k] * weights[b, k]
+        points[k, KNOWN] = 0.0
+        both = weights[members[0], k] * weights[members[1], k]
         if not both > 0.0:
             continue
         common += 1
+        locate_one(rays, weights, mirror, members, swapped, 2, _PAIR_ROUNDS, k, points)
         likeness = 0.0
         if points[k, KNOWN] > 0.0:
             width = math.sqrt(0.5 * clutter_a * clutter_b * math.sqrt(both))
             far = 1.0 + points[k, COST] * (1.0 / 3.0)
             likeness = width * _T3_MIDDLE / (far * far)
         total += _odds(likeness, outlier_share)
+        if common == _FIRST_FEW and total < _PLAINLY_AGAINST * common:
+            return -math.inf
     return mean_evidence(total, common, min_common, independent)
 
 

@@ -21,7 +21,6 @@ from posefuse.kernels.codes import NO_DETECTION
 from posefuse.kernels.jit import inline, kernel, step
 from posefuse.kernels.lens import OK, project_point, to_camera
 
-_PAIR_ROUNDS = 1
 _GROUP_ROUNDS = 3
 
 # Columns of the numbers of a group.
@@ -32,6 +31,9 @@ SEED_A = 2
 SEED_B = 3
 STATE = 4
 GROUP_COLUMNS = 5
+
+# A group grown from a pair is hardly more than so many times likelier, in log odds, than the pair with its support.
+_FAR_LIKELIER = 2.0
 
 # What becomes of a group.
 _OPEN = 0.0
@@ -87,20 +89,25 @@ def pair_evidence(
             if view[a] != view[b] and allowed[a, b]:
                 members[0] = b
                 members[1] = a
-                locate(rays, weights, mirror, members, swapped, 2, _PAIR_ROUNDS, points)
-                if within(points, volume):
-                    odds = pair_odds(
-                        weights,
-                        points,
-                        a,
-                        b,
-                        clutter_px[view[a]],
-                        clutter_px[view[b]],
-                        min_common,
-                        outlier_share,
-                        independent,
-                    )
+                clutter_a = clutter_px[view[b]]
+                clutter_b = clutter_px[view[a]]
+                odds = pair_odds(
+                    rays,
+                    weights,
+                    mirror,
+                    members,
+                    swapped,
+                    clutter_a,
+                    clutter_b,
+                    min_common,
+                    outlier_share,
+                    independent,
+                    points,
+                )
+                if odds > -math.inf and within(points, volume):
                     bones_say = bone_odds(points, bones, outlier_share, independent_bones)
+                else:
+                    odds = -math.inf
             evidence[a, b] = odds
             evidence[b, a] = odds
             seed[a, b] = odds + bones_say
@@ -308,13 +315,19 @@ def _grow(
 
 
 @inline
-def _is_grown(groups, numbers, n_groups, view, a, b):
-    """Whether a group that still stands holds both detections."""
-    found = False
+def _is_vain(groups, numbers, n_groups, view, a, b, supported):
+    """Whether a pair need not be grown now: some group holds it, or one far likelier holds either of the two.
+
+    If that other group is not to be had after all, the pair's turn comes again.
+    """
+    vain = False
     for g in range(n_groups):
+        has_a = groups[g, view[a]] == a
+        has_b = groups[g, view[b]] == b
         stands = numbers[g, STATE] != _GONE
-        found = found or (stands and groups[g, view[a]] == a and groups[g, view[b]] == b)
-    return found
+        likelier = numbers[g, STATE] == _OPEN and numbers[g, ODDS] > _FAR_LIKELIER * supported
+        vain = vain or (stands and has_a and has_b) or (likelier and (has_a or has_b))
+    return vain
 
 
 @inline
@@ -348,25 +361,37 @@ def _take_best(groups, numbers, n_groups, prior, free):
 
 
 @step
-def _mark_duplicates(keypoints_px, weights, view, core, chosen, groups, g, near, free, duplicate_of):
-    """Detections that repeat a member of a group in its own view are nobody else's."""
-    for n in range(len(view)):
-        m = groups[g, view[n]]
-        if not free[n] or m < 0:
+def _repeats(keypoints_px, weights, core, chosen, n, m, near):
+    """Whether two detections of a view lie so near each other that they are of one person."""
+    total = 0.0
+    common = 0
+    for j in range(len(core)):
+        w = weights[n, j]
+        u = weights[m, j]
+        if w > 0.0 and u > 0.0:
+            du = keypoints_px[chosen[n], core[j], 0] - keypoints_px[chosen[m], core[j], 0]
+            dv = keypoints_px[chosen[n], core[j], 1] - keypoints_px[chosen[m], core[j], 1]
+            total += min(0.5 * (du * du + dv * dv) / (1.0 / w + 1.0 / u), 4.0 * near * near)
+            common += 1
+    return common > 0 and total <= near * near * common
+
+
+@step
+def _repeated_group(keypoints_px, weights, core, chosen, groups, numbers, n_groups, g, near):
+    """The group already taken that ``g`` repeats in every view the two share; -1 if none."""
+    for h in range(n_groups):
+        if numbers[h, STATE] != _TAKEN or h == g:
             continue
-        total = 0.0
-        common = 0
-        for j in range(len(core)):
-            w = weights[n, j]
-            u = weights[m, j]
-            if w > 0.0 and u > 0.0:
-                du = keypoints_px[chosen[n], core[j], 0] - keypoints_px[chosen[m], core[j], 0]
-                dv = keypoints_px[chosen[n], core[j], 1] - keypoints_px[chosen[m], core[j], 1]
-                total += min(0.5 * (du * du + dv * dv) / (1.0 / w + 1.0 / u), 4.0 * near * near)
-                common += 1
-        if common > 0 and total <= near * near * common:
-            free[n] = False
-            duplicate_of[n] = g
+        shared = 0
+        repeated = 0
+        for v in range(groups.shape[1]):
+            if groups[g, v] >= 0 and groups[h, v] >= 0:
+                shared += 1
+                same = _repeats(keypoints_px, weights, core, chosen, groups[g, v], groups[h, v], near)
+                repeated += 1 if same else 0
+        if shared > 0 and repeated == shared:
+            return h
+    return -1
 
 
 @kernel
@@ -422,7 +447,7 @@ def group(
         bones: shape (bone, 4).
         allowed: shape (detection, detection), bool.
         evidence: shape (detection, detection), from :func:`pair_evidence`.
-        seeds: shape (seed, 2), int64: pairs, best first.
+        seeds: shape (seed, 3): pairs and their support, best first.
         clutter_px: shape (view,).
         min_common: of core keypoints.
         outlier_share: how many keypoints are wrong in a detection of the right person.
@@ -452,9 +477,9 @@ def group(
     for _ in range(len(view)):
         grown = 0
         for i in range(len(seeds)):
-            a, b = seeds[i, 0], seeds[i, 1]
+            a, b = int(seeds[i, 0]), int(seeds[i, 1])
             full = n_groups == len(groups) or grown == max_seeds
-            if full or not (free[a] and free[b]) or _is_grown(groups, numbers, n_groups, view, a, b):
+            if full or not (free[a] and free[b]) or _is_vain(groups, numbers, n_groups, view, a, b, seeds[i, 2]):
                 continue
             members[0] = a
             members[1] = b
@@ -506,8 +531,19 @@ def group(
             if best < 0:
                 break
             taken += 1
-            _mark_duplicates(keypoints_px, weights, view, core, chosen, groups, best, near, free, duplicate_of)
+            again = _repeated_group(keypoints_px, weights, core, chosen, groups, numbers, n_groups, best, near)
+            if again >= 0:
+                numbers[best, STATE] = _GONE
+                for v in range(n_views):
+                    if groups[best, v] >= 0:
+                        duplicate_of[groups[best, v]] = again
             lost = _drop_losers(groups, numbers, n_groups, free)
         if taken == 0:
             break
+    for n in range(len(view)):
+        for g in range(n_groups):
+            m = groups[g, view[n]]
+            if free[n] and numbers[g, STATE] == _TAKEN and m >= 0:
+                if _repeats(keypoints_px, weights, core, chosen, n, m, near):
+                    duplicate_of[n] = g
     return n_groups
