@@ -51,8 +51,9 @@ def propose(
     known_m: np.ndarray | None = None,
 ) -> Proposals:
     """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
-    seen = look(rig, frame, noise, skeleton, free, options)
-    allowed = may_pair(rig, skeleton, seen, options, known_m)
+    core = skeleton.core_indices
+    seen = look(rig, frame, noise, core, free, options)
+    allowed = may_pair(rig, core, seen, options, known_m)
     clutter_px = options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64)
     evidence, seeds = _seeds(rig, skeleton, seen, allowed, clutter_px, options)
     groups, sides, numbers, duplicate_of = _grow(
@@ -87,20 +88,20 @@ def look(
     rig: CameraRig,
     frame: Frame,
     noise: NoiseModel,
-    skeleton: Skeleton,
+    keypoints: np.ndarray,
     free: np.ndarray,
     options: AssociationOptions,
 ) -> Seen:
-    """The free detections as observations of core keypoints."""
-    rows, core = np.flatnonzero(free), skeleton.core_indices
-    rays, weights = np.empty((len(rows), len(core), 12)), np.empty((len(rows), len(core)))
+    """The free detections as observations of some keypoints, given by their places, shape (core,)."""
+    rows = np.flatnonzero(free)
+    rays, weights = np.empty((len(rows), len(keypoints), 12)), np.empty((len(rows), len(keypoints)))
     observe(
         *rig.packed,
         frame.keypoints_px,
         frame.confidence,
         frame.view,
         rows,
-        core,
+        keypoints,
         noise.scale_px * options.sigma_factor,
         noise.exponent,
         options.min_confidence,
@@ -111,7 +112,7 @@ def look(
 
 
 def may_pair(
-    rig: CameraRig, skeleton: Skeleton, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
+    rig: CameraRig, keypoints: np.ndarray, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
 ) -> np.ndarray:
     """Shape (detection, detection), bool: which pairs do not contradict the people already known.
 
@@ -128,7 +129,7 @@ def may_pair(
         np.ascontiguousarray(known_m, dtype=np.float64),
         np.sqrt(cameras[:, FX] * cameras[:, FY]),
         options.known_within_m,
-        skeleton.core_indices,
+        keypoints,
         near,
     )
     nobody = ~near.any(axis=1)

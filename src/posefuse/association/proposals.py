@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posefuse.association import groups
+from posefuse.association import groups, rpt
 from posefuse.association.results import Proposals
 from posefuse.errors import DetectionsError
 from posefuse.model.association_options import AssociationOptions
@@ -11,7 +11,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.skeletons import Skeleton
 
-_METHODS = {"groups": groups.propose}
+_METHODS = {"groups": groups.propose, "rpt": rpt.propose}
 
 
 def propose(

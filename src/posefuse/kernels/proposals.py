@@ -14,6 +14,7 @@ from posefuse.kernels.agreement import (
     bone_odds,
     join_odds,
     locate,
+    look,
     pair_odds,
     within,
 )
@@ -112,6 +113,35 @@ def pair_evidence(
             evidence[b, a] = odds
             seed[a, b] = odds + bones_say
             seed[b, a] = odds + bones_say
+
+
+@kernel
+def pair_bodies(rays, weights, pairs, bodies, errors_px):
+    """Points of all keypoints of pairs of detections, and what each of the two is off by.
+
+    Args:
+        rays: shape (detection, keypoint, 12).
+        weights: shape (detection, keypoint).
+        pairs: shape (pair, 2), int64.
+        bodies: shape (pair, keypoint, 3), written; NaN where missing.
+        errors_px: shape (pair, keypoint, 2), written.
+    """
+    n_core = weights.shape[1]
+    points = np.empty((n_core, POINT_COLUMNS))
+    mirror = np.arange(n_core)
+    swapped = np.zeros(2, np.bool_)
+    members = np.empty(2, np.int64)
+    for i in range(len(pairs)):
+        members[0] = pairs[i, 0]
+        members[1] = pairs[i, 1]
+        locate(rays, weights, mirror, members, swapped, 2, _GROUP_ROUNDS, points)
+        for k in range(n_core):
+            known = points[k, KNOWN] > 0.0
+            for j in range(3):
+                bodies[i, k, j] = points[k, POINT + j] if known else math.nan
+            for m in range(2):
+                _, r, s = look(rays, members[m], k, points[k, POINT], points[k, POINT + 1], points[k, POINT + 2])
+                errors_px[i, k, m] = math.sqrt(r * r + s * s) if known else math.nan
 
 
 @kernel
