@@ -15,8 +15,9 @@ from posefuse.association.results import Proposals
 from posefuse.association.solved import solve
 from posefuse.association.torso import torso
 from posefuse.kernels import proposals as kernels
-from posefuse.kernels.agreement import observe
+from posefuse.kernels.agreement import Law, Sight, observe
 from posefuse.kernels.lens import FX, FY
+from posefuse.kernels.proposals import Drafts, Surroundings
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -53,17 +54,23 @@ def propose(
     """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
     core = skeleton.core_indices
     seen = look(rig, frame, noise, core, free, options)
-    allowed = may_pair(rig, core, seen, options, known_m)
-    clutter_px = options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64)
-    evidence, seeds = _seeds(rig, skeleton, seen, allowed, clutter_px, options)
-    groups, sides, numbers, duplicate_of = _grow(
-        rig, frame, skeleton, seen, allowed, clutter_px, evidence, seeds, options
+    sight = Sight(
+        views=seen.view,
+        rays=seen.rays,
+        weights=seen.weights,
+        mirror=skeleton.core_mirror,
+        bones=skeleton.core_bones,
+        allowed=may_pair(rig, core, seen, options, known_m),
+        clutter_px=options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64),
     )
-    taken = np.flatnonzero(numbers[:, kernels.STATE] == 1.0)
-    taken = taken[np.argsort(-numbers[taken, kernels.ODDS], kind="stable")]
+    law = _law(options)
+    evidence, seeds = _seeds(len(rig), sight, law, options)
+    drafts = _grow(rig, frame, seen.rows, core, sight, law, evidence, seeds)
+    taken = np.flatnonzero(drafts.numbers[:, kernels.STATE] == kernels.TAKEN)
+    taken = taken[np.argsort(-drafts.numbers[taken, kernels.ODDS], kind="stable")]
     if not len(taken):
         return Proposals.none(len(skeleton), len(rig))
-    members, swapped = groups[taken], sides[taken]
+    members, swapped = drafts.groups[taken], drafts.sides[taken]
     rows = np.where(members >= 0, seen.rows[members], -1)
     points = solve(rig, frame, noise, skeleton, rows, swapped, options)
     torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
@@ -76,11 +83,11 @@ def propose(
         used=points.used,
         torso_m=torso_m,
         torso_covariance_m2=torso_covariance_m2,
-        log_odds=numbers[taken, kernels.ODDS] + options.prior_log_odds,
+        log_odds=drafts.numbers[taken, kernels.ODDS] + options.prior_log_odds,
         error_sigma=points.error_sigma,
         n_views=(rows >= 0).sum(axis=1),
-        n_pairs=numbers[taken, kernels.PAIRS].astype(np.int64),
-        duplicates=_duplicates(seen, duplicate_of, taken),
+        n_pairs=drafts.numbers[taken, kernels.PAIRS].astype(np.int64),
+        duplicates=_duplicates(seen.rows, drafts.duplicate_of, taken),
     )
 
 
@@ -137,37 +144,30 @@ def may_pair(
     return shared | (nobody[:, None] & nobody[None, :])
 
 
-def _seeds(
-    rig: CameraRig,
-    skeleton: Skeleton,
-    seen: Seen,
-    allowed: np.ndarray,
-    clutter_px: np.ndarray,
-    options: AssociationOptions,
-) -> tuple[np.ndarray, np.ndarray]:
+def _law(options: AssociationOptions) -> Law:
+    return Law(
+        min_common=options.min_common,
+        outlier_share=options.outlier_share,
+        independent=options.independent_keypoints,
+        independent_bones=options.independent_bones,
+        join=options.join_log_odds,
+        swap=options.swap_log_odds,
+        miss=options.miss_log_odds,
+        prior=options.prior_log_odds,
+        near=options.duplicate_sigma,
+        max_seeds=options.max_seeds,
+    )
+
+
+def _seeds(n_views: int, sight: Sight, law: Law, options: AssociationOptions) -> tuple[np.ndarray, np.ndarray]:
     """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
-    n = len(seen.rows)
+    n = len(sight.views)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     volume = np.concatenate(options.volume_m or ([-math.inf] * 3, [math.inf] * 3))
-    kernels.pair_evidence(
-        seen.rays,
-        seen.weights,
-        skeleton.core_mirror,
-        seen.view,
-        skeleton.core_bones,
-        allowed,
-        clutter_px,
-        volume,
-        options.min_common,
-        options.outlier_share,
-        options.independent_keypoints,
-        options.independent_bones,
-        evidence,
-        seed,
-    )
-    kernels.support(seed, evidence, seen.view, len(rig), supported)
+    kernels.pair_evidence(sight, law, volume, evidence, seed)
+    kernels.support(seed, evidence, sight.views, n_views, supported)
     # What even its best friends do not make likely is not worth growing.
-    enough = np.count_nonzero(supported + options.prior_log_odds > 0.0)
+    enough = np.count_nonzero(supported + law.prior > 0.0)
     order = np.argsort(-supported, axis=None, kind="stable")[:enough]
     seeds = np.empty((enough, 3))
     seeds[:, 0], seeds[:, 1] = np.divmod(order, n)
@@ -178,60 +178,39 @@ def _seeds(
 def _grow(
     rig: CameraRig,
     frame: Frame,
-    skeleton: Skeleton,
-    seen: Seen,
-    allowed: np.ndarray,
-    clutter_px: np.ndarray,
+    rows: np.ndarray,
+    core: np.ndarray,
+    sight: Sight,
+    law: Law,
     evidence: np.ndarray,
     seeds: np.ndarray,
-    options: AssociationOptions,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Groups, whose sides are swapped in them, their numbers, and whom each detection repeats."""
-    n = len(seen.rows)
-    room = min(len(seeds), options.max_seeds) * 2 + n
-    groups, sides = np.empty((room, len(rig)), dtype=np.int64), np.empty((room, len(rig)), dtype=bool)
-    numbers, duplicate_of = np.zeros((room, kernels.GROUP_COLUMNS)), np.empty(n, dtype=np.int64)
-    sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
-    grown = kernels.group(
-        rig.packed[0],
-        np.where(frame.recorded[:, None], sizes_px, 0.0),
-        boxes(frame.keypoints_px),
-        frame.view,
-        frame.keypoints_px,
-        seen.rows,
-        skeleton.core_indices,
-        seen.rays,
-        seen.weights,
-        skeleton.core_mirror,
-        seen.view,
-        skeleton.core_bones,
-        allowed,
-        evidence,
-        seeds,
-        clutter_px,
-        options.min_common,
-        options.outlier_share,
-        options.independent_keypoints,
-        options.independent_bones,
-        options.join_log_odds,
-        options.swap_log_odds,
-        options.miss_log_odds,
-        options.prior_log_odds,
-        options.duplicate_sigma,
-        options.max_seeds,
-        groups,
-        sides,
-        numbers,
-        duplicate_of,
+) -> Drafts:
+    """The groups that grew, taken or not."""
+    room = min(len(seeds), law.max_seeds) * 2 + len(rows)
+    drafts = Drafts(
+        groups=np.empty((room, len(rig)), dtype=np.int64),
+        sides=np.empty((room, len(rig)), dtype=bool),
+        numbers=np.empty((room, kernels.GROUP_COLUMNS)),
+        duplicate_of=np.empty(len(rows), dtype=np.int64),
     )
-    return groups[:grown], sides[:grown], numbers[:grown], duplicate_of
+    sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
+    around = Surroundings(
+        cameras=rig.packed[0],
+        sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
+        boxes_px=boxes(frame.keypoints_px),
+        box_view=frame.view,
+    )
+    pixels = frame.keypoints_px[rows[:, None], core]
+    grown = kernels.group(sight, law, around, pixels, evidence, seeds, drafts)
+    return Drafts(drafts.groups[:grown], drafts.sides[:grown], drafts.numbers[:grown], drafts.duplicate_of)
 
 
-def _duplicates(seen: Seen, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
+def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """Shape (duplicate, 2): rows that repeat a member, and the proposals, by the groups that became them."""
     again = np.flatnonzero(duplicate_of >= 0)
     order = np.argsort(taken)
     person = order[np.searchsorted(taken[order], duplicate_of[again])]
-    return np.stack([seen.rows[again], person], axis=1)
+    return np.stack([rows[again], person], axis=1)
 
 
 def boxes(keypoints_px: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ of freedom) about where other views expect it, or anywhere in a region ``clutter
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,56 @@ _REACH_SQUARED = 25.0
 _PAIR_ROUNDS = 1
 _FIRST_FEW = 5
 _PLAINLY_AGAINST = -1.0
+
+
+class Sight(NamedTuple):
+    """Detections that nobody claims, as observations of core keypoints.
+
+    Attributes:
+        views: shape (detection,), int64, not decreasing: each one's view.
+        rays: shape (detection, core, 12), from :func:`observe`.
+        weights: shape (detection, core), 1/px^2, 0 where there is no observation.
+        mirror: shape (core,), int64: each keypoint's partner on the other side, or itself.
+        bones: shape (bone, 4): two core keypoints, shortest and longest distance in m.
+        allowed: shape (detection, detection), bool, symmetric: which may be of one person.
+        clutter_px: shape (view,): width of the region where anything else may lie.
+    """
+
+    views: Any
+    rays: Any
+    weights: Any
+    mirror: Any
+    bones: Any
+    allowed: Any
+    clutter_px: Any
+
+
+class Law(NamedTuple):
+    """The numbers that odds are made of; :class:`posefuse.model.association_options.AssociationOptions` explains them.
+
+    Attributes:
+        min_common: with fewer common keypoints nothing is said.
+        outlier_share: how many keypoints are wrong in a detection of the right person.
+        independent: at most so many keypoints count.
+        independent_bones: at most so many bones count.
+        join: log odds from which on a detection joins a group.
+        swap: log odds that a detection has its sides swapped.
+        miss: log odds of a view that should show the person and does not.
+        prior: log odds of a group before anything is known.
+        near: detections of a view are of one person if on average so many sigmas apart.
+        max_seeds: at most so many pairs are grown at a time.
+    """
+
+    min_common: int
+    outlier_share: float
+    independent: float
+    independent_bones: float
+    join: float
+    swap: float
+    miss: float
+    prior: float
+    near: float
+    max_seeds: int
 
 
 @kernel
@@ -251,79 +302,71 @@ def _odds(likeness, outlier_share):
 
 
 @inline
-def mean_evidence(total, common, min_common, independent):
+def _evidence(total, common, min_common, independent):
     """Log odds of neighbouring keypoints that err together: no more than so many count as independent."""
     return total / common * min(float(common), independent) if common >= min_common else 0.0
 
 
 @step
-def pair_odds(
-    rays, weights, mirror, members, swapped, clutter_a, clutter_b, min_common, outlier_share, independent, points
-):
+def pair_odds(sight, law, members, swapped, points):
     """Log odds that two detections show one person, from how near their rays pass.
 
     Two rays have one residual more than a point has unknowns, so a keypoint's cost is a squared t variable with one
     degree of freedom. When the first few keypoints are plainly against it the rest is not looked at.
 
     Args:
-        rays: from :func:`observe`.
-        weights: from :func:`observe`.
-        mirror: shape (core,), int64.
+        sight: of the frame.
+        law: of odds.
         members: shape (at least 2,), int64: the two.
         swapped: shape (at least 2,), bool.
-        clutter_a: width in px of the region where anything else may lie, in the view of the first.
-        clutter_b: and of the second.
-        min_common: with fewer common keypoints nothing is said (0).
-        outlier_share: how many keypoints are wrong in a detection of the right person.
-        independent: at most so many count.
         points: shape (core, POINT_COLUMNS), written.
 
     Returns:
         The odds; -inf where the rest was not looked at, ``points`` is then not whole.
     """
+    weights = sight.weights
+    a = members[0]
+    b = members[1]
+    clutter = sight.clutter_px[sight.views[a]] * sight.clutter_px[sight.views[b]]
     total = 0.0
     common = 0
     for k in range(weights.shape[1]):
         points[k, KNOWN] = 0.0
-        both = weights[members[0], k] * weights[members[1], k]
+        both = weights[a, k] * weights[b, k]
         if not both > 0.0:
             continue
         common += 1
-        locate_one(rays, weights, mirror, members, swapped, 2, _PAIR_ROUNDS, k, points)
+        locate_one(sight.rays, weights, sight.mirror, members, swapped, 2, _PAIR_ROUNDS, k, points)
         likeness = 0.0
         if points[k, KNOWN] > 0.0:
-            width = math.sqrt(0.5 * clutter_a * clutter_b * math.sqrt(both))
             far = 1.0 + points[k, COST] * (1.0 / 3.0)
-            likeness = width * _T3_MIDDLE / (far * far)
-        total += _odds(likeness, outlier_share)
+            likeness = math.sqrt(0.5 * clutter * math.sqrt(both)) * _T3_MIDDLE / (far * far)
+        total += _odds(likeness, law.outlier_share)
         if common == _FIRST_FEW and total < _PLAINLY_AGAINST * common:
             return -math.inf
-    return mean_evidence(total, common, min_common, independent)
+    return _evidence(total, common, law.min_common, law.independent)
 
 
 @step
-def join_odds(rays, weights, mirror, points, n, swapped, clutter, min_common, outlier_share, independent):
+def join_odds(sight, law, points, n, swapped):
     """Log odds that a detection shows the person whose points are known from other views.
 
     The keypoint is expected with the covariance of the point, projected, and its own; a point that is poorly known
     therefore says little.
 
     Args:
-        rays: from :func:`observe`.
-        weights: from :func:`observe`.
-        mirror: shape (core,), int64.
+        sight: of the frame.
+        law: of odds.
         points: of the group, from :func:`locate`.
         n: the detection.
         swapped: whether its left and right are taken as swapped.
-        clutter: width in px of the region where anything else may lie, in its view.
-        min_common: with fewer common keypoints nothing is said (0).
-        outlier_share: how many keypoints are wrong in a detection of the right person.
-        independent: at most so many count.
     """
+    rays, weights = sight.rays, sight.weights
+    clutter = sight.clutter_px[sight.views[n]]
     total = 0.0
     common = 0
     for k in range(weights.shape[1]):
-        m = as_labelled(k, swapped, mirror)
+        m = as_labelled(k, swapped, sight.mirror)
         if points[k, KNOWN] == 0.0 or not weights[n, m] > 0.0:
             continue
         common += 1
@@ -334,8 +377,8 @@ def join_odds(rays, weights, mirror, points, n, swapped, clutter, min_common, ou
             determinant = xx * yy - xy * xy
             far = 1.0 + (yy * r * r - 2.0 * xy * r * s + xx * s * s) / determinant * (1.0 / 3.0)
             likeness = clutter * clutter * _HALF_TURN / (math.sqrt(determinant * far) * far * far)
-        total += _odds(likeness, outlier_share)
-    return mean_evidence(total, common, min_common, independent)
+        total += _odds(likeness, law.outlier_share)
+    return _evidence(total, common, law.min_common, law.independent)
 
 
 @inline
@@ -360,18 +403,18 @@ def _expected_spread(rays, points, n, m, k, depth, r, s, own):
 
 
 @step
-def bone_odds(points, bones, outlier_share, independent):
+def bone_odds(sight, law, points):
     """Log odds of the lengths between keypoints, if the body's are and if anything is.
 
     A body's length is taken as normally distributed with its plausible range as plus and minus three sigmas, anything
     else as even up to twice the longest.
 
     Args:
+        sight: of the frame.
+        law: of odds.
         points: shape (core, POINT_COLUMNS).
-        bones: shape (bone, 4): two core keypoints, shortest and longest distance in m.
-        outlier_share: how many lengths are wrong in the right person.
-        independent: at most so many count, for a wrong depth makes all of them wrong.
     """
+    bones = sight.bones
     total = 0.0
     known = 0
     for i in range(bones.shape[0]):
@@ -388,9 +431,9 @@ def bone_odds(points, bones, outlier_share, independent):
         variance = own * own
         variance += _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
         likeness = 2.0 * bones[i, 3] * math.exp(-0.5 * off * off / variance) / math.sqrt(variance) * _NORMAL_MIDDLE
-        total += _odds(likeness, outlier_share)
+        total += _odds(likeness, law.outlier_share)
         known += 1
-    return mean_evidence(total, known, 1, independent)
+    return _evidence(total, known, 1, law.independent_bones)
 
 
 @inline
@@ -404,9 +447,9 @@ def _variance_along(points, k, dx, dy, dz, length):
     return form / (length * length)
 
 
-@step
-def within(points, volume):
-    """Whether the middle of the known points lies in a box, low x y z then high."""
+@inline
+def middle(points):
+    """The mean of the points that are known, and how many they are: ``(count, x, y, z)``."""
     known = 0
     x = 0.0
     y = 0.0
@@ -417,8 +460,12 @@ def within(points, volume):
             x += points[k, POINT]
             y += points[k, POINT + 1]
             z += points[k, POINT + 2]
-    x /= known
-    y /= known
-    z /= known
+    return known, x / known, y / known, z / known
+
+
+@step
+def within(points, volume):
+    """Whether the middle of the known points lies in a box, low x y z then high."""
+    known, x, y, z = middle(points)
     low = (x >= volume[0]) & (y >= volume[1]) & (z >= volume[2])
     return (known > 0) & low & (x <= volume[3]) & (y <= volume[4]) & (z <= volume[5])
