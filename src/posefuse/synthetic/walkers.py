@@ -21,6 +21,7 @@ _ARRIVED_M = 0.35
 _RELAXATION_S = 0.4
 _TURN_S = 0.25
 _STRIDE_M = 1.3
+_THIGH_M = -0.43
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ class Walk:
         """Shape (time, node, 3): where every node of a human figure is, in metres; NaN while away."""
         grid = np.arange(len(self.heading)) / GRID_HZ
         step_m = np.linalg.norm(np.diff(self.floor_m, axis=0, prepend=self.floor_m[:1]), axis=1)
-        stature = figure.offsets_m[figure.names.index("left_knee"), 2] / -0.43
-        # Slow steps are shorter ones, so the gait's phase runs on at the square root of the speed.
-        pace = np.sqrt(step_m * GRID_HZ * stature) / _STRIDE_M
+        size = figure.offsets_m[figure.names.index("left_knee"), 2] / _THIGH_M
+        # Slow steps are shorter ones: the gait runs at the square root of the speed, as it does in people.
+        pace = np.sqrt(step_m * GRID_HZ / size) / _STRIDE_M
         gait = np.interp(time_s, grid, self.phase + 2.0 * np.pi * np.cumsum(pace) / GRID_HZ)
         swing = np.interp(time_s, grid, gaussian_filter1d(smooth_step(step_m * GRID_HZ / 1.2), 0.1 * GRID_HZ))
         angles = walk_pose(gait, swing)

@@ -6,7 +6,7 @@ from scipy.stats import kstest, t
 
 from posefuse.errors import OptionsError
 from posefuse.model.skeletons import shipped_skeletons
-from posefuse.synthetic.detector import spells, detect
+from posefuse.synthetic.detector import detect, spells
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import CreatureMotion, HumanMotion
 from posefuse.synthetic.options import ACTIVITIES, CLEAN, MOST_CAMERAS, DetectorOptions, SceneOptions
