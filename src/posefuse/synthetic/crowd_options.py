@@ -64,7 +64,7 @@ class CrowdFaults:
 class CrowdOptions:
     """What to simulate of several people.
 
-    What is left out is the scenario's own: 5 cameras around a room of 4 m, 25 frames a second, and
+    What is left out is the scenario's own: 5 cameras, 25 frames a second, and
 
     ============  ======  =======  ===================================================================
     scenario      people  seconds  what happens
@@ -75,7 +75,7 @@ class CrowdOptions:
     one_camera    2       20       boards hide one person from all views but one for 2 s
     dark          3       30       a camera shows nothing for 10 s
     bumped        3       30       a camera shows nothing for 2 s and comes back turned by 20 degrees
-    ten           10      30       ten people, 8 cameras, a room of 8 m
+    ten           10      30       ten people, 8 cameras, a wider room
     ============  ======  =======  ===================================================================
 
     Attributes:

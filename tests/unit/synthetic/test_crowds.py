@@ -120,7 +120,7 @@ class TestTruth:
         assert np.ptp(bearing) > np.pi
 
     def test_the_same_walk_at_any_rate(self):
-        slow, fast = (simulate_crowd(CrowdOptions("leave", duration_s=22.0, rate_hz=hz)) for hz in (25.0, 100.0))
+        slow, fast = (simulate_crowd(CrowdOptions("crowd", duration_s=8.0, rate_hz=hz)) for hz in (25.0, 100.0))
         np.testing.assert_allclose(points_of(slow), points_of(fast)[::4], atol=1e-9)
 
     def test_statures(self):
@@ -279,12 +279,15 @@ class TestDetector:
     def test_what_is_hidden_and_seen_all_the_same_is_less_sure_and_less_exact(self):
         law = DetectorOptions(outlier_share=0, miss_share=0, swap_share=0)
         half = replace(NO_FAULTS, hidden_confidence=0.5, hidden_error=2.0)
-        hidden, open_ = (self.of_still_people(law, faults) for faults in (half, NO_FAULTS))
+        hidden, open_ = (self.of_still_people(law, faults, 500) for faults in (half, NO_FAULTS))
         torso = hidden.truth.skeleton.index("mid_hip")
         behind = (cells_of(hidden)[1] == 0) & (hidden.owner == 0)
         confidence = [np.asarray(scene.detections.confidence)[behind, torso] for scene in (hidden, open_)]
-        np.testing.assert_allclose(confidence[0], 0.5 * confidence[1])
-        np.testing.assert_allclose(errors_of(hidden)[behind, torso], 4.0 * errors_of(open_)[behind, torso])
+        error = [errors_of(scene)[behind, torso] for scene in (hidden, open_)]
+        inside = np.isfinite(confidence[0])
+        assert inside.mean() > 0.95
+        np.testing.assert_allclose(confidence[0][inside], 0.5 * confidence[1][inside])
+        np.testing.assert_allclose(error[0][inside], 4.0 * error[1][inside])
 
     def test_the_owner_is_near(self, crowd):
         error = np.full(len(crowd.owner), np.nan)
