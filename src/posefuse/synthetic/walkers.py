@@ -140,7 +140,7 @@ class _Strollers:
         """Come in, go on, make for the door, go out."""
         near = np.linalg.norm(self.goal_m[p] - self.place_m[p]) < _ARRIVED_M
         if not self.inside[p]:
-            if time_s >= self.enter_s[p]:
+            if time_s >= self.enter_s[p] and self._is_free(self.place_m[p]):
                 self.inside[p], self.goal_m[p] = True, self._across(p)
         elif self.leaving[p]:
             if near:
@@ -152,6 +152,10 @@ class _Strollers:
         elif near and time_s >= self.pause_until_s[p]:
             self.goal_m[p] = self._across(p)
             self.pause_until_s[p] = time_s + (self.rng.uniform(0.5, 2.0) if self.rng.random() < 0.3 else 0.0)
+
+    def _is_free(self, place_m: np.ndarray) -> bool:
+        """Whether nobody stands in the door."""
+        return not (np.linalg.norm(self.place_m[self.inside] - place_m, axis=1) < 1.0).any()
 
     def _across(self, p: int) -> np.ndarray:
         """A place on the other side of the room."""
