@@ -40,6 +40,10 @@ if TYPE_CHECKING:
     from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
     from posefuse.pipeline import triangulate as triangulate
+    from posefuse.synthetic.crowd_options import CrowdFaults as CrowdFaults
+    from posefuse.synthetic.crowd_options import CrowdOptions as CrowdOptions
+    from posefuse.synthetic.crowds import crowd_of_points as crowd_of_points
+    from posefuse.synthetic.crowds import simulate_crowd as simulate_crowd
     from posefuse.synthetic.options import SceneOptions as SceneOptions
     from posefuse.synthetic.scenes import simulate as simulate
 
@@ -60,6 +64,8 @@ _PLACES = {
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.tracks": ("Tracks",),
     "pipeline": ("calibrate_noise", "reconstruct", "triangulate"),
+    "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
+    "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
 }

@@ -31,7 +31,8 @@ app = App(
 COMMANDS = {
     "reconstruct": "Reconstruct people in 3D from a recording's calibration and 2D keypoints.",
     "inspect": "Say what is in a recording's folder.",
-    "simulate": "Simulate a recording with known truth.",
+    "simulate": "Simulate a recording of one subject with known truth.",
+    "simulate-people": "Simulate a recording of several people with known truth.",
     "evaluate": "Compare a result with the truth.",
     "compare": "Compare triangulation methods on one recording.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
