@@ -5,14 +5,15 @@ there, and takes plain arrays as well.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from posefuse.errors import ResultError, choices
-from posefuse.evaluation.accuracy import interpolated
+from posefuse.evaluation.accuracy import Truth, interpolated
 from posefuse.evaluation.consistency import Consistency, consistency, normalised_squares
+from posefuse.evaluation.heads import JOINTS, HeadRule, joints_14
 from posefuse.evaluation.identity import (
     ClearScores,
     GhostLife,
@@ -35,7 +36,7 @@ from posefuse.evaluation.matching import (
     mean_distances_m,
 )
 from posefuse.evaluation.motion import Jitter, bone_spreads, jitter
-from posefuse.evaluation.parts import JOINTS, HeadRule, PartScores, joints_14, part_scores, pck
+from posefuse.evaluation.parts import PartScores, part_scores, pck
 from posefuse.model.cameras import UpAxis
 from posefuse.model.reconstruction import Reconstruction, unpack_covariance
 from posefuse.model.skeletons import Skeleton
@@ -364,15 +365,28 @@ def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints
     Raises:
         ResultError: if they share no frame or no keypoint.
     """
-    if result.unit != "m":
-        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
     sources = result.skeleton.sources_of(truth.skeleton)
     if not sources:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
-    skeleton = sub_skeleton(truth.skeleton, tuple(sources))
-    name, layer = result.best_layer(result.options.layer)
     columns = [truth.skeleton.index(keypoint) for keypoint in sources]
     frames, truth_m, matched_by = _at_frames_of(result, truth, columns)
+    skeleton = sub_skeleton(truth.skeleton, tuple(sources))
+    return _joined(result, skeleton, frames, truth_m, truth.person_ids, matched_by)
+
+
+def _joined(
+    result: Reconstruction,
+    skeleton: Skeleton,
+    frames: np.ndarray,
+    truth_m: np.ndarray,
+    truth_ids: Sequence[str],
+    matched_by: str,
+) -> PeoplePoints:
+    """Some frames of a result, with its keypoints as ``skeleton`` has them, beside the truth of these frames."""
+    if result.unit != "m":
+        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
+    name, layer = result.best_layer(result.options.layer)
+    sources = result.skeleton.sources_of(skeleton)
     covariance = unpack_covariance(np.asarray(layer.covariance_m2[:])[frames])
     time_s = result.time_s[frames]
     timed = bool(np.isfinite(time_s).all() and np.all(np.diff(time_s) > 0))
@@ -383,17 +397,40 @@ def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints
         time_s=time_s if timed else None,
         covariance_m2=_undivided(covariance, result.skeleton, sources) if np.isfinite(covariance).any() else None,
         person_ids=result.person_ids,
-        truth_ids=truth.person_ids,
+        truth_ids=tuple(truth_ids),
         up_axis=result.rig.up_axis,
         layer=name,
         matched_by=matched_by,
     )
 
 
+def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence[str]) -> PeoplePoints:
+    """A result and people whose positions came each from its own file, on the keypoints that all have.
+
+    Args:
+        result: in metres; ``options.layer`` or the best layer is compared.
+        truths: one a person, of the result's frames.
+        names: of the people.
+
+    Raises:
+        ResultError: if they have no keypoint in common.
+    """
+    shared = tuple(name for name in result.skeleton.keypoints if all(name in truth.keypoints for truth in truths))
+    if not truths or not shared:
+        raise ResultError(f"The truth's {len(truths)} people ({choices(names)}) have no keypoint in common.")
+    columns = [[truth.keypoints.index(name) for name in shared] for truth in truths]
+    known = np.stack([truth.points_m[:, c] for truth, c in zip(truths, columns, strict=True)], axis=1)
+    covered = np.flatnonzero(is_here(known).any(axis=1))
+    if not len(covered):
+        raise ResultError("Result and truth share no frame; are they of the same recording?")
+    return _joined(result, sub_skeleton(result.skeleton, shared), covered, known[covered], names, truths[0].matched_by)
+
+
 def sub_skeleton(skeleton: Skeleton, keypoints: tuple[str, ...]) -> Skeleton:
     """Some of a skeleton's keypoints, in the given order, and the edges between them."""
     edges = tuple((a, b) for a, b in skeleton.edges if a in keypoints and b in keypoints)
-    return Skeleton(skeleton.name, keypoints, edges)
+    derived = {name: parts for name, parts in skeleton.derived.items() if name in keypoints}
+    return Skeleton(skeleton.name, keypoints, edges, derived=derived)
 
 
 def _derived(points_m: np.ndarray, skeleton: Skeleton, sources: Mapping[str, tuple[str, ...]]) -> np.ndarray:

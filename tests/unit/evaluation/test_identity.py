@@ -90,7 +90,7 @@ def test_a_split_track():
 
 def test_a_false_person_and_a_duplicate():
     truth = walkers(1)
-    points = np.concatenate([truth, truth + [0.1, 0, 0], truth + [5.0, 0, 0]], axis=1)
+    points = np.concatenate([truth, truth + np.array([0.1, 0, 0]), truth + np.array([5.0, 0, 0])], axis=1)
     points[5:, 2] = np.nan
     matches = match_frames(points, truth)
     clear = clear_scores(matches)
@@ -121,11 +121,11 @@ def test_switches_are_remembered_over_gaps_and_absences_are_no_fragments():
 def test_half_similarity():
     """At 0.2 m of a reach of 0.5 m, 12 of 19 thresholds are met (0.05 to 0.6)."""
     truth = walkers(2)
-    _, _, hota = scored(truth + [0, 0, 0.2], truth)
+    _, _, hota = scored(truth + np.array([0, 0, 0.2]), truth)
     assert hota.hota == pytest.approx(12 / len(THRESHOLDS))
-    clear = clear_scores(match_frames(truth + [0, 0, 0.2], truth))
+    clear = clear_scores(match_frames(truth + np.array([0, 0, 0.2]), truth))
     assert clear.motp_mm == pytest.approx(200)
-    assert clear_scores(match_frames(truth + [0, 0, 0.2], truth, 0.15)).matches == 0
+    assert clear_scores(match_frames(truth + np.array([0, 0, 0.2]), truth, 0.15)).matches == 0
 
 
 def test_mostly_tracked_and_lost():
@@ -174,7 +174,7 @@ def test_as_many_pairs_as_can_be():
 
 def test_missing_keypoints_are_left_out_of_distances():
     truth = walkers(1)
-    points = truth + [0.3, 0, 0]
+    points = truth + np.array([0.3, 0, 0])
     points[:, :, 1] = np.nan
     points[5, :, 0] = np.nan
     points[6] = np.nan

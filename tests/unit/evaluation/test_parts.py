@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from posefuse.errors import ResultError
-from posefuse.evaluation.parts import JOINTS, PARTS, joints_14, part_scores, pck
+from posefuse.evaluation.heads import JOINTS, joints_14
+from posefuse.evaluation.parts import PARTS, part_scores, pck
 from posefuse.model.skeletons import Skeleton, find_skeleton
 
 BODY = {
@@ -80,7 +81,7 @@ def test_without_a_head_eight_parts_count():
 
 
 def test_the_closest_counts_however_far_and_for_two_at_once():
-    truth = np.stack([joints_14(body() + [x, 0, 0], COCO, "campus") for x in (0.0, 0.02, 3.0, 6.0)])[None]
+    truth = np.stack([joints_14(body() + np.array([x, 0, 0]), COCO, "campus") for x in (0.0, 0.02, 3.0, 6.0)])[None]
     found = joints_14(body(), COCO, "campus")[None, None]
     scores = part_scores(found, truth, "campus")
     assert scores.by_actor == (1, 1, 0, 0)
