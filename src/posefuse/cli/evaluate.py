@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -15,9 +15,12 @@ from posefuse.evaluation.accuracy import Accuracy, Truth
 from posefuse.evaluation.heads import HeadRule
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
     from posefuse.evaluation.people import PeoplePoints, PeopleScores
+
+StateName = Literal["tentative", "active", "lost"]
 
 NOT_THERE = "-"
 """Stands for a number that cannot be had."""
@@ -37,6 +40,10 @@ def evaluate(
     entry_s: Annotated[
         float, Parameter(help="Of many people: recall is also counted without so long after each entry.")
     ] = 0.4,
+    states: Annotated[
+        tuple[StateName, ...],
+        Parameter(help="Count people only while they are so; by default wherever they have points."),
+    ] = (),
     json_file: Annotated[
         Path | None,
         Parameter(name="--json", help="Where to write the numbers; by default evaluation.json in the result."),
@@ -51,6 +58,10 @@ def evaluate(
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
+    if states:
+        from posefuse.evaluation.people import only_in_states
+
+        reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     scores = compare(reconstruction, tuple(must_exist(file, "truth") for file in truth), head_rule, entry_s)
     target = json_file or path.parent / "evaluation.json"
     with replacing(target) as temporary:

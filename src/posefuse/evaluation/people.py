@@ -5,7 +5,7 @@ there, and takes plain arrays as well.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -40,6 +40,8 @@ from posefuse.evaluation.parts import PartScores, part_scores, pck
 from posefuse.model.cameras import UpAxis
 from posefuse.model.reconstruction import Reconstruction, unpack_covariance
 from posefuse.model.skeletons import Skeleton
+from posefuse.model.status import PointStatus, Source
+from posefuse.model.tracks import TrackState
 
 
 @dataclass(frozen=True)
@@ -350,6 +352,24 @@ def _why_no_part(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
     if lacking:
         return f"result and truth do not share {choices(lacking)}"
     return "the truth does not have the part in these frames"
+
+
+def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Reconstruction:
+    """The same result without points of people who are not in one of these states, such as lost ones' predictions.
+
+    Raises:
+        ResultError: if the result does not say who is in which state.
+    """
+    if result.tracks is None:
+        raise ResultError("This result has no tracks, so nobody in it is tentative, active or lost: leave states out.")
+    out = ~np.isin(np.asarray(result.tracks.state[:]), [int(state) for state in states])
+    layers = {}
+    for name, layer in result.layers.items():
+        points, covariance = np.array(layer.points_m[:]), np.array(layer.covariance_m2[:])
+        status, source = np.array(layer.status[:]), np.array(layer.source[:])
+        points[out], covariance[out], status[out], source[out] = np.nan, np.nan, PointStatus.ABSENT, Source.NONE
+        layers[name] = replace(layer, points_m=points, covariance_m2=covariance, status=status, source=source)
+    return replace(result, layers=layers)
 
 
 def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints:

@@ -22,9 +22,9 @@ class AssociationScores:
         recall: share of the truth that is found.
         oracle_recall: share that the oracle finds.
         relative_recall: of the people the oracle finds, the share that is found.
-        error_mm: mean distance over the keypoints of all matches.
-        oracle_error_mm: likewise of the oracle's.
-        error_mm_by_views: number of views the oracle has of a person to the mean distance.
+        error_mm: mean distance over keypoints, where people are found and the oracle has the keypoint.
+        oracle_error_mm: of the oracle's keypoints, over everybody it finds.
+        error_mm_by_views: number of views the oracle had of a keypoint to the mean distance.
         oracle_error_mm_by_views: likewise of the oracle's.
         false_share: proposals that are nobody, of all proposals.
     """
@@ -49,6 +49,7 @@ def score_association(
     oracle_m: Sequence[np.ndarray],
     oracle_views: Sequence[np.ndarray],
     counted: Sequence[np.ndarray] | None = None,
+    compared: Sequence[int] | None = None,
     gate_m: float = GATE_M,
 ) -> AssociationScores:
     """Score proposals of single frames.
@@ -58,9 +59,10 @@ def score_association(
         truth_m: by frame, shape (truth, keypoint, 3).
         oracle_m: by frame, of the truth's shape: triangulated from detections whose person is known; NaN for people
             that cannot be had.
-        oracle_views: by frame, shape (truth,), int: views of each person the oracle had.
+        oracle_views: by frame, shape (truth, keypoint), int: views of each keypoint the oracle had.
         counted: by frame, shape (person,), bool: whether an unmatched proposal is false; it is not where it may be
             somebody the truth leaves out. By default every one is.
+        compared: keypoints whose errors count; the others (of another definition in the truth) only help to match.
         gate_m: the farthest a match may be, as a mean over keypoints.
 
     Raises:
@@ -74,9 +76,11 @@ def score_association(
     found, matched = _matched(proposals_m, truth_m, gate_m)
     own = [np.asarray(each, dtype=np.float64) for each in oracle_m]
     ours, best = (_errors_mm(points, truth_m) for points in (found, own))
-    views = np.concatenate([np.asarray(each) for each in oracle_views])
-    hit = _is_hit(ours, gate_m)
-    oracle_hit = _is_hit(best, gate_m)
+    hit, oracle_hit = _is_hit(ours, gate_m), _is_hit(best, gate_m)
+    columns = slice(None) if compared is None else list(compared)
+    views = np.concatenate([np.asarray(each) for each in oracle_views])[:, columns]
+    theirs = np.where(oracle_hit[:, None], best, np.nan)[:, columns]
+    mine = np.where(hit[:, None] & np.isfinite(best), ours, np.nan)[:, columns]
     false = sum(
         int((~m if counted is None else ~m & np.asarray(counted[f], dtype=bool)).sum()) for f, m in enumerate(matched)
     )
@@ -89,10 +93,10 @@ def score_association(
         recall=_share(hit),
         oracle_recall=_share(oracle_hit),
         relative_recall=_share(hit[oracle_hit]),
-        error_mm=_mean(ours[hit]),
-        oracle_error_mm=_mean(best[oracle_hit]),
-        error_mm_by_views={int(v): _mean(ours[hit & (views == v)]) for v in np.unique(views)},
-        oracle_error_mm_by_views={int(v): _mean(best[oracle_hit & (views == v)]) for v in np.unique(views)},
+        error_mm=_mean(mine),
+        oracle_error_mm=_mean(theirs),
+        error_mm_by_views={int(v): _mean(mine[views == v]) for v in np.unique(views[np.isfinite(theirs)])},
+        oracle_error_mm_by_views={int(v): _mean(theirs[views == v]) for v in np.unique(views[np.isfinite(theirs)])},
         false_share=false / n_proposals if n_proposals else math.nan,
     )
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from posefuse.errors import ResultError
-from posefuse.evaluation.people import PeoplePoints, ScoringOptions, people_points, score_people
+from posefuse.evaluation.people import PeoplePoints, ScoringOptions, only_in_states, people_points, score_people
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.skeletons import find_skeleton
+from posefuse.model.tracks import Tracks, TrackState
 from posefuse.synthetic.scenes import truth_of
 from tests.scenes import body_points, ring
 
@@ -139,6 +140,19 @@ def flat(record: object) -> list[float]:
     if isinstance(record, (int, float)):
         return [float(record)]
     return flat(list(vars(record).values())) if hasattr(record, "__dict__") else []
+
+
+def test_people_may_count_only_while_active(rng):
+    """Lost for 5 of 20 frames, tentative in 2."""
+    truth = result_of(crowd(rng, 20, 2))
+    state = np.full((20, 2), TrackState.ACTIVE, dtype=np.int8)
+    state[:2, 0], state[10:15, 0] = TrackState.TENTATIVE, TrackState.LOST
+    result = replace(truth, tracks=Tracks(truth.person_ids, np.zeros((20, 2, 3), dtype=np.int32), state))
+    assert score_people(people_points(result, truth)).clear[0].misses == 0
+    active = score_people(people_points(only_in_states(result, [TrackState.ACTIVE]), truth)).clear[0]
+    assert (active.misses, active.n_found, active.fragments) == (7, 33, 1)
+    with pytest.raises(ResultError, match="no tracks"):
+        only_in_states(truth, [TrackState.ACTIVE])
 
 
 def test_arrays_that_do_not_fit(rng):
