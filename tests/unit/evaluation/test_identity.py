@@ -197,6 +197,23 @@ def test_longest_runs():
     assert longest_runs(flags).tolist() == [3, 0, 7]
 
 
+def test_as_the_published_code_has_it():
+    """Figures of TrackEval 1.3.0 on the same distances; MOTA is not among them, its matches being sticky there."""
+    f, t, p = np.ogrid[:40, :3, :4]
+    near = 0.02 + ((7 * f + 13 * t) % 17) / 60
+    far = 0.2 + ((7 * f + 13 * t + 29 * p + f * t * p) % 41) / 51.3
+    true_here = ((5 * f + 3 * t) % 11 > 0)[:, :, 0]
+    here = ((3 * f + 7 * p) % 13 > 1)[:, 0]
+    apart = np.where((f // 13 + t) % 4 == p, near, far)
+    apart[~(true_here[:, :, None] & here[:, None])] = np.nan
+    hota = hota_scores(apart, here, true_here)
+    identity = identity_scores(apart, int(true_here.sum()), int(here.sum()))
+    assert (hota.hota, hota.det_a, hota.ass_a) == pytest.approx(
+        (0.2310899436099506, 0.4420020002042236, 0.12120598026343359), abs=1e-12
+    )
+    assert identity.idf1 == pytest.approx(0.47107438016528924, abs=1e-12)
+
+
 @given(st.integers(0, 10_000))
 def test_neither_the_order_of_people_nor_the_world_s_axes_matter(seed):
     rng = np.random.default_rng(seed)
