@@ -35,7 +35,7 @@ def test_a_table_and_numbers(run, files, monkeypatch):
     assert numbers["clear"][0]["switches"] == 2
     assert numbers["clear"][0]["mota"] == pytest.approx(1 - (12 + 2) / 150)
     assert numbers["identity"]["idf1"] == pytest.approx(2 * 100 / (150 + 162))
-    assert numbers["ghosts"] == [{"person": 3, "frames": 12, "longest": 12, "ever_matched": False}]
+    assert numbers["ghosts"] == [{"person": "person_4", "frames": 12, "longest": 12, "ever_matched": False}]
     assert numbers["people"][2]["counterpart"] == "person_3"
     assert numbers["nees"]["mean"] == pytest.approx(3, rel=0.1)
 

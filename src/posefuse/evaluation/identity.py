@@ -5,6 +5,7 @@ matching of its published code). Boxes and their overlap are replaced by mean di
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,13 +100,13 @@ class GhostLife:
     """A person of the result where nobody is.
 
     Attributes:
-        person: its place on the person axis.
+        person: its name.
         frames: in how many frames nobody of the truth was in reach.
         longest: the most of them in a row.
         ever_matched: whether it is somebody at other times.
     """
 
-    person: int
+    person: str
     frames: int
     longest: int
     ever_matched: bool
@@ -191,13 +192,13 @@ def since_entry_s(here: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.where(here, time_s[:, None] - time_s[entry], np.nan)
 
 
-def ghosts(matches: Matches) -> tuple[GhostLife, ...]:
-    """People of the result while nobody of the truth is within the gate, longest life first."""
+def ghosts(matches: Matches, names: Sequence[str]) -> tuple[GhostLife, ...]:
+    """People of the result, by name, while nobody of the truth is within the gate; longest life first."""
     alone = matches.here & ~matches.in_reach
     ever = np.asarray(matches.person_matched.any(axis=0))
     longest, frames = longest_runs(alone), np.asarray(alone.sum(axis=0))
-    lives = [GhostLife(int(p), int(frames[p]), int(longest[p]), bool(ever[p])) for p in np.flatnonzero(longest)]
-    return tuple(sorted(lives, key=lambda life: (-life.longest, life.person)))
+    lives = [GhostLife(names[int(p)], int(frames[p]), int(longest[p]), bool(ever[p])) for p in np.flatnonzero(longest)]
+    return tuple(sorted(lives, key=lambda life: (-life.longest, names.index(life.person))))
 
 
 def longest_runs(flags: np.ndarray) -> np.ndarray:

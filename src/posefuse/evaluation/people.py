@@ -68,6 +68,19 @@ class ScoringOptions:
 
 
 @dataclass(frozen=True, eq=False)
+class Bodies:
+    """People with all the keypoints they have.
+
+    Attributes:
+        skeleton: of the keypoint axis.
+        points_m: shape (frame, person, keypoint, 3), NaN where missing.
+    """
+
+    skeleton: Skeleton
+    points_m: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class PeoplePoints:
     """A result and its truth on the same frames and keypoints.
 
@@ -82,6 +95,8 @@ class PeoplePoints:
         up_axis: of the world, None where unknown.
         layer: of the result.
         matched_by: how frames were put together.
+        whole: result and truth with all keypoints each has, of the same frames and people: parts need the nose and ears
+            of the one and the head of the other. By default the shared ones.
 
     Raises:
         ResultError: where the arrays do not fit each other.
@@ -97,6 +112,7 @@ class PeoplePoints:
     up_axis: UpAxis | None = None
     layer: str = "points"
     matched_by: str = "order"
+    whole: tuple[Bodies, Bodies] | None = None
 
     def __post_init__(self) -> None:
         frames, tail = len(self.points_m), (len(self.skeleton), 3)
@@ -230,7 +246,7 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
         recall_after_entry=_late_recall(data, first, options.entry_s),
         entry_s=options.entry_s,
         people=_each_person(data, first, apart, errors_mm),
-        ghosts=ghosts(first),
+        ghosts=ghosts(first, data.person_ids),
         mpjpe_mm=_mean(errors_mm),
         median_mm=_median(errors_mm),
         mpjpe_mm_of={name: _mean(errors_mm[..., k]) for k, name in enumerate(keypoints)},
@@ -258,8 +274,12 @@ def _late_recall(data: PeoplePoints, matches: Matches, entry_s: float) -> float:
 
 
 def _parts(data: PeoplePoints, rule: HeadRule) -> PartScores:
-    ours, true = (joints_14(points, data.skeleton, rule, data.up_axis) for points in (data.points_m, data.truth_m))
+    ours, true = (joints_14(each.points_m, each.skeleton, rule, data.up_axis) for each in _whole(data))
     return part_scores(ours, true, rule)
+
+
+def _whole(data: PeoplePoints) -> tuple[Bodies, Bodies]:
+    return data.whole or (Bodies(data.skeleton, data.points_m), Bodies(data.skeleton, data.truth_m))
 
 
 def _jitter(data: PeoplePoints, matches: Matches, ours: np.ndarray) -> Jitter:
@@ -348,9 +368,9 @@ def _reason(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
 def _why_no_part(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
     if scores.parts.head_rule == "none" and path.split(".")[-1] in ("8", "9"):
         return "head rule none: there is no head, and no torso that ends at it"
-    lacking = [name for name in JOINTS[:12] if name not in data.skeleton.keypoints]
+    lacking = [name for name in JOINTS[:12] if name not in _whole(data)[1].skeleton.keypoints]
     if lacking:
-        return f"result and truth do not share {choices(lacking)}"
+        return f"the truth's skeleton has no {choices(lacking)}"
     return "the truth does not have the part in these frames"
 
 
@@ -388,17 +408,16 @@ def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints
     sources = result.skeleton.sources_of(truth.skeleton)
     if not sources:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
-    columns = [truth.skeleton.index(keypoint) for keypoint in sources]
-    frames, truth_m, matched_by = _at_frames_of(result, truth, columns)
+    frames, whole_m, matched_by = _at_frames_of(result, truth)
     skeleton = sub_skeleton(truth.skeleton, tuple(sources))
-    return _joined(result, skeleton, frames, truth_m, truth.person_ids, matched_by)
+    return _joined(result, skeleton, frames, Bodies(truth.skeleton, whole_m), truth.person_ids, matched_by)
 
 
 def _joined(
     result: Reconstruction,
     skeleton: Skeleton,
     frames: np.ndarray,
-    truth_m: np.ndarray,
+    truth: Bodies,
     truth_ids: Sequence[str],
     matched_by: str,
 ) -> PeoplePoints:
@@ -408,12 +427,13 @@ def _joined(
     name, layer = result.best_layer(result.options.layer)
     sources = result.skeleton.sources_of(skeleton)
     covariance = unpack_covariance(np.asarray(layer.covariance_m2[:])[frames])
+    points = np.asarray(layer.points_m[:])[frames]
     time_s = result.time_s[frames]
     timed = bool(np.isfinite(time_s).all() and np.all(np.diff(time_s) > 0))
     return PeoplePoints(
         skeleton=skeleton,
-        points_m=_derived(np.asarray(layer.points_m[:])[frames], result.skeleton, sources),
-        truth_m=truth_m,
+        points_m=_derived(points, result.skeleton, sources),
+        truth_m=truth.points_m[:, :, [truth.skeleton.index(keypoint) for keypoint in skeleton.keypoints]],
         time_s=time_s if timed else None,
         covariance_m2=_undivided(covariance, result.skeleton, sources) if np.isfinite(covariance).any() else None,
         person_ids=result.person_ids,
@@ -421,6 +441,7 @@ def _joined(
         up_axis=result.rig.up_axis,
         layer=name,
         matched_by=matched_by,
+        whole=(Bodies(result.skeleton, points), truth),
     )
 
 
@@ -443,7 +464,8 @@ def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence
     covered = np.flatnonzero(is_here(known).any(axis=1))
     if not len(covered):
         raise ResultError("Result and truth share no frame; are they of the same recording?")
-    return _joined(result, sub_skeleton(result.skeleton, shared), covered, known[covered], names, truths[0].matched_by)
+    skeleton = sub_skeleton(result.skeleton, shared)
+    return _joined(result, skeleton, covered, Bodies(skeleton, known[covered]), names, truths[0].matched_by)
 
 
 def sub_skeleton(skeleton: Skeleton, keypoints: tuple[str, ...]) -> Skeleton:
@@ -467,16 +489,14 @@ def _undivided(covariance_m2: np.ndarray, skeleton: Skeleton, sources: Mapping[s
     return found
 
 
-def _at_frames_of(
-    result: Reconstruction, truth: Reconstruction, columns: list[int]
-) -> tuple[np.ndarray, np.ndarray, str]:
+def _at_frames_of(result: Reconstruction, truth: Reconstruction) -> tuple[np.ndarray, np.ndarray, str]:
     """Which of the result's frames the truth covers, its points there, and how they were put together.
 
     Returns:
         Shape (shared frame,), int64: places in the result; shape (shared frame, truth, keypoint, 3); and words.
     """
     _, layer = truth.best_layer()
-    points = np.asarray(layer.points_m[:])[:, :, columns]
+    points = np.asarray(layer.points_m[:])
     if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
         inside = np.flatnonzero((result.time_s >= truth.time_s[0]) & (result.time_s <= truth.time_s[-1]))
         if not len(inside):

@@ -96,7 +96,7 @@ def test_a_false_person_and_a_duplicate():
     clear = clear_scores(matches)
     assert (clear.false_people, clear.n_found, clear.mota) == (25, 45, pytest.approx(1 - 25 / 20))
     assert clear.false_share == pytest.approx(25 / 45)
-    assert [(g.person, g.frames, g.longest, g.ever_matched) for g in ghosts(matches)] == [(2, 5, 5, False)]
+    assert [(g.person, g.frames, g.longest, g.ever_matched) for g in ghosts(matches, "abc")] == [("c", 5, 5, False)]
 
 
 def test_a_ghost_may_be_somebody_at_other_times():
@@ -104,7 +104,7 @@ def test_a_ghost_may_be_somebody_at_other_times():
     points = truth.copy()
     points[3:5] += 5.0
     points[8:11] += 5.0
-    (life,) = ghosts(match_frames(points, truth))
+    (life,) = ghosts(match_frames(points, truth), ["a"])
     assert (life.frames, life.longest, life.ever_matched) == (5, 3, True)
 
 

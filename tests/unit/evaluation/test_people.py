@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from posefuse.errors import ResultError
+from posefuse.evaluation.heads import HEAD_RULES, JOINTS, joints_14
 from posefuse.evaluation.people import PeoplePoints, ScoringOptions, only_in_states, people_points, score_people
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import find_skeleton
+from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.synthetic.scenes import truth_of
 from tests.scenes import body_points, ring
@@ -140,6 +141,24 @@ def flat(record: object) -> list[float]:
     if isinstance(record, (int, float)):
         return [float(record)]
     return flat(list(vars(record).values())) if hasattr(record, "__dict__") else []
+
+
+def test_heads_are_made_of_keypoints_the_truth_lacks(rng):
+    """A truth of Shelf's 14 joints with heads of its own, made here by Campus's rule from nose and ears."""
+    points = crowd(rng, 10, 2)
+    joints = joints_14(points, COCO, "campus")
+    one = [truth_of(ring(3), Skeleton("shelf", JOINTS), joints[:, p], 25.0) for p in range(2)]
+    layers = [each.layers["measured"] for each in one]
+    layer = replace(
+        layers[0], **{f: np.concatenate([getattr(each, f) for each in layers], axis=1) for f in vars(layers[0])}
+    )
+    known = replace(one[0], person_ids=("a", "b"), layers={"measured": layer})
+    data = people_points(result_of(points), known)
+    assert len(data.skeleton) == 12
+    by_rule = {rule: score_people(data, ScoringOptions(head_rule=rule)).parts for rule in HEAD_RULES}
+    assert by_rule["campus"].by_part == (1,) * 10
+    assert by_rule["none"].by_part[:8] == (1,) * 8
+    assert by_rule["shelf"].by_part[8] < 1
 
 
 def test_people_may_count_only_while_active(rng):
