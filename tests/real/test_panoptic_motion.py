@@ -23,16 +23,13 @@ def check(scene: CrowdScene, points_m: np.ndarray) -> None:
 
 
 def test_one_person(shared_data):
-    folder = shared_data("panoptic_motion")
-    points = panoptic.read_one_person(folder)[:600]
-    rig = panoptic.read_rig(folder / "calibration_171026_pose3.json")
-    check(crowd_of_points(points, rig, panoptic.skeleton(), panoptic.RATE_HZ), points)
+    motion = panoptic.one_person(shared_data("panoptic_motion").parent)
+    points = motion.points_m[:600]
+    check(crowd_of_points(points, motion.rig, motion.skeleton, motion.rate_hz), points)
 
 
 @pytest.mark.parametrize("sequence", ["160906_band1", "160906_band2"])
 def test_three_people(shared_data, sequence):
-    folder = shared_data("panoptic_three_people") / sequence
-    points = panoptic.read_people(folder)
-    assert points.shape == (20, 3, 19, 3)
-    rig = panoptic.read_rig(next(folder.glob("calibration_*.json")))
-    check(crowd_of_points(points, rig, panoptic.skeleton(), panoptic.RATE_HZ), points)
+    motion = panoptic.three_people(shared_data("panoptic_three_people").parent, sequence)
+    assert motion.points_m.shape == (20, 3, 19, 3)
+    check(crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz), motion.points_m)
