@@ -3,12 +3,12 @@
 import numpy as np
 
 from posefuse.association import groups, rpt
-from posefuse.model.proposals import Proposals
 from posefuse.errors import DetectionsError
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.proposals import Proposals
 from posefuse.model.skeletons import Skeleton
 
 _METHODS = {"groups": groups.propose, "rpt": rpt.propose}

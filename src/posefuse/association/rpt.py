@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.association.groups import Seen, look, may_pair
-from posefuse.model.proposals import Proposals
 from posefuse.association.solved import Points, median_error_sigma, solve
 from posefuse.association.torso import torso
 from posefuse.kernels import codes
@@ -22,6 +21,7 @@ from posefuse.model.association_options import AssociationOptions, RptOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.proposals import Proposals
 from posefuse.model.skeletons import Skeleton
 
 # Of the score 1 / (1 + 10 e), e the error as a share of the image, clipped, at this distance.

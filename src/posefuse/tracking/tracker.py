@@ -19,8 +19,8 @@ from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 
-Propose = Callable[[Frame, np.ndarray, np.ndarray | None], Proposals]
-"""From a frame, which of its rows are free (row,), and people known (person, keypoint, 3), to proposals."""
+Propose = Callable[[Frame, np.ndarray], Proposals]
+"""From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
 
 
 class ArticulatedTracker:
@@ -186,7 +186,7 @@ class ArticulatedTracker:
         s = self.settings
         active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
         known = self.sight.points_m[self._keep][active]
-        proposals = self.propose(frame, free, None)
+        proposals = self.propose(frame, free)
         found = []
         for i in range(len(proposals)):
             away = np.linalg.norm(known - proposals.points_m[i], axis=-1)
