@@ -73,7 +73,7 @@ class Proposals:
 
     def solvable(self) -> "Proposals":
         """Those of which some keypoint is known; the rows of the others are free again."""
-        kept = self.has_point.any(axis=1)
+        kept = np.asarray(self.has_point.any(axis=1))
         if kept.all():
             return self
         duplicates = self.duplicates[kept[self.duplicates[:, 1]]]

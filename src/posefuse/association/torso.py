@@ -47,7 +47,7 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
 
 def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The median of the points, axis by axis, as well known as their scatter says."""
-    seen = np.isfinite(points).all(axis=-1)
+    seen = np.asarray(np.isfinite(points).all(axis=-1))
     out, spread = np.full((len(points), 3), np.nan), np.full((len(points), 6), np.nan)
     for i in range(len(points)):
         if seen[i].any():

@@ -101,9 +101,8 @@ class TestGroups:
         for seed in (0, 1):
             frame, who = seen(rig, truth, sigma_px=0.0, seed=seed)
             found = found_in(frame, rig)
-            results.append(
-                [(who[rows[rows >= 0]].tolist(), points) for rows, points in zip(found.rows, found.points_m)]
-            )
+            both = zip(found.rows, found.points_m, strict=True)
+            results.append([(who[rows[rows >= 0]].tolist(), points) for rows, points in both])
         first, second = (sorted(each, key=lambda p: p[0]) for each in results)
         for a, b in zip(first, second, strict=True):
             assert a[0] == b[0]
