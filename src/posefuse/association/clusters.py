@@ -32,7 +32,7 @@ def distance_squared(
         Shape (a, b), NaN where nothing is said.
     """
     difference = np.asarray(points_a_m)[:, None] - np.asarray(points_b_m)[None]
-    common = np.isfinite(difference).all(axis=-1)
+    common = np.asarray(np.isfinite(difference).all(axis=-1))
     difference = np.where(common[..., None], difference, 0.0)
     spread = full(covariance_a_m2)[:, None] + full(covariance_b_m2)[None] + floor_m**2 * np.eye(3)
     spread = np.where(common[..., None, None], spread, np.eye(3))

@@ -139,7 +139,7 @@ def may_pair(
         keypoints,
         near,
     )
-    nobody = ~near.any(axis=1)
+    nobody = np.asarray(~near.any(axis=1))
     shared = near.astype(np.int64) @ near.T > 0
     return shared | (nobody[:, None] & nobody[None, :])
 

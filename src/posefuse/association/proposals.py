@@ -51,4 +51,4 @@ def propose(
             f"Frame {frame.number} has {frame.keypoints_px.shape[1]} keypoints a person, but the skeleton "
             f"{skeleton.name!r} has {len(skeleton)}. Give the skeleton that the detector has."
         )
-    return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m)
+    return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m).solvable()

@@ -1,10 +1,11 @@
 """Where a trunk is, from shoulders and hips, any of which may be missing or wrong.
 
-The four points are taken as ``c + h + s, c + h - s, c - h + p, c - h - p`` (left and right shoulder, left and right
-hip) with the middle c unknown and the half height h, half shoulder width s and half hip width p normally distributed
-about 0 with the sizes of an adult in any direction. That is linear, so c and its covariance follow at once; where
-points are missing the covariance says what is not known. Points that do not fit get less weight (Student's t, 3
-degrees of freedom). The pelvis alone is the worst landmark of all and never decides.
+The four points are taken as ``c + h + s, c + h - s, c - h + (2/3 s + q), c - h - (2/3 s + q)`` (left and right
+shoulder, left and right hip): the middle c is unknown, the half height h and half shoulder width s are normally
+distributed about 0 with the sizes of an adult in any direction, and so is q, by which hips are not parallel to the
+shoulders and two thirds as wide. That is linear, so c and its covariance follow at once; where points are missing the
+covariance says what is not known. Points that do not fit get less weight (Student's t, 3 degrees of freedom). The
+pelvis alone is the worst landmark of all and never decides.
 
 A skeleton without shoulders and hips has its core keypoints instead, each anywhere around the middle.
 """
@@ -15,10 +16,11 @@ from posefuse.kernels.trunks import trunk_middles
 from posefuse.model.skeletons import Skeleton
 
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
-# Columns: c, h, s, p.
-_DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 1.0], [1.0, -1.0, 0.0, -1.0]])
-# Of c nothing is known; the others are those of an adult.
-_SIZES_M = np.array([100.0, 0.26, 0.2, 0.14])
+_HIPS = 2.0 / 3.0
+# Columns: c, h, s, q.
+_DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, _HIPS, 1.0], [1.0, -1.0, -_HIPS, -1.0]])
+# Of c nothing is known.
+_SIZES_M = np.array([100.0, 0.26, 0.2, 0.07])
 # Of a landmark, whatever its rays say: detectors do not agree on where a hip is.
 _FLOOR_M = 0.02
 
@@ -45,7 +47,7 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
 
 def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The median of the points, axis by axis, as well known as their scatter says."""
-    seen = np.isfinite(points).all(axis=-1)
+    seen = np.asarray(np.isfinite(points).all(axis=-1))
     out, spread = np.full((len(points), 3), np.nan), np.full((len(points), 6), np.nan)
     for i in range(len(points)):
         if seen[i].any():

@@ -218,7 +218,8 @@ def _best_join(sight, law, free, growing, count):
             continue
         odds = join_odds(sight, law, growing.points, n, False)
         sides = False
-        if odds <= law.join:
+        # Of detections that fit as they are only the best so far are asked whether they fit better the other way.
+        if odds <= law.join or odds > best:
             other = law.swap + join_odds(sight, law, growing.points, n, True)
             sides = other > odds
             odds = max(odds, other)

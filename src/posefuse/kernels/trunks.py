@@ -11,7 +11,7 @@ import numpy as np
 from posefuse.kernels.jit import kernel, step
 from posefuse.kernels.points import invert_symmetric
 
-_ROUNDS = 3
+_ROUNDS = 6
 _NU = 3.0
 
 

@@ -91,7 +91,7 @@ class AssociationOptions:
     outlier_share: float = 0.1
     independent_keypoints: float = 6.0
     join_log_odds: float = 0.0
-    prior_log_odds: float = -5.0
+    prior_log_odds: float = -3.0
     miss_log_odds: float = -0.5
     independent_bones: float = 2.0
     swap_log_odds: float = -4.0
