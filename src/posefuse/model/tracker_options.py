@@ -110,7 +110,7 @@ class TrackerOptions:
     swap_log_odds: float = -5.0
     swap_stay_log_odds: float = 1.5
     min_joints: int = 4
-    lost_after_s: float = 0.5
+    lost_after_s: float = 0.36
     lost_log_odds: float = -2.0
     most_log_odds: float = 6.0
     evidence_time_s: float = 1.0

@@ -11,7 +11,8 @@ from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 
 _SEEN_SHARE = 0.5
-_LOST_SD_M = 0.15
+_MOST_HIDDEN = -1.2
+"""Views that do not see somebody whom one does see count no more than this many that do."""
 
 
 def newcomer(name: str, time_s: float, settings: Settings) -> Track:
@@ -62,7 +63,11 @@ def live_on(
     o = settings.options
     gain = math.log(o.detection_share / o.false_share)
     loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
-    evidence = gain * int(supported.sum()) + loss * int((should_see & ~supported).sum())
+    missed = loss * int((should_see & ~supported).sum())
+    if supported.any():
+        # What hides somebody from one view often hides them from others too.
+        missed = max(missed, _MOST_HIDDEN * gain)
+    evidence = gain * int(supported.sum()) + missed
     track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
     track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
     said: list[tuple[str, str]] = []
@@ -124,3 +129,12 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
         state.covariance[p, :, n : n + h] = 0.0
     track.swapped[:] = 0
     track.ids[:] = -1
+
+
+def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
+    """Let two people go on as each other: names and bodies change places, poses stay."""
+    for name in ("name", "born_s", "trusted", "settled_s"):
+        mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
+        setattr(tracks[p], name, theirs)
+        setattr(tracks[q], name, mine)
+    state.shape[[p, q]] = state.shape[[q, p]]
