@@ -2,8 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, fields
+from typing import Literal, get_args
 
-from posefuse.errors import OptionsError
+from posefuse.errors import OptionsError, choices
+
+Smoother = Literal["none", "lag", "full"]
+SMOOTHERS: tuple[Smoother, ...] = get_args(Smoother)
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,10 @@ class TrackerOptions:
         forget_after_s: Who is lost for longer is not looked for any more (A_delete).
         shape_settle_s: How long a body's lengths are sought before they are kept.
         max_people: No more are followed at a time.
+        smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
+        lag_s: How far behind a fixed lag is.
+        look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
+        bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
     """
@@ -121,6 +129,10 @@ class TrackerOptions:
     forget_after_s: float = 30.0
     shape_settle_s: float = 4.0
     max_people: int = 50
+    smoother: Smoother = "full"
+    lag_s: float = 0.3
+    look_ahead_s: float = 2.0
+    bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
 
@@ -128,6 +140,8 @@ class TrackerOptions:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
             if getattr(self, name) < 1:
                 raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        if self.smoother not in SMOOTHERS:
+            raise OptionsError(f"No tracker.smoother is called {self.smoother!r}; there are {choices(SMOOTHERS)}.")
         for name in ("detection_share", "false_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")

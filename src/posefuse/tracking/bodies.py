@@ -45,6 +45,12 @@ def put(state: State, person: int, other: State, of: int = 0) -> None:
         mine[person] = theirs[of]
 
 
+def uncertain(n_pose: int, n_shape: int, free: bool) -> np.ndarray:
+    """Which of pose, shape and velocity, by number, are not known for certain: the shape is where it is kept."""
+    everything = np.arange(2 * n_pose + n_shape)
+    return everything if free else np.delete(everything, np.s_[n_pose : n_pose + n_shape])
+
+
 @dataclass(frozen=True)
 class Sight:
     """Where views should see people.
