@@ -63,7 +63,7 @@ def _tracks(scene: CrowdScene, present: np.ndarray) -> Tracks:
             detection[frame, owner, view] = row - detections.offsets[frame * detections.n_views + view]
     state = np.where(present, TrackState.ACTIVE, TrackState.ABSENT).astype(np.int8)
     for p in range(people):
-        began = np.flatnonzero(present[:, p] & ~np.roll(present[:, p], 1))
+        began = np.flatnonzero(np.diff(present[:, p].astype(int), prepend=0) > 0)
         for f in began:
             state[f : f + TENTATIVE_FRAMES, p] = TrackState.TENTATIVE
         ended = np.flatnonzero(~present[1:, p] & present[:-1, p])
