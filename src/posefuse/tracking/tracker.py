@@ -18,8 +18,8 @@ from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.watch import Watch, look_at
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
+from posefuse.tracking.watch import Watch, look_at
 
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
@@ -48,6 +48,8 @@ class ArticulatedTracker:
         self.remembered: dict[str, list[Remembered]] = {}
         """Of people first believed in the last frame: their states in the frames before."""
         self.events: list[Event] = []
+        self.exchanged: list[tuple[tuple[str, str], float]] = []
+        """Who, as was found in the last frame, have been taken for each other, and since when."""
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -58,7 +60,7 @@ class ArticulatedTracker:
             DetectionsError: if the frame does not fit the cameras or the skeleton, or is not later than the last.
         """
         time_s = self._time_of(frame)
-        self.events, self.remembered = [], {}
+        self.events, self.exchanged, self.remembered = [], [], {}
         dt_s = 0.0 if np.isnan(self.time_s) else time_s - self.time_s
         self.time_s = time_s
         rows, used = self._follow(frame, dt_s)
@@ -66,6 +68,13 @@ class ArticulatedTracker:
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used)
         return self._told(frame, rows, used)
+
+    def shape_of(self, p: int) -> tuple[np.ndarray, np.ndarray]:
+        """The shape of a body and its standard deviations, shape (shape,) each, m."""
+        tree, track = self.settings.tree, self.tracks[p]
+        n, h = tree.n_pose, tree.n_shape
+        block = track.trusted[1] if track.trusted else self.state.covariance[p, n : n + h, n : n + h]
+        return self.state.shape[p].copy(), np.sqrt(np.diag(block))
 
     def _time_of(self, frame: Frame) -> float:
         views, keypoints = len(self.settings.rig), len(self.settings.skeleton)
@@ -230,6 +239,7 @@ class ArticulatedTracker:
         other = finding.names
         if finding.exchange:
             lifecycle.exchange(self.tracks, self.state, p, q)
+            self.exchanged.append((finding.names, finding.since_s))
             why = f"its bones are those of {other[1]}, log odds {-finding.odds:.1f}"
             self.events.append(Event(number, self.time_s, other[0], "identities exchanged", why))
         elif not finding.clear:
