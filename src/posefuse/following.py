@@ -297,7 +297,7 @@ def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:
         rows: shape (frame, person, view).
         state: shape (frame, person), in and out.
     """
-    seen = (rows >= 0).any(axis=2)
+    seen = np.asarray((rows >= 0).any(axis=2))
     for p in range(state.shape[1]):
         last = np.flatnonzero(seen[:, p])
         end = last[-1] + 1 if len(last) else 0

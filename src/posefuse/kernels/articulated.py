@@ -12,8 +12,8 @@ from collections import namedtuple
 import numpy as np
 
 from posefuse.kernels.bodies import differentiate, locate, move
-from posefuse.kernels.jit import inline, kernel, step
-from posefuse.kernels.lens import OK, ROTATION, project_jacobian, project_point, to_camera
+from posefuse.kernels.jit import dense, inline, kernel, step
+from posefuse.kernels.lens import CX, CY, FX, FY, LENS, OK, PINHOLE, ROTATION, SKEW, project_jacobian, project_point, to_camera
 from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
 
 Body = namedtuple(
@@ -158,8 +158,17 @@ def point_covariance(jacobian, starts, columns, node, cov, out):
 def _look(cameras, v, points, k):
     """The pixel of a point and how it moves with the point: status, pixel, and two rows of three numbers per metre."""
     x, y, z = to_camera(cameras, v, points[k, 0], points[k, 1], points[k, 2])
-    status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
-    _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
+    if cameras[v, LENS] == PINHOLE and z > 0.0:
+        inverse = 1.0 / z
+        status = OK
+        ux, uy = cameras[v, FX] * inverse, cameras[v, SKEW] * inverse
+        vx, vy = 0.0, cameras[v, FY] * inverse
+        uz = -(ux * x + uy * y) * inverse
+        vz = -vy * y * inverse
+        pixel_u, pixel_v = cameras[v, CX] + ux * x + uy * y, cameras[v, CY] + vy * y
+    else:
+        status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
+        _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
     r = ROTATION
     r0, r1, r2 = cameras[v, r], cameras[v, r + 1], cameras[v, r + 2]
     r3, r4, r5 = cameras[v, r + 3], cameras[v, r + 4], cameras[v, r + 5]
@@ -467,7 +476,7 @@ def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     return 0.5 * stiffness * short * short
 
 
-@step
+@dense
 def _condition(prior, offset, m, hessian, gradient):
     """Add the prediction as prior; what the offset from it costs."""
     cost = 0.0
@@ -494,7 +503,7 @@ def _multiply(left, first, right, rows, m, out):
                 out[i, j] += by * right[k, j]
 
 
-@step
+@dense
 def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
     """Velocities and their covariance, from how pose and shape moved and what is known of them now.
 

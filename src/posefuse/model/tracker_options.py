@@ -104,7 +104,7 @@ class TrackerOptions:
         motion: How people move.
     """
 
-    iterations: int = 3
+    iterations: int = 2
     nu: float = 3.0
     gate: float = 60.0
     model_floor_m: float = 0.015

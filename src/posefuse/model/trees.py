@@ -297,7 +297,7 @@ class _Builder:
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
-            segment = self.segments.index(self.partner.get(row[0], row[0]))
+            segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
             self._put(Node(other, parent, segment, False, (x, -y, z), shape, (1.0, -1.0, 1.0)))
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:

@@ -74,7 +74,8 @@ def contacts(
         known: in and out, by names.
         tracks: of everybody.
         state: theirs.
-        supported, expected: shape (person, view), bool.
+        supported: shape (person, view), bool.
+        expected: shape (person, view), bool.
         time_s: of the frame.
         dt_s: since the last.
     """

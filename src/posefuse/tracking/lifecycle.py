@@ -38,6 +38,12 @@ def expected(sight: Sight, settings: Settings) -> np.ndarray:
     return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
 
 
+def middles(points_m: np.ndarray) -> np.ndarray:
+    """Shape (person, 3): means of the points there are, of shape (person, point, 3)."""
+    there = np.isfinite(points_m)
+    return np.where(there, points_m, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+
+
 def live_on(
     track: Track,
     supported: np.ndarray,

@@ -157,10 +157,12 @@ class ArticulatedTracker:
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
         supported = used.sum(axis=2) >= self.settings.options.min_joints
-        expected = lifecycle.expected(self.sight, self.settings) & frame.recorded & ~self.watch.refused
-        self.supported, self.expected = supported, expected
+        self.supported = supported
+        self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        expected = self.expected & ~self.watch.refused
+        torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
         for p, track in enumerate(self.tracks):
-            torso = np.nanmean(self.sight.points_m[p, self.settings.core], axis=0)
+            torso = torsos[p]
             said = lifecycle.live_on(track, supported[p], expected[p], torso, self.time_s, dt_s, self.settings)
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
             lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
@@ -205,7 +207,7 @@ class ArticulatedTracker:
         n, number = len(self.settings.rig), frame.number
         active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
         keep = self._keep
-        supported, expected = self.supported[keep], lifecycle.expected(self.sight, self.settings)[keep] & frame.recorded
+        supported, expected = self.supported[keep], self.expected[keep]
         free = np.bincount(frame.view[self._free(frame, rows[keep], whole=True)], minlength=n)
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
             what = "camera refused" if refused else "camera trusted"
