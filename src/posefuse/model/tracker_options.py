@@ -99,6 +99,7 @@ class TrackerOptions:
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
+        smoother_error_memory_s: For how long detections' errors last, for the smoother.
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
@@ -132,6 +133,7 @@ class TrackerOptions:
     smoother: Smoother = "full"
     lag_s: float = 0.3
     look_ahead_s: float = 2.0
+    smoother_error_memory_s: float = 0.25
     bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)

@@ -57,6 +57,11 @@ class Run:
             self.rows[to], self.used[to], self.life[to], self.missing_s[to],
         )  # fmt: skip
 
+    def within(self, start: int, stop: int) -> "Run":
+        """The frames from ``start`` to ``stop`` of the history."""
+        first, last = np.searchsorted(self.places, (start, stop))
+        return self.frames(int(first), int(last))
+
 
 @dataclass(frozen=True, eq=False)
 class _Entry:

@@ -1,8 +1,10 @@
 """What the whole recording says of each frame: a fixed-interval smoother over filtered bodies.
 
-Rauch, Tung & Striebel (1965) on the error state: differences of turns are logarithms, those of bones the least turn
-from one direction to the other, and corrections are applied as the filter applies its own. See docs/methods.md,
-"Smoothing people".
+Detectors' errors last for some frames. A filter that looks at a few frames only need not know for how long; a smoother
+averages over more of them, and does. So each person is filtered once more, with less said by each frame
+(:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch, Tung & Striebel (1965), on the
+error state, where differences of turns are logarithms, those of bones the least turn from one direction to the other,
+and corrections are applied as the filter applies its own. See docs/methods.md, "Smoothing people".
 """
 
 from collections.abc import Iterator
@@ -12,12 +14,16 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, foresee_people, predict_people
 from posefuse.kernels.smoothing import carry_back
+from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, chosen, uncertain
 from posefuse.tracking.history import History, Run
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.tempering import first_with, tell_again, what_was_said
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
+_FACE_VALUE = 0.3
+"""Which share of what a frame says, its errors taken as its own, is known beyond what the smoother believes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,23 +80,157 @@ class SmoothedPerson:
     run: Run
 
 
-def smooth_people(history: History, start: int, stop: int, settings: Settings) -> list[SmoothedPerson]:
-    """Smooth everybody in the frames ``start`` to ``stop`` of a history, counted from 0, by what it knows after them.
+class PeopleSmoother:
+    """Smooths a history from its first frame on, some frames at a time, each of them once.
 
-    How far it looks ahead is ``look_ahead_s`` or ``lag_s`` of the options; with the smoother ``none`` not at all.
-    Frames in which somebody has been lost for longer than ``bridge_s`` are left out.
+    Args:
+        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and the
+            one before them.
     """
-    ahead_s = {"none": 0.0, "lag": settings.options.lag_s, "full": settings.options.look_ahead_s}
-    until = history.place_at(history.time_s[stop - 1] + ahead_s[settings.options.smoother]) if stop > start else stop
-    found = []
-    for run in history.runs(start, max(stop, until)):
-        for part in _bridged(run, settings.options.bridge_s):
-            keep = int(np.searchsorted(part.places, stop))
-            if keep:
-                filtered = settings.options.smoother == "none"
-                body = as_filtered(part.state, settings) if filtered else smooth_run(part.state, part.time_s, settings)
-                found.append(SmoothedPerson(run.name, part.places[:keep], body.frames(0, keep), part.frames(0, keep)))
-    return found
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+        self.settings = history.settings
+        self.done = 0
+        """The first frame, counted from 0, that has not been given."""
+        self._windows: dict[str, _Window] = {}
+
+    def take(self, stop: int) -> list[SmoothedPerson]:
+        """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
+
+        What the history knows of the ``look_ahead_s`` after them is made use of, or of the ``lag_s`` after each of them.
+        Frames in which somebody has been lost for longer than ``bridge_s`` are left out. A person has several parts
+        where the filter began anew, and with a fixed lag.
+        """
+        options = self.settings.options
+        found = []
+        while self.done < stop:
+            if options.smoother == "lag":
+                found += self._take(self.done + 1, options.lag_s)
+            else:
+                found += self._take(stop, options.look_ahead_s if options.smoother == "full" else 0.0)
+        return found
+
+    def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
+        history, start = self.history, self.done
+        until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
+        found, windows = [], {}
+        for run in history.runs(max(start - 1, 0), until):
+            for part in _bridged(run, self.settings.options.bridge_s):
+                body, window = self._smooth(part, start, stop)
+                if len(body):
+                    keep = part.within(start, stop)
+                    found.append(SmoothedPerson(run.name, keep.places, body, keep))
+                if window is not None:
+                    windows[run.name] = window
+        self._windows, self.done = windows, stop
+        return found
+
+    def _smooth(self, part: Run, start: int, stop: int) -> tuple[Smoothed, "_Window | None"]:
+        """One person's frames from ``start`` to ``stop``, and what to begin with after them."""
+        first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
+        if self.settings.options.smoother == "none":
+            return _described(part.state, None, self.settings).frames(first, last), None
+        window = _refiltered(part, self._windows.get(part.name), self.settings)
+        body = _smoothed(window, part.time_s, self.settings).frames(first, last)
+        return body, window.after(last - 1) if last else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """One person filtered again in some consecutive frames.
+
+    Attributes:
+        root_m: shape (frame, 3): as first filtered, to know the frames by.
+        state: a State with frames where people stand: as filtered again.
+        information: shape (frame, pose + shape, pose + shape): what each frame says, errors taken as its own.
+    """
+
+    root_m: np.ndarray
+    state: State
+    information: np.ndarray
+
+    def after(self, start: int) -> "_Window":
+        """The frames from ``start`` on."""
+        return _Window(self.root_m[start:], State(*(each[start:] for each in self.state)), self.information[start:])
+
+
+def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window:
+    """A person filtered again, from frames on for which that is known."""
+    told, wanted = _tempered(part, settings)
+    share = np.minimum(told / wanted, 1.0)
+    n = 0
+    if known is not None and not part.fresh:
+        n = min(len(part), len(known.root_m))
+        other = np.flatnonzero((known.root_m[:n] != part.state.root[:n]).any(axis=1))
+        n = int(other[0]) if len(other) else n
+    if n == 0:
+        size = settings.tree.n_pose + settings.tree.n_shape
+        known = _Window(
+            part.state.root[:1], first_with(chosen(part.state, [0]), share[0], settings), np.zeros((1, size, size))
+        )
+        n = 1
+    assert known is not None
+    rest = part.frames(n - 1, len(part))
+    dt_s = np.diff(rest.time_s)
+    said = what_was_said(rest.frames(0, len(rest) - 1).state, dt_s, rest.frames(1, len(rest)).state, settings)
+    again = tell_again(rest.state, rest.time_s, said, share[n - 1 :], chosen(known.state, [n - 1]), settings)
+    return _Window(
+        part.state.root,
+        State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True))),
+        np.concatenate([known.information[:n], told[n:, None, None] * said.curvature]),
+    )
+
+
+def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """By how much frames were tempered for the filter, and are to be for the smoother, shape (frame,) both."""
+    dt_s = np.diff(part.time_s, prepend=2.0 * part.time_s[0] - part.time_s[min(1, len(part) - 1)])
+    tentative = part.life == TrackState.TENTATIVE
+    # Nobody who is only just believed is tempered: the frames that made them so, and the first after those.
+    begun = tentative | np.append(part.fresh, tentative[:-1])
+    told = np.where(begun, 1.0, tempering(dt_s, settings.options.error_memory_s))
+    return told, tempering(dt_s, settings.options.smoother_error_memory_s)
+
+
+def smooth_run(part: Run, settings: Settings) -> Smoothed:
+    """Smooth one person over consecutive frames by all of them."""
+    return _smoothed(_refiltered(part, None, settings), part.time_s, settings)
+
+
+def _smoothed(window: _Window, time_s: np.ndarray, settings: Settings) -> Smoothed:
+    return _described(smooth_states(window.state, time_s, settings), window.information, settings)
+
+
+def smooth_states(filtered: State, time_s: np.ndarray, settings: Settings) -> State:
+    """Rauch, Tung and Striebel's smoother over one person's filtered states.
+
+    Args:
+        filtered: a State with frames where people stand; it is left as it is.
+        time_s: shape (frame,), ascending.
+        settings: of the tracker whose states they are.
+
+    Returns:
+        A State likewise.
+    """
+    out = chosen(filtered, np.arange(len(time_s)))
+    for start, stop in _chunks(filtered.free, len(time_s) - 1):
+        _smooth_chunk(out, time_s, start, stop, settings)
+    return out
+
+
+def _smooth_chunk(state: State, time_s: np.ndarray, start: int, stop: int, settings: Settings) -> None:
+    """Smooth the frames ``start`` to ``stop``, in place, by frame ``stop``, which is smoothed."""
+    dt_s = np.diff(time_s[start : stop + 1])
+    predicted = chosen(state, np.arange(start, stop))
+    # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
+    nowhere = np.full(len(settings.most), np.inf)
+    predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
+    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[start]))
+    means = State(*(each[start : stop + 1] for each in state))
+    gains, rest = _gains(means.covariance[:-1], predicted.covariance, rows, dt_s, settings)
+    room = np.empty((2, state.covariance.shape[1]))
+    carry_back(gains, rows, predicted, means, room[0], room[1])
+    _carry_covariance_back(gains, rest, rows, means.covariance)
 
 
 def _bridged(run: Run, bridge_s: float) -> list[Run]:
@@ -98,45 +238,6 @@ def _bridged(run: Run, bridge_s: float) -> list[Run]:
     near = np.append(np.append(False, run.missing_s <= bridge_s), False)
     edges = np.flatnonzero(near[1:] != near[:-1])
     return [run.frames(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def as_filtered(filtered: State, settings: Settings) -> Smoothed:
-    """The same of one person whom nothing later has corrected."""
-    out = _room(len(filtered.root), settings)
-    _tell(filtered, settings, out, 0)
-    return out
-
-
-def smooth_run(filtered: State, time_s: np.ndarray, settings: Settings) -> Smoothed:
-    """Smooth one person over consecutive frames.
-
-    Args:
-        filtered: a State with frames where people stand; it is left as it is.
-        time_s: shape (frame,), ascending.
-        settings: of the tracker whose states they are.
-    """
-    if not len(time_s):
-        return _room(0, settings)
-    out = _room(len(time_s), settings)
-    after = chosen(filtered, [len(time_s) - 1])
-    _tell(after, settings, out, len(time_s) - 1)
-    for start, stop in _chunks(filtered.free, len(time_s) - 1):
-        after = _smooth_chunk(filtered, time_s, start, stop, after, settings, out)
-    return out
-
-
-def _room(frames: int, settings: Settings) -> Smoothed:
-    tree, keypoints = settings.tree, len(settings.skeleton)
-    return Smoothed(
-        np.empty((frames, 3)),
-        np.empty((frames, len(tree.segments), 3, 3)),
-        np.empty((frames, len(tree.bones), 3, 3)),
-        np.empty((frames, tree.n_shape)),
-        np.empty((frames, tree.n_shape)),
-        np.empty((frames, tree.n_pose)),
-        np.empty((frames, keypoints, 3)),
-        np.empty((frames, keypoints, 6)),
-    )
 
 
 def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
@@ -147,27 +248,6 @@ def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
         start = start + int(other[-1]) + 1 if len(other) else start
         yield start, stop
         stop = start
-
-
-def _smooth_chunk(
-    filtered: State, time_s: np.ndarray, start: int, stop: int, after: State, settings: Settings, out: Smoothed
-) -> State:
-    """Smooth the frames ``start`` to ``stop`` by the smoothed state ``after`` of frame ``stop``; that of ``start``."""
-    state = chosen(filtered, np.arange(start, stop))
-    dt_s = np.diff(time_s[start : stop + 1])
-    predicted = chosen(state, np.arange(stop - start))
-    # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
-    nowhere = np.full(len(settings.most), np.inf)
-    predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
-    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(filtered.free[start]))
-    gains, rest = _gains(state.covariance, predicted.covariance, rows, dt_s, settings)
-    means = State(*(np.concatenate(pair) for pair in zip(state, after, strict=True)))
-    room = np.empty((2, means.covariance.shape[1]))
-    carry_back(gains, rows, predicted, means, room[0], room[1])
-    _carry_covariance_back(gains, rest, rows, means.covariance)
-    smoothed = State(*(each[:-1] for each in means))
-    _tell(smoothed, settings, out, start)
-    return chosen(smoothed, [0])
 
 
 def _gains(
@@ -199,15 +279,31 @@ def _carry_covariance_back(gains: np.ndarray, rest: np.ndarray, rows: np.ndarray
         covariance[k][at] = late
 
 
-def _tell(state: State, settings: Settings, out: Smoothed, start: int) -> None:
-    """Write what is known of frames from ``start`` on."""
-    frames, keypoints = len(state.root), len(settings.skeleton)
-    n, h = settings.tree.n_pose, settings.tree.n_shape
-    sight = Sight.room(frames, 0, keypoints)
-    foresee_people(settings.cameras[:0], settings.body, state, *sight.arrays)
-    to = slice(start, start + frames)
-    out.root_m[to], out.turns[to], out.bones[to] = state.root, state.turns, state.bones
-    out.shape_m[to], out.velocity[to] = state.shape, state.velocity
-    variances = np.diagonal(state.covariance, axis1=1, axis2=2)[:, n : n + h]
-    out.shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
-    out.points_m[to], out.covariance_m2[to] = sight.points_m, sight.covariance_m2
+def _described(state: State, information: np.ndarray | None, settings: Settings) -> Smoothed:
+    """Where the keypoints of states are.
+
+    The smoother took errors for noise that is white, and as strong as they are in the long run; within the few frames
+    over which it averages they are less. So a share of what a frame says at face value is known besides.
+
+    Args:
+        state: a State with frames where people stand.
+        information: shape (frame, pose + shape, pose + shape): what each frame says at face value; None where nothing
+            was tempered for smoothing.
+        settings: of the tracker whose states they are.
+    """
+    frames, n, h = len(state.root), settings.tree.n_pose, settings.tree.n_shape
+    sight = Sight.room(frames, 0, len(settings.skeleton))
+    shape_sd_m = np.zeros((frames, h))
+    for start in range(0, frames, _CHUNK):
+        to = slice(start, min(start + _CHUNK, frames))
+        covariance = state.covariance[to].copy()
+        if information is not None:
+            known = np.eye(n + h) + _FACE_VALUE * information[to] @ covariance[:, : n + h, : n + h]
+            covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(known)
+        part = State(*(each[to] for each in state))._replace(covariance=covariance)
+        foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
+        variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
+        shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
+    return Smoothed(
+        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m, sight.covariance_m2
+    )  # fmt: skip
