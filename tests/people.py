@@ -11,19 +11,23 @@ from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 
 TENTATIVE_FRAMES = 3
 
 
 def crowd(people: int = 4, seconds: float = 2.0, seed: int = 0) -> CrowdScene:
-    """People who walk about; the last leaves for the middle third of the time."""
-    return simulate_crowd(CrowdOptions(people=people, duration_s=seconds, seed=seed, skeleton="body_20"))
+    """People who walk about, and a detector that often sees somebody who is not there."""
+    options = CrowdOptions(people=people, duration_s=seconds, seed=seed, skeleton="body_20")
+    return simulate_crowd(replace(options, faults=CrowdFaults(false_share=0.2)))
 
 
 def followed(scene: CrowdScene, seed: int = 0) -> Reconstruction:
-    """What an excellent tracker would make of a crowd: 1 cm off, each detection its owner's."""
+    """What an excellent tracker would make of a crowd: 1 cm off, each detection its owner's.
+
+    The last person is away for the middle third of the time.
+    """
     rng = np.random.default_rng(seed)
     truth = np.array(scene.truth.layers["measured"].points_m)
     frames, people = truth.shape[:2]
