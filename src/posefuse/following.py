@@ -29,7 +29,7 @@ _PX_AT_1000 = 4.5
 _EXPONENT = 1.0
 _SAMPLED_FRAMES = 60
 _ROUNDS = 3
-_EXPECTED_SIGMA = 1.12
+_EXPECTED_SIGMA = 1.22
 """The median distance, in sigmas, of detections of the assumed law from the points that most views agree on."""
 _FACTORS = (0.2, 5.0)
 
