@@ -18,11 +18,12 @@ def joint_angles(
     """All angles that a body's segments and bones define.
 
     A segment's axes are forward, left and up. The root in the world: ``heading`` (to the left, about up; 0 where it
-    faces along the world axis that is first across ``up``), ``tilt`` (forwards), ``list`` (to the right), as successive
+    faces along the first world axis that is across ``up``), ``tilt`` (forwards), ``list`` (to the right), as successive
     rotations in this order. Other segments in what carries them: ``bend`` (forwards), ``lean`` (to the right) and
     ``turn`` (to the left), in this order. Bones that hang down from a segment: ``flexion`` (forwards), ``abduction``
     (outwards) and ``rotation`` (inwards, about itself, from the least rotation). Bones after bones: ``flexion``, the
-    angle between them, 0 when straight; at a root that is no segment, each with the first one. Other bones on a segment: ``bend``, the angle from their rest.
+    angle between them, 0 when straight; at a root that is no segment, each with the first one. Other bones on a
+    segment: ``bend``, the angle from their rest.
 
     Args:
         tree: of the body.

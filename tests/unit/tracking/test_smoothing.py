@@ -12,7 +12,7 @@ from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.bodies import chosen, joined, nobody, put, uncertain
+from posefuse.tracking.bodies import chosen, joined, nobody, uncertain
 from posefuse.tracking.history import Run
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.settings import Settings, tempering
@@ -28,7 +28,7 @@ DT_S = 0.04
 
 @pytest.fixture(scope="module")
 def settings() -> Settings:
-    rig = build_rig(3)
+    rig = build_rig("ring", 3)
     return Settings.of(rig, SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
 
 
@@ -231,9 +231,8 @@ def test_missing_frames_are_wider(settings, rng):
     assert np.isfinite(smooth.points_m).all()
 
 
-def test_the_last_state_put_is_untouched(settings, rng):
+def test_what_is_smoothed_is_left_as_it_is(settings, rng):
     states = filtered(settings, 10, rng)
     kept = chosen(states, np.arange(10))
     smooth_run(run_of(states), settings)
     close(states, kept, 0.0)
-    put(states, 0, kept, 1)
