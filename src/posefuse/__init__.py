@@ -13,10 +13,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from posefuse.edits import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
     from posefuse.io.calibration.read import read_cameras as read_cameras
+    from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
     from posefuse.io.options import read_options as read_options
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
@@ -40,13 +42,19 @@ if TYPE_CHECKING:
     from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
     from posefuse.pipeline import triangulate as triangulate
+    from posefuse.synthetic.crowd_options import CrowdFaults as CrowdFaults
+    from posefuse.synthetic.crowd_options import CrowdOptions as CrowdOptions
+    from posefuse.synthetic.crowds import crowd_of_points as crowd_of_points
+    from posefuse.synthetic.crowds import simulate_crowd as simulate_crowd
     from posefuse.synthetic.options import SceneOptions as SceneOptions
     from posefuse.synthetic.scenes import simulate as simulate
 
 _PLACES = {
+    "edits": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
     "io.calibration.read": ("read_cameras",),
+    "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),
     "io.options": ("read_options",),
     "io.results.netcdf": ("read_reconstruction",),
@@ -60,6 +68,8 @@ _PLACES = {
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.tracks": ("Tracks",),
     "pipeline": ("calibrate_noise", "reconstruct", "triangulate"),
+    "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
+    "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
 }

@@ -8,19 +8,24 @@ from platform import python_version
 
 import numpy as np
 
-from posefuse import survey
+from posefuse import following, survey
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
+from posefuse.association.one_subject import OneSubject
+from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
+from posefuse.following import Followed
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
+from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
+from posefuse.tracking.records import People
 from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
@@ -36,7 +41,7 @@ class Plan:
         rig: one camera per view, in the views' order.
         detections: the frames and views to reconstruct.
         options: as given, with ``pairs`` and ``min_views`` settled.
-        subject_ids: the subject's 2D track id in each view.
+        subjects: who is followed.
         noise: of the detections.
         provenance: how the result is made.
     """
@@ -44,7 +49,7 @@ class Plan:
     rig: CameraRig
     detections: Detections
     options: Options
-    subject_ids: np.ndarray
+    subjects: Subjects
     noise: NoiseModel
     provenance: Provenance
 
@@ -95,14 +100,19 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
         raise DetectionsError("The recording is empty: it has no frames.")
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    subject_ids = one_subject.longest_ids(detections)
-    notes = (*notes, *one_subject.remarks(detections, options.pick))
-    noise, findings = survey.survey(rig, detections, options, subject_ids, progress)
+    options = settle_people(options, detections, len(rig))
+    subjects: Subjects
+    if options.people == "one":
+        subjects = OneSubject.of(detections, options.pick)
+        notes = (*notes, *one_subject.remarks(detections, options.pick))
+    else:
+        subjects = following.follow(rig, detections, options, progress)
+    noise, findings = survey.survey(rig, detections, options, subjects, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
         notes=(*rig.notes, *detections.notes, *notes, *findings),
     )
-    return Plan(rig, detections, options, subject_ids, noise, provenance)
+    return Plan(rig, detections, options, subjects, noise, provenance)
 
 
 def settle(plan: Plan, method: str | None = None) -> Plan:
@@ -117,7 +127,7 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
         options = replace(options, triangulation=replace(options.triangulation, method=method))
     options = settle_pairs(options, len(plan.rig), plan.detections.skeleton)
     options, warning = settle_min_views(options, len(plan.rig))
-    options, remarks = settle_method(plan.rig, plan.detections, options, plan.subject_ids, plan.noise)
+    options, remarks = settle_method(plan.rig, plan.detections, options, plan.subjects, plan.noise)
     notes = (*plan.provenance.notes, *warning, *remarks)
     return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes))
 
@@ -135,10 +145,14 @@ def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
     around = _context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
     seen = plan.detections.frames(first, last)
-    followed = one_subject.follow(seen, plan.options.pick, plan.subject_ids)
+    followed = plan.subjects.follow(first, last)
     layer, swaps = measure_layer(plan, seen, followed)
-    start, stop = start - first, stop - first
-    detections, tracks = seen.frames(start, stop), followed.frames(start, stop)
+    detections, tracks = seen.frames(start - first, stop - first), followed.frames(start - first, stop - first)
+    layers = {"measured": layer.frames(start - first, stop - first)}
+    poses, events = None, ()
+    if isinstance(plan.subjects, Followed):
+        layers["model"], poses = plan.subjects.bodies(plan.rig, detections, start, stop)
+        events = plan.subjects.events
     recorded = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
     count = recorded.sum(axis=1)
@@ -148,10 +162,12 @@ def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
         person_ids=tracks.person_ids,
         frame_numbers=detections.frame_numbers,
         time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),
-        layers={"measured": layer.frames(start, stop)},
+        layers=layers,
         tracks=tracks,
         noise=plan.noise,
-        swaps=None if swaps is None else swaps.frames(start, stop),
+        swaps=None if swaps is None else swaps.frames(start - first, stop - first),
+        poses=poses,
+        events=events,
         rate_hz=detections.rate_hz,
         unit="px" if len(plan.rig) == 1 else "m",
         options=plan.options,
@@ -180,6 +196,42 @@ def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[L
     return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2), swaps
 
 
+class Tracker:
+    """Follows people live: one frame in, everybody known out; nothing is kept outside it.
+
+    It can be pickled between frames. The same frames give the same people.
+
+    Args:
+        rig: calibrated cameras, in the order of the frames' views.
+        skeleton: of the keypoints; its tree says how bodies move.
+        options: ``tracker``, ``association``, ``triangulation.confidence_exponent`` and what fixes the noise count;
+            without that, detections are taken to err by 4.5 px / confidence at 1000 px image width.
+
+    Raises:
+        SkeletonError: if the skeleton has no tree.
+    """
+
+    def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options | None = None) -> None:
+        options = options or Options()
+        noise = following.usual_noise(rig, options)
+        self._tracker = following.tracker_of(rig, find_skeleton(skeleton), noise, options)
+
+    def update(self, frame: Frame) -> People:
+        """Take a frame, later than the last.
+
+        Args:
+            frame: what the views show; :meth:`Frame.of_people` makes one from detectors' arrays.
+
+        Returns:
+            Everybody: active, then lost, then tentative people, with positions in metres, covariances, whose detection
+            is whose, and what happened.
+
+        Raises:
+            DetectionsError: if the frame does not fit the cameras or the skeleton, has no time, or is not later.
+        """
+        return self._tracker.update(frame)
+
+
 def calibrate_noise(
     rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
 ) -> NoiseModel:
@@ -201,7 +253,7 @@ def calibrate_noise(
     options = options or Options()
     rig, detections, _ = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    return survey.find_law(rig, detections, options, one_subject.longest_ids(detections), progress or Silent())
+    return survey.find_law(rig, detections, options, OneSubject.of(detections, options.pick), progress or Silent())
 
 
 def match_views(
@@ -313,6 +365,18 @@ def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[s
     return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
 
 
+def settle_people(options: Options, detections: Detections, n_cameras: int) -> Options:
+    """Decide how many people there are, where that is left open: many, if a view ever shows several.
+
+    One camera cannot tell where people are, and a skeleton without a tree not how they move.
+    """
+    if options.people != "auto":
+        return options
+    several = bool((detections.people_counts > 1).any())
+    can = n_cameras > 1 and detections.skeleton.tree is not None
+    return replace(options, people="many" if several and can and options.pick is None else "one")
+
+
 def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
     """Fill in how keypoints that come in pairs are solved.
 
@@ -324,13 +388,14 @@ def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Option
 
 
 def settle_method(
-    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, noise: NoiseModel
+    rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, noise: NoiseModel
 ) -> tuple[Options, tuple[str, ...]]:
     """Let a method that has to see the whole recording first do so."""
     method = load_method(options.triangulation.method)
     settle = getattr(method, "settle", None)
     if settle is None or len(rig) == 1:
         return options, ()
-    pieces = ((chunk, one_subject.follow(chunk, options.pick, subject_ids)) for chunk in detections.chunks())
+    spans = ranges(detections.n_frames, CHUNK_FRAMES)
+    pieces = ((detections.frames(*span), subjects.follow(*span)) for span in spans)
     settled, notes = settle(rig, pieces, noise, options.triangulation)
     return replace(options, triangulation=settled), notes

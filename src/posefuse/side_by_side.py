@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import process_time
 
-from posefuse.association import one_subject
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
@@ -86,7 +85,7 @@ def triangulation_cpu_s(plan: Plan) -> float:
     makes a turn slower, never faster.
     """
     chunk = next(plan.detections.chunks())
-    tracks = one_subject.follow(chunk, plan.options.pick, plan.subject_ids)
+    tracks = plan.subjects.follow(0, chunk.n_frames)
     turns: list[float] = []
     for _ in range(1 + _MOST_TURNS):
         start_s = process_time()

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from posefuse.association import one_subject
+from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choices
 from posefuse.health.agreement import agreement_finding, camera_finding, coincidence_finding
 from posefuse.health.scale import scale_finding
@@ -27,13 +27,13 @@ _SAME_EXPONENT = 0.03
 
 
 def survey(
-    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
+    rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, progress: Progress
 ) -> tuple[NoiseModel, tuple[str, ...]]:
     """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
     noise = known_noise(rig, options) or noise_scale.assumed(rig, options.triangulation.confidence_exponent)
     if len(rig) == 1:
         return noise, ()
-    sampled = partial(_sample, detections, options, subject_ids)
+    sampled = partial(_sample, detections, subjects)
     agree = partial(_agree, rig, _agreeing(options))
     if noise.origin != "assumed":
         layers = agree(*sampled(few=True), noise)
@@ -75,7 +75,7 @@ def known_noise(rig: CameraRig, options: Options) -> NoiseModel | None:
 
 
 def find_law(
-    rig: CameraRig, detections: Detections, options: Options, subject_ids: np.ndarray, progress: Progress
+    rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, progress: Progress
 ) -> NoiseModel:
     """The noise with all that a recording tells of its law.
 
@@ -88,7 +88,7 @@ def find_law(
     # SciPy's optimisation and statistics take a second to load, and reconstructions need neither.
     from posefuse.triangulation.noise_law import fit_law
 
-    sampled = partial(_sample, detections, options, subject_ids)
+    sampled = partial(_sample, detections, subjects)
     agree = partial(_agree, rig, _agreeing(options))
     exponent = 0.0
     rounds = 0
@@ -145,11 +145,9 @@ def find_noise(
     return replace(noise, spread=noise_scale.spread(rig, pieces, tracks, layers, noise)), layers
 
 
-def _sample(
-    detections: Detections, options: Options, subject_ids: np.ndarray, *, few: bool
-) -> tuple[list[Detections], list[Tracks]]:
-    pieces = [detections.frames(*span) for span in noise_scale.sample(detections, few=few)]
-    return pieces, [one_subject.follow(piece, options.pick, subject_ids) for piece in pieces]
+def _sample(detections: Detections, subjects: Subjects, *, few: bool) -> tuple[list[Detections], list[Tracks]]:
+    spans = noise_scale.sample(detections, few=few)
+    return [detections.frames(*span) for span in spans], [subjects.follow(*span) for span in spans]
 
 
 def _agree(

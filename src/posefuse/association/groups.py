@@ -14,8 +14,9 @@ import numpy as np
 from posefuse.association.solved import solve
 from posefuse.association.torso import torso
 from posefuse.kernels import proposals as kernels
-from posefuse.kernels.agreement import observe
+from posefuse.kernels.agreement import Law, Sight, observe
 from posefuse.kernels.lens import FX, FY
+from posefuse.kernels.proposals import Drafts, Surroundings
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -51,18 +52,25 @@ def propose(
     known_m: np.ndarray | None = None,
 ) -> Proposals:
     """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
-    seen = look(rig, frame, noise, skeleton, free, options)
-    allowed = may_pair(rig, skeleton, seen, options, known_m)
-    clutter_px = options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64)
-    evidence, seeds = _seeds(rig, skeleton, seen, allowed, clutter_px, options)
-    groups, sides, numbers, duplicate_of = _grow(
-        rig, frame, skeleton, seen, allowed, clutter_px, evidence, seeds, options
+    core = skeleton.core_indices
+    seen = look(rig, frame, noise, core, free, options)
+    sight = Sight(
+        views=seen.view,
+        rays=seen.rays,
+        weights=seen.weights,
+        mirror=skeleton.core_mirror,
+        bones=skeleton.core_bones,
+        allowed=may_pair(rig, core, seen, options, known_m),
+        clutter_px=options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64),
     )
-    taken = np.flatnonzero(numbers[:, kernels.STATE] == 1.0)
-    taken = taken[np.argsort(-numbers[taken, kernels.ODDS], kind="stable")]
+    law = _law(options)
+    evidence, seeds = _seeds(len(rig), sight, law, options)
+    drafts = _grow(rig, frame, seen.rows, core, sight, law, evidence, seeds)
+    taken = np.flatnonzero(drafts.numbers[:, kernels.STATE] == kernels.TAKEN)
+    taken = taken[np.argsort(-drafts.numbers[taken, kernels.ODDS], kind="stable")]
     if not len(taken):
         return Proposals.none(len(skeleton), len(rig))
-    members, swapped = groups[taken], sides[taken]
+    members, swapped = drafts.groups[taken], drafts.sides[taken]
     rows = np.where(members >= 0, seen.rows[members], -1)
     points = solve(rig, frame, noise, skeleton, rows, swapped, options)
     torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
@@ -75,11 +83,11 @@ def propose(
         used=points.used,
         torso_m=torso_m,
         torso_covariance_m2=torso_covariance_m2,
-        log_odds=numbers[taken, kernels.ODDS] + options.prior_log_odds,
+        log_odds=drafts.numbers[taken, kernels.ODDS] + options.prior_log_odds,
         error_sigma=points.error_sigma,
         n_views=(rows >= 0).sum(axis=1),
-        n_pairs=numbers[taken, kernels.PAIRS].astype(np.int64),
-        duplicates=_duplicates(seen, duplicate_of, taken),
+        n_pairs=drafts.numbers[taken, kernels.PAIRS].astype(np.int64),
+        duplicates=_duplicates(seen.rows, drafts.duplicate_of, taken),
     )
 
 
@@ -87,20 +95,20 @@ def look(
     rig: CameraRig,
     frame: Frame,
     noise: NoiseModel,
-    skeleton: Skeleton,
+    keypoints: np.ndarray,
     free: np.ndarray,
     options: AssociationOptions,
 ) -> Seen:
-    """The free detections as observations of core keypoints."""
-    rows, core = np.flatnonzero(free), skeleton.core_indices
-    rays, weights = np.empty((len(rows), len(core), 12)), np.empty((len(rows), len(core)))
+    """The free detections as observations of some keypoints, given by their places, shape (core,)."""
+    rows = np.flatnonzero(free)
+    rays, weights = np.empty((len(rows), len(keypoints), 12)), np.empty((len(rows), len(keypoints)))
     observe(
         *rig.packed,
         frame.keypoints_px,
         frame.confidence,
         frame.view,
         rows,
-        core,
+        keypoints,
         noise.scale_px * options.sigma_factor,
         noise.exponent,
         options.min_confidence,
@@ -111,7 +119,7 @@ def look(
 
 
 def may_pair(
-    rig: CameraRig, skeleton: Skeleton, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
+    rig: CameraRig, keypoints: np.ndarray, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
 ) -> np.ndarray:
     """Shape (detection, detection), bool: which pairs do not contradict the people already known.
 
@@ -128,124 +136,83 @@ def may_pair(
         np.ascontiguousarray(known_m, dtype=np.float64),
         np.sqrt(cameras[:, FX] * cameras[:, FY]),
         options.known_within_m,
-        skeleton.core_indices,
+        keypoints,
         near,
     )
-    nobody = ~near.any(axis=1)
+    nobody = np.asarray(~near.any(axis=1))
     shared = near.astype(np.int64) @ near.T > 0
     return shared | (nobody[:, None] & nobody[None, :])
 
 
-def _seeds(
-    rig: CameraRig,
-    skeleton: Skeleton,
-    seen: Seen,
-    allowed: np.ndarray,
-    clutter_px: np.ndarray,
-    options: AssociationOptions,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Log odds of all pairs, shape (detection, detection), and those worth growing, shape (seed, 2), best first."""
-    n = len(seen.rows)
+def _law(options: AssociationOptions) -> Law:
+    return Law(
+        min_common=options.min_common,
+        outlier_share=options.outlier_share,
+        independent=options.independent_keypoints,
+        independent_bones=options.independent_bones,
+        join=options.join_log_odds,
+        swap=options.swap_log_odds,
+        miss=options.miss_log_odds,
+        prior=options.prior_log_odds,
+        near=options.duplicate_sigma,
+        max_seeds=options.max_seeds,
+    )
+
+
+def _seeds(n_views: int, sight: Sight, law: Law, options: AssociationOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
+    n = len(sight.views)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     volume = np.concatenate(options.volume_m or ([-math.inf] * 3, [math.inf] * 3))
-    kernels.pair_evidence(
-        seen.rays,
-        seen.weights,
-        core_mirror(skeleton),
-        seen.view,
-        core_bones(skeleton),
-        allowed,
-        clutter_px,
-        volume,
-        options.min_common,
-        options.outlier_share,
-        options.independent_keypoints,
-        options.bone_log_odds,
-        evidence,
-        seed,
-    )
-    kernels.support(seed, evidence, seen.view, len(rig), supported)
-    order = np.argsort(-supported, axis=None, kind="stable")[: np.count_nonzero(supported > 0.0)]
-    return evidence, np.stack(np.unravel_index(order, (n, n)), axis=1)
+    kernels.pair_evidence(sight, law, volume, evidence, seed)
+    kernels.support(seed, evidence, sight.views, n_views, supported)
+    # What even its best friends do not make likely is not worth growing.
+    enough = np.count_nonzero(supported + law.prior > 0.0)
+    order = np.argsort(-supported, axis=None, kind="stable")[:enough]
+    seeds = np.empty((enough, 3))
+    seeds[:, 0], seeds[:, 1] = np.divmod(order, n)
+    seeds[:, 2] = supported.ravel()[order]
+    return evidence, seeds
 
 
 def _grow(
     rig: CameraRig,
     frame: Frame,
-    skeleton: Skeleton,
-    seen: Seen,
-    allowed: np.ndarray,
-    clutter_px: np.ndarray,
+    rows: np.ndarray,
+    core: np.ndarray,
+    sight: Sight,
+    law: Law,
     evidence: np.ndarray,
     seeds: np.ndarray,
-    options: AssociationOptions,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Groups, whose sides are swapped in them, their numbers, and whom each detection repeats."""
-    n = len(seen.rows)
-    room = min(len(seeds), options.max_seeds) * 2 + n
-    groups, sides = np.empty((room, len(rig)), dtype=np.int64), np.empty((room, len(rig)), dtype=bool)
-    numbers, duplicate_of = np.zeros((room, kernels.GROUP_COLUMNS)), np.empty(n, dtype=np.int64)
-    sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
-    grown = kernels.group(
-        rig.packed[0],
-        np.where(frame.recorded[:, None], sizes_px, 0.0),
-        boxes(frame.keypoints_px),
-        frame.view,
-        frame.keypoints_px,
-        seen.rows,
-        skeleton.core_indices,
-        seen.rays,
-        seen.weights,
-        core_mirror(skeleton),
-        seen.view,
-        core_bones(skeleton),
-        allowed,
-        evidence,
-        seeds,
-        clutter_px,
-        options.min_common,
-        options.outlier_share,
-        options.independent_keypoints,
-        options.bone_log_odds,
-        options.join_log_odds,
-        options.swap_log_odds,
-        options.miss_log_odds,
-        options.prior_log_odds,
-        options.duplicate_sigma,
-        options.max_seeds,
-        groups,
-        sides,
-        numbers,
-        duplicate_of,
+) -> Drafts:
+    """The groups that grew, taken or not."""
+    room = min(len(seeds), law.max_seeds) * 2 + len(rows)
+    drafts = Drafts(
+        groups=np.empty((room, len(rig)), dtype=np.int64),
+        sides=np.empty((room, len(rig)), dtype=bool),
+        numbers=np.empty((room, kernels.GROUP_COLUMNS)),
+        duplicate_of=np.empty(len(rows), dtype=np.int64),
     )
-    return groups[:grown], sides[:grown], numbers[:grown], duplicate_of
+    sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
+    around = Surroundings(
+        cameras=rig.packed[0],
+        sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
+        boxes_px=boxes(frame.keypoints_px),
+        box_view=frame.view,
+    )
+    pixels = frame.keypoints_px[rows[:, None], core]
+    grown = kernels.group(sight, law, around, pixels, evidence, seeds, drafts)
+    return Drafts(drafts.groups[:grown], drafts.sides[:grown], drafts.numbers[:grown], drafts.duplicate_of)
 
 
-def _duplicates(seen: Seen, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
+def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """Shape (duplicate, 2): rows that repeat a member, and the proposals, by the groups that became them."""
     again = np.flatnonzero(duplicate_of >= 0)
     order = np.argsort(taken)
     person = order[np.searchsorted(taken[order], duplicate_of[again])]
-    return np.stack([seen.rows[again], person], axis=1)
+    return np.stack([rows[again], person], axis=1)
 
 
 def boxes(keypoints_px: np.ndarray) -> np.ndarray:
     """Shape (row, 4): least u, v and greatest u, v of each detection's keypoints, px; NaN where it has none."""
-    missing = np.isnan(keypoints_px)
-    low = np.where(missing, np.inf, keypoints_px).min(axis=1)
-    high = np.where(missing, -np.inf, keypoints_px).max(axis=1)
-    return np.concatenate([low, high], axis=1)
-
-
-def core_mirror(skeleton: Skeleton) -> np.ndarray:
-    """Shape (core,), int64: among the core keypoints each one's partner on the other side, else itself."""
-    core = skeleton.core_indices.tolist()
-    partners = skeleton.mirror[core].tolist()
-    return np.array([core.index(b) if b in core else i for i, b in enumerate(partners)], dtype=np.int64)
-
-
-def core_bones(skeleton: Skeleton) -> np.ndarray:
-    """Shape (bone, 4): two places in the core, and the least and greatest distance a body has between them, m."""
-    core = skeleton.core_indices.tolist()
-    bones = [(skeleton.index(a), skeleton.index(b), low, high) for a, b, low, high in skeleton.plausible_m]
-    kept = [(core.index(a), core.index(b), low, high) for a, b, low, high in bones if a in core and b in core]
-    return np.array(kept, dtype=np.float64).reshape(-1, 4)
+    return np.concatenate([np.fmin.reduce(keypoints_px, axis=1), np.fmax.reduce(keypoints_px, axis=1)], axis=1)

@@ -1,5 +1,8 @@
 """One subject per recording: at most one detection per view and frame is theirs."""
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from posefuse.errors import DetectionsError
@@ -8,6 +11,30 @@ from posefuse.model.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
 
 PERSON = "person_1"
+
+
+@dataclass(frozen=True)
+class OneSubject:
+    """Follows the one subject of a recording; see :func:`follow`.
+
+    Attributes:
+        detections: of the recording.
+        pick: whom to take where a view shows several.
+        ids: shape (view,): from :func:`longest_ids`.
+    """
+
+    detections: Detections
+    pick: Pick | None
+    ids: np.ndarray
+
+    @classmethod
+    def of(cls, detections: Detections, pick: Pick | None) -> Self:
+        """The subject of a recording."""
+        return cls(detections, pick, longest_ids(detections))
+
+    def follow(self, start: int, stop: int) -> Tracks:
+        """Which detections are the subject's in a range of frames."""
+        return follow(self.detections.frames(start, stop), self.pick, self.ids)
 
 
 def longest_ids(detections: Detections) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posefuse.association import groups
+from posefuse.association import groups, rpt
 from posefuse.errors import DetectionsError
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
@@ -11,7 +11,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.proposals import Proposals
 from posefuse.model.skeletons import Skeleton
 
-_METHODS = {"groups": groups.propose}
+_METHODS = {"groups": groups.propose, "rpt": rpt.propose}
 
 
 def propose(
@@ -51,4 +51,4 @@ def propose(
             f"Frame {frame.number} has {frame.keypoints_px.shape[1]} keypoints a person, but the skeleton "
             f"{skeleton.name!r} has {len(skeleton)}. Give the skeleton that the detector has."
         )
-    return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m)
+    return _METHODS[options.method](rig, frame, noise, skeleton, free, options, known_m).solvable()

@@ -82,10 +82,25 @@ def solve(
         error_px,
     )
     used = (view_status == codes.VIEW_USED) & (status < codes.POINT_MISSING)[..., None]
+    return Points(points, covariance, status, used, median_error_sigma(view_error_px, used, confidence, rows, noise))
+
+
+def median_error_sigma(
+    error_px: np.ndarray, used: np.ndarray, confidence: np.ndarray, rows: np.ndarray, noise: NoiseModel
+) -> np.ndarray:
+    """Median reprojection error of each person in sigmas of the noise model.
+
+    Args:
+        error_px: shape (person, keypoint, view).
+        used: shape (person, keypoint, view), bool: which count.
+        confidence: shape (row, keypoint), NaN where the detector gives none.
+        rows: shape (person, view), int64.
+        noise: of a detection.
+    """
     trust = np.moveaxis(confidence[rows], 1, 2)
     trust = np.where(np.isnan(trust), 1.0, trust)
-    relative = np.where(used, view_error_px * trust**noise.exponent / noise.scale_px, np.nan)
-    return Points(points, covariance, status, used, _medians(relative.reshape(n, -1)))
+    relative = np.where(used, error_px * trust**noise.exponent / noise.scale_px, np.nan)
+    return _medians(relative.reshape(len(rows), -1))
 
 
 def _unswapped(

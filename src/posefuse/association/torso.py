@@ -1,27 +1,28 @@
 """Where a trunk is, from shoulders and hips, any of which may be missing or wrong.
 
-The four points are taken as ``c + h + s, c + h - s, c - h + p, c - h - p`` (left and right shoulder, left and right
-hip) with the middle c unknown and the half height h, half shoulder width s and half hip width p normally distributed
-about 0 with the sizes of an adult in any direction. That is linear, so c and its covariance follow at once; where
-points are missing the covariance says what is not known. Points that do not fit get less weight (Student's t, 3
-degrees of freedom). The pelvis alone is the worst landmark of all and never decides.
+The four points are taken as ``c + h + s, c + h - s, c - h + (2/3 s + q), c - h - (2/3 s + q)`` (left and right
+shoulder, left and right hip): the middle c is unknown, the half height h and half shoulder width s are normally
+distributed about 0 with the sizes of an adult in any direction, and so is q, by which hips are not parallel to the
+shoulders and two thirds as wide. That is linear, so c and its covariance follow at once; where points are missing the
+covariance says what is not known. Points that do not fit get less weight (Student's t, 3 degrees of freedom). The
+pelvis alone is the worst landmark of all and never decides.
 
 A skeleton without shoulders and hips has its core keypoints instead, each anywhere around the middle.
 """
 
 import numpy as np
 
+from posefuse.kernels.trunks import trunk_middles
 from posefuse.model.skeletons import Skeleton
 
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
-# Columns: c, h, s, p.
-_DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, 0.0, 1.0], [1.0, -1.0, 0.0, -1.0]])
-_HALF_SIZES_M = np.array([0.26, 0.2, 0.14])
+_HIPS = 2.0 / 3.0
+# Columns: c, h, s, q.
+_DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, _HIPS, 1.0], [1.0, -1.0, -_HIPS, -1.0]])
+# Of c nothing is known.
+_SIZES_M = np.array([100.0, 0.26, 0.2, 0.07])
 # Of a landmark, whatever its rays say: detectors do not agree on where a hip is.
 _FLOOR_M = 0.02
-_ROUNDS = 3
-_NU = 3.0
-_UNKNOWN_M = 100.0
 
 
 def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -38,40 +39,15 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
     """
     if all(name in skeleton.keypoints for name in _TRUNK):
         chosen = np.array([skeleton.index(name) for name in _TRUNK])
-        return _fit(points_m[:, chosen], covariance_m2[:, chosen], _DESIGN, _HALF_SIZES_M)
+        middles, spreads = np.empty((len(points_m), 3)), np.empty((len(points_m), 6))
+        trunk_middles(points_m, covariance_m2, chosen, _DESIGN, _SIZES_M, _FLOOR_M, middles, spreads)
+        return middles, spreads
     return _middle(points_m[:, skeleton.core_indices])
-
-
-def _fit(points: np.ndarray, covariance: np.ndarray, design: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Iteratively reweighted least squares of the linear model, all people at once."""
-    seen = np.isfinite(points).all(axis=-1)
-    target = np.where(seen[..., None], points, 0.0)
-    spread = np.where(seen[..., None, None], full(covariance), np.eye(3)) + _FLOOR_M**2 * np.eye(3)
-    information = np.where(seen[..., None, None], np.linalg.inv(spread), 0.0)
-    n, m = len(points), design.shape[1]
-    # The model is about where the points are, so the middle's prior must not pull it to the world's origin.
-    origin = target.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)[:, None]
-    target = np.where(seen[..., None], target - origin[:, None], 0.0)
-    prior = np.kron(np.diag(np.concatenate([[_UNKNOWN_M], sizes]) ** -2.0), np.eye(3))
-    weight = np.ones(seen.shape)
-    inverse = np.empty((n, 3 * m, 3 * m))
-    solution = np.empty((n, m, 3))
-    for turn in range(_ROUNDS):
-        weighted = weight[..., None, None] * information
-        normal = np.einsum("ka,nkij,kb->naibj", design, weighted, design).reshape(n, 3 * m, 3 * m) + prior
-        inverse = np.linalg.inv(normal)
-        right = np.einsum("ka,nkij,nkj->nai", design, weighted, target).reshape(n, 3 * m)
-        solution = np.einsum("nab,nb->na", inverse, right).reshape(n, m, 3)
-        if turn < _ROUNDS - 1:
-            off = target - np.einsum("ka,nai->nki", design, solution)
-            weight = (_NU + 3.0) / (_NU + np.einsum("nki,nkij,nkj->nk", off, information, off))
-    known = seen.any(axis=1)[:, None]
-    return np.where(known, origin + solution[:, 0], np.nan), np.where(known, six(inverse[:, :3, :3]), np.nan)
 
 
 def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The median of the points, axis by axis, as well known as their scatter says."""
-    seen = np.isfinite(points).all(axis=-1)
+    seen = np.asarray(np.isfinite(points).all(axis=-1))
     out, spread = np.full((len(points), 3), np.nan), np.full((len(points), 6), np.nan)
     for i in range(len(points)):
         if seen[i].any():

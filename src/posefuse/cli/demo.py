@@ -32,6 +32,6 @@ def demo(
     say("Reconstructing")
     with replacing_folder(result) as staging:
         reconstruct_into(staging, recording, None, None, Options())
-    evaluate(result, recording / TRUTH)
+    evaluate(result, (recording / TRUTH,))
     report(result, truth=recording / TRUTH)
     say(f"The report: {(result / 'report.html').resolve().as_uri()}")

@@ -1,52 +1,115 @@
 """``posefuse evaluate``."""
 
 import json
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import count, percent, say, table
+from posefuse.cli.console import count, note, percent, say, table
+from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
+from posefuse.evaluation.heads import HeadRule
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.tracks import TrackState
+
+if TYPE_CHECKING:
+    from posefuse.evaluation.people import PeoplePoints, PeopleScores
+
+StateName = Literal["tentative", "active", "lost"]
+
+NOT_THERE = "-"
+"""Stands for a number that cannot be had."""
 
 
 def evaluate(
     result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
-    truth: Annotated[Path, Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or a TRC file.")],
+    truth: Annotated[
+        tuple[Path, ...],
+        Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or TRC files, one a person."),
+    ],
     *,
     layer: Annotated[LayerName | None, Parameter(help="Which layer; by default the best present.")] = None,
+    head_rule: Annotated[
+        HeadRule, Parameter(help="Of many people: what stands in for the head's bottom and top in PCP.")
+    ] = "none",
+    entry_s: Annotated[
+        float, Parameter(help="Of many people: recall is also counted without so long after each entry.")
+    ] = 0.4,
+    states: Annotated[
+        tuple[StateName, ...],
+        Parameter(help="Count people only while they are so; by default wherever they have points."),
+    ] = (),
     json_file: Annotated[
         Path | None,
         Parameter(name="--json", help="Where to write the numbers; by default evaluation.json in the result."),
     ] = None,
 ) -> None:
-    """Compare a result with known positions: a table, and the numbers as JSON."""
-    from posefuse.io.files import must_exist, replacing
+    """Compare a result with known positions: a table, and the numbers as JSON.
 
-    path, accuracy = compare(result, must_exist(truth, "truth"), layer)
-    target = json_file or path.parent / "evaluation.json"
-    with replacing(target) as temporary:
-        temporary.write_text(json.dumps(asdict(accuracy), indent=2) + "\n", "utf-8")
-    show(accuracy)
-    say(f"Wrote {target}")
-
-
-def compare(result: Path, truth: Path, layer: LayerName | None) -> tuple[Path, Accuracy]:
-    """The accuracy of a result against a truth file, and the file the result is in."""
+    With more than one person in either, people are matched in every frame, and by name over the whole recording.
+    """
     from posefuse.cli.results import open_result
-    from posefuse.evaluation import accuracy
+    from posefuse.io.files import must_exist, replacing
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
-    return path, accuracy.evaluate(reconstruction, truth_finder(truth)(reconstruction))
+    if states:
+        from posefuse.evaluation.people import only_in_states
+
+        reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
+    scores = compare(reconstruction, tuple(must_exist(file, "truth") for file in truth), head_rule, entry_s)
+    target = json_file or path.parent / "evaluation.json"
+    with replacing(target) as temporary:
+        temporary.write_text(json.dumps(plain(asdict(scores)), indent=2, allow_nan=False) + "\n", "utf-8")
+    if isinstance(scores, Accuracy):
+        show(scores)
+    else:
+        show_people(scores)
+    say(f"Wrote {target}")
+
+
+def compare(
+    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule, entry_s: float
+) -> "Accuracy | PeopleScores":
+    """The accuracy of one person against a truth file of one, or the scores of many."""
+    from posefuse.evaluation import accuracy, people
+
+    data = people_of(result, files)
+    if data is None:
+        return accuracy.evaluate(result, truth_finder(files[0])(result))
+    return people.score_people(data, people.ScoringOptions(entry_s=entry_s, head_rule=head_rule))
+
+
+def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints | None":
+    """A result and its truth with many people in either; None where there is one in both.
+
+    Raises:
+        ResultError: if several files are given that are not TRC.
+    """
+    from posefuse.evaluation import people
+    from posefuse.io.results import netcdf
+
+    first = files[0]
+    are_trc = [file.suffix.lower() == ".trc" for file in files]
+    if len(files) > 1 and not all(are_trc):
+        raise ResultError(f"Give one truth with everybody in it, or TRC files, one a person; got {len(files)} files.")
+    if all(are_trc):
+        if len(files) == len(result.person_ids) == 1:
+            return None
+        return people.with_truths(result, [truth_finder(file)(result) for file in files], [file.stem for file in files])
+    known = netcdf.read_reconstruction(first)
+    if len(known.person_ids) == len(result.person_ids) == 1:
+        return None
+    return people.people_points(result, known)
 
 
 def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Read a truth file; what comes back finds its positions at the frames of a result."""
+    """Read a truth file of one person; what comes back finds its positions at the frames of a result."""
     import numpy as np
 
     from posefuse.evaluation import accuracy
@@ -64,6 +127,15 @@ def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
         return accuracy.truth_from_trajectories(result, tracks.names, tracks.time_s, points)
 
     return found
+
+
+def plain(value: object) -> object:
+    """The same as JSON can hold it: NaN, which JSON has not, becomes null."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(inner) for name, inner in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def show(accuracy: Accuracy) -> None:
@@ -89,3 +161,84 @@ def show(accuracy: Accuracy) -> None:
         f"{count(accuracy.n_frames, 'frame')}, {count(accuracy.n_keypoints, 'keypoint')}"
     )
     table(None, ["", ""], rows)
+
+
+def show_people(scores: "PeopleScores") -> None:
+    """Print the scores of many people."""
+    note(
+        f"layer {scores.layer} against the truth, by {scores.matched_by}: {count(scores.n_frames, 'frame')}, "
+        f"{count(scores.n_keypoints, 'keypoint')}, {scores.n_people} people for {scores.n_true_people}"
+    )
+    table(None, ["matched within", *(f"{each.gate_m:g} m" for each in scores.clear)], _clear_rows(scores))
+    table(None, ["", ""], [*_identity_rows(scores), *_position_rows(scores), *_quality_rows(scores)])
+    table(None, ["person", "in the result", "frames", "tracked", "by one name", "MPJPE"], _person_rows(scores))
+    for reason in dict.fromkeys(scores.undefined.values()):
+        note(f"{NOT_THERE} {reason}")
+
+
+def _clear_rows(scores: "PeopleScores") -> list[list[str]]:
+    return [
+        ["MOTA", *(_share(each.mota) for each in scores.clear)],
+        ["MOTP", *(_number(each.motp_mm, "mm") for each in scores.clear)],
+        ["recall", *(_share(each.recall) for each in scores.clear)],
+        ["missed", *(f"{each.misses} of {each.n_true}" for each in scores.clear)],
+        ["false people", *(f"{each.false_people} of {each.n_found}" for each in scores.clear)],
+        ["identity switches", *(str(each.switches) for each in scores.clear)],
+        ["fragments", *(str(each.fragments) for each in scores.clear)],
+        ["mostly tracked / lost", *(f"{each.mostly_tracked} / {each.mostly_lost}" for each in scores.clear)],
+    ]
+
+
+def _identity_rows(scores: "PeopleScores") -> list[list[str]]:
+    longest = scores.ghosts[0].longest if scores.ghosts else 0
+    hota = scores.hota
+    return [
+        ["IDF1", _share(scores.identity.idf1)],
+        ["HOTA (detection, association)", f"{_share(hota.hota)} ({_share(hota.det_a)}, {_share(hota.ass_a)})"],
+        [f"recall from {scores.entry_s:g} s after entries", _share(scores.recall_after_entry)],
+        ["ghosts, longest life", f"{len(scores.ghosts)}, {count(longest, 'frame')}"],
+    ]
+
+
+def _position_rows(scores: "PeopleScores") -> list[list[str]]:
+    parts = scores.parts
+    return [
+        ["mean error (MPJPE)", _number(scores.mpjpe_mm, "mm")],
+        ["median", _number(scores.median_mm, "mm")],
+        [f"keypoints within {' / '.join(scores.pck)} m", " / ".join(_share(share) for share in scores.pck.values())],
+        [f"PCP (head rule {parts.head_rule})", _share(parts.average)],
+        ["PCP of the first three", _share(parts.average_first_three)],
+    ]
+
+
+def _quality_rows(scores: "PeopleScores") -> list[list[str]]:
+    jitter, nees = scores.jitter, scores.nees
+    accelerations = f"{_number(jitter.result_m_s2, 'm/s²')} ({_number(jitter.truth_m_s2, 'm/s²')})"
+    return [
+        ["median acceleration (truth's)", accelerations],
+        ["bone length variation", _share(scores.bone_variation)],
+        ["NEES, 3 if sure as it says", _number(nees.mean, "")],
+        ["inside 68 / 95 % region", f"{_share(nees.covered_68)} / {_share(nees.covered_95)}"],
+    ]
+
+
+def _person_rows(scores: "PeopleScores") -> list[list[str]]:
+    return [
+        [
+            person.name,
+            person.counterpart or NOT_THERE,
+            str(person.n_frames),
+            _share(person.tracked_share),
+            _share(person.named_share),
+            _number(person.mpjpe_mm, "mm"),
+        ]
+        for person in scores.people
+    ]
+
+
+def _share(share: float) -> str:
+    return NOT_THERE if math.isnan(share) else percent(share)
+
+
+def _number(value: float, unit: str) -> str:
+    return NOT_THERE if math.isnan(value) else f"{value:.2f} {unit}".strip()

@@ -9,6 +9,7 @@ from posefuse.cli.console import say
 from posefuse.synthetic.options import SceneOptions
 
 if TYPE_CHECKING:
+    from posefuse.synthetic.crowds import CrowdScene
     from posefuse.synthetic.scenes import Scene
 
 CALIBRATION = "calibration.toml"
@@ -38,7 +39,7 @@ def simulate(
     say(f"Wrote {CALIBRATION}, {KEYPOINTS}, {TRUTH} to {output}")
 
 
-def write_scene(scene: "Scene", folder: Path) -> None:
+def write_scene(scene: "Scene | CrowdScene", folder: Path) -> None:
     """Write a scene's calibration, keypoints and truth."""
     from posefuse.io.calibration import anipose
     from posefuse.io.keypoints import native

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.errors import ResultError, choices
+from posefuse.evaluation.consistency import consistency, normalised_squares
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import is_used
 
 FAR_M = 0.05
 _SAME_TIME = 1e-3
-_REGION_68, _REGION_95 = 3.5059, 7.8147
-"""Squared radii of the 68 % and 95 % regions of a 3D Gaussian in units of its covariance."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,10 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     if result.unit != "m":
         raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
     if len(result.person_ids) != 1:
-        raise ResultError(f"The result has {len(result.person_ids)} people; evaluation compares one.")
+        raise ResultError(
+            f"The result has {len(result.person_ids)} people; this compares one. "
+            "posefuse.evaluation.people.score_people compares many."
+        )
     name, layer = result.best_layer(result.options.layer)
     if truth.points_m.shape[0] != result.n_frames:
         raise ResultError(f"The truth has {truth.points_m.shape[0]} frames for {result.n_frames} of the result.")
@@ -172,6 +174,11 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
     shared = tuple(name for name in truth.skeleton.keypoints if name in result.skeleton.keypoints)
     if not shared:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
+    if len(truth.person_ids) != 1:
+        raise ResultError(
+            f"The truth has {len(truth.person_ids)} people; this compares one. "
+            "posefuse.evaluation.people.people_points takes many."
+        )
     _, layer = truth.best_layer()
     columns = [truth.skeleton.index(name) for name in shared]
     if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
@@ -251,10 +258,5 @@ def interpolated(points_m: np.ndarray, time_s: np.ndarray, at_s: np.ndarray) -> 
 
 
 def _coverage(offsets_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[float | None, float | None]:
-    matrices = unpack_covariance(covariance_m2)
-    usable = np.isfinite(matrices).all(axis=(-1, -2)) & (np.linalg.det(np.nan_to_num(matrices)) > 0)
-    if not usable.any():
-        return None, None
-    solved = np.linalg.solve(matrices[usable], offsets_m[usable][..., None])[..., 0]
-    squared = (offsets_m[usable] * solved).sum(axis=-1)
-    return float((squared <= _REGION_68).mean()), float((squared <= _REGION_95).mean())
+    found = consistency(normalised_squares(offsets_m, unpack_covariance(covariance_m2)), 3)
+    return (found.covered_68, found.covered_95) if found.n else (None, None)

@@ -7,6 +7,7 @@ of freedom) about where other views expect it, or anywhere in a region ``clutter
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +29,62 @@ POINT_COLUMNS = 11
 # Student's t with 3 degrees of freedom at its middle, in one dimension.
 _T3_MIDDLE = 0.3675525969478613
 _HALF_TURN = 0.15915494309189535
+_NORMAL_MIDDLE = 0.3989422804014327
 # A view farther off than so many squared sigmas has no say in where a keypoint is.
 _REACH_SQUARED = 25.0
+_PAIR_ROUNDS = 1
+_FIRST_FEW = 5
+_PLAINLY_AGAINST = -1.0
+
+
+class Sight(NamedTuple):
+    """Detections that nobody claims, as observations of core keypoints.
+
+    Attributes:
+        views: shape (detection,), int64, not decreasing: each one's view.
+        rays: shape (detection, core, 12), from :func:`observe`.
+        weights: shape (detection, core), 1/px^2, 0 where there is no observation.
+        mirror: shape (core,), int64: each keypoint's partner on the other side, or itself.
+        bones: shape (bone, 4): two core keypoints, shortest and longest distance in m.
+        allowed: shape (detection, detection), bool, symmetric: which may be of one person.
+        clutter_px: shape (view,): width of the region where anything else may lie.
+    """
+
+    views: Any
+    rays: Any
+    weights: Any
+    mirror: Any
+    bones: Any
+    allowed: Any
+    clutter_px: Any
+
+
+class Law(NamedTuple):
+    """The numbers that odds are made of; :class:`posefuse.model.association_options.AssociationOptions` explains them.
+
+    Attributes:
+        min_common: with fewer common keypoints nothing is said.
+        outlier_share: how many keypoints are wrong in a detection of the right person.
+        independent: at most so many keypoints count.
+        independent_bones: at most so many bones count.
+        join: log odds from which on a detection joins a group.
+        swap: log odds that a detection has its sides swapped.
+        miss: log odds of a view that should show the person and does not.
+        prior: log odds of a group before anything is known.
+        near: detections of a view are of one person if on average so many sigmas apart.
+        max_seeds: at most so many pairs are grown at a time.
+    """
+
+    min_common: int
+    outlier_share: float
+    independent: float
+    independent_bones: float
+    join: float
+    swap: float
+    miss: float
+    prior: float
+    near: float
+    max_seeds: int
 
 
 @kernel
@@ -191,6 +246,38 @@ def _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach):
 
 
 @step
+def locate_one(rays, weights, mirror, members, swapped, count, rounds, k, points):
+    """The point of core keypoint ``k``, if at least two members show it; arguments as of :func:`locate`."""
+    points[k, KNOWN] = 0.0
+    found, x, y, z = _algebraic(rays, weights, mirror, members, swapped, count, k)
+    if not found:
+        return
+    # Two views have nobody to overrule either.
+    reach = math.inf
+    for turn in range(rounds + 1):
+        if count > 2:
+            reach = 4.0 * _REACH_SQUARED if turn < 2 else _REACH_SQUARED
+        front, cost, sums = _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach)
+        if front < 2:
+            return
+        if turn < rounds:
+            solved, sx, sy, sz = solve_symmetric(*sums)
+            if not solved:
+                return
+            x -= sx
+            y -= sy
+            z -= sz
+        else:
+            points[k, POINT] = x
+            points[k, POINT + 1] = y
+            points[k, POINT + 2] = z
+            for i in range(6):
+                points[k, INFORMATION + i] = sums[i]
+            points[k, COST] = cost
+            points[k, KNOWN] = 1.0
+
+
+@step
 def locate(rays, weights, mirror, members, swapped, count, rounds, points):
     """Points of every core keypoint that at least two members show.
 
@@ -205,31 +292,7 @@ def locate(rays, weights, mirror, members, swapped, count, rounds, points):
         points: shape (core, POINT_COLUMNS), written.
     """
     for k in range(weights.shape[1]):
-        points[k, KNOWN] = 0.0
-        found, x, y, z = _algebraic(rays, weights, mirror, members, swapped, count, k)
-        if not found:
-            continue
-        # Two views have nobody to overrule either.
-        reach = math.inf
-        for turn in range(rounds + 1):
-            if count > 2:
-                reach = 4.0 * _REACH_SQUARED if turn < 2 else _REACH_SQUARED
-            front, cost, sums = _around(rays, weights, mirror, members, swapped, count, k, x, y, z, reach)
-            solved, sx, sy, sz = solve_symmetric(*sums)
-            if front < 2 or not solved:
-                break
-            if turn < rounds:
-                x -= sx
-                y -= sy
-                z -= sz
-            else:
-                points[k, POINT] = x
-                points[k, POINT + 1] = y
-                points[k, POINT + 2] = z
-                for i in range(6):
-                    points[k, INFORMATION + i] = sums[i]
-                points[k, COST] = cost
-                points[k, KNOWN] = 1.0
+        locate_one(rays, weights, mirror, members, swapped, count, rounds, k, points)
 
 
 @inline
@@ -239,68 +302,71 @@ def _odds(likeness, outlier_share):
 
 
 @inline
-def mean_evidence(total, common, min_common, independent):
+def _evidence(total, common, min_common, independent):
     """Log odds of neighbouring keypoints that err together: no more than so many count as independent."""
     return total / common * min(float(common), independent) if common >= min_common else 0.0
 
 
 @step
-def pair_odds(weights, points, a, b, clutter_a, clutter_b, min_common, outlier_share, independent):
+def pair_odds(sight, law, members, swapped, points):
     """Log odds that two detections show one person, from how near their rays pass.
 
     Two rays have one residual more than a point has unknowns, so a keypoint's cost is a squared t variable with one
-    degree of freedom.
+    degree of freedom. When the first few keypoints are plainly against it the rest is not looked at.
 
     Args:
-        weights: from :func:`observe`.
-        points: of the two, from :func:`locate`.
-        a: the one.
-        b: the other.
-        clutter_a: width in px of the region where anything else may lie, in the view of ``a``.
-        clutter_b: and of ``b``.
-        min_common: with fewer common keypoints nothing is said (0).
-        outlier_share: how many keypoints are wrong in a detection of the right person.
-        independent: at most so many count.
+        sight: of the frame.
+        law: of odds.
+        members: shape (at least 2,), int64: the two.
+        swapped: shape (at least 2,), bool.
+        points: shape (core, POINT_COLUMNS), written.
+
+    Returns:
+        The odds; -inf where the rest was not looked at, ``points`` is then not whole.
     """
+    weights = sight.weights
+    a = members[0]
+    b = members[1]
+    clutter = sight.clutter_px[sight.views[a]] * sight.clutter_px[sight.views[b]]
     total = 0.0
     common = 0
     for k in range(weights.shape[1]):
+        points[k, KNOWN] = 0.0
         both = weights[a, k] * weights[b, k]
         if not both > 0.0:
             continue
         common += 1
+        locate_one(sight.rays, weights, sight.mirror, members, swapped, 2, _PAIR_ROUNDS, k, points)
         likeness = 0.0
         if points[k, KNOWN] > 0.0:
-            width = math.sqrt(0.5 * clutter_a * clutter_b * math.sqrt(both))
             far = 1.0 + points[k, COST] * (1.0 / 3.0)
-            likeness = width * _T3_MIDDLE / (far * far)
-        total += _odds(likeness, outlier_share)
-    return mean_evidence(total, common, min_common, independent)
+            likeness = math.sqrt(0.5 * clutter * math.sqrt(both)) * _T3_MIDDLE / (far * far)
+        total += _odds(likeness, law.outlier_share)
+        if common == _FIRST_FEW and total < _PLAINLY_AGAINST * common:
+            return -math.inf
+    return _evidence(total, common, law.min_common, law.independent)
 
 
 @step
-def join_odds(rays, weights, mirror, points, n, swapped, clutter, min_common, outlier_share, independent):
+def join_odds(sight, law, points, n, swapped):
     """Log odds that a detection shows the person whose points are known from other views.
 
     The keypoint is expected with the covariance of the point, projected, and its own; a point that is poorly known
     therefore says little.
 
     Args:
-        rays: from :func:`observe`.
-        weights: from :func:`observe`.
-        mirror: shape (core,), int64.
+        sight: of the frame.
+        law: of odds.
         points: of the group, from :func:`locate`.
         n: the detection.
         swapped: whether its left and right are taken as swapped.
-        clutter: width in px of the region where anything else may lie, in its view.
-        min_common: with fewer common keypoints nothing is said (0).
-        outlier_share: how many keypoints are wrong in a detection of the right person.
-        independent: at most so many count.
     """
+    rays, weights = sight.rays, sight.weights
+    clutter = sight.clutter_px[sight.views[n]]
     total = 0.0
     common = 0
     for k in range(weights.shape[1]):
-        m = as_labelled(k, swapped, mirror)
+        m = as_labelled(k, swapped, sight.mirror)
         if points[k, KNOWN] == 0.0 or not weights[n, m] > 0.0:
             continue
         common += 1
@@ -311,8 +377,8 @@ def join_odds(rays, weights, mirror, points, n, swapped, clutter, min_common, ou
             determinant = xx * yy - xy * xy
             far = 1.0 + (yy * r * r - 2.0 * xy * r * s + xx * s * s) / determinant * (1.0 / 3.0)
             likeness = clutter * clutter * _HALF_TURN / (math.sqrt(determinant * far) * far * far)
-        total += _odds(likeness, outlier_share)
-    return mean_evidence(total, common, min_common, independent)
+        total += _odds(likeness, law.outlier_share)
+    return _evidence(total, common, law.min_common, law.independent)
 
 
 @inline
@@ -337,15 +403,20 @@ def _expected_spread(rays, points, n, m, k, depth, r, s, own):
 
 
 @step
-def bone_odds(points, bones, worst):
-    """Log odds of lengths that no body has, 0 if all can be; at most ``worst`` a bone.
+def bone_odds(sight, law, points):
+    """Log odds of the lengths between keypoints, if the body's are and if anything is.
+
+    A body's length is taken as normally distributed with its plausible range as plus and minus three sigmas, anything
+    else as even up to twice the longest.
 
     Args:
+        sight: of the frame.
+        law: of odds.
         points: shape (core, POINT_COLUMNS).
-        bones: shape (bone, 4): two core keypoints, shortest and longest distance in m.
-        worst: the least a bone can count, 0 or less.
     """
+    bones = sight.bones
     total = 0.0
+    known = 0
     for i in range(bones.shape[0]):
         a = int(bones[i, 0])
         b = int(bones[i, 1])
@@ -355,11 +426,14 @@ def bone_odds(points, bones, worst):
         dy = points[a, POINT + 1] - points[b, POINT + 1]
         dz = points[a, POINT + 2] - points[b, POINT + 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        off = max(bones[i, 2] - length, length - bones[i, 3])
-        if off > 0.0:
-            spread = _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
-            total += max(-0.5 * off * off / spread, worst)
-    return total
+        off = length - 0.5 * (bones[i, 2] + bones[i, 3])
+        own = (bones[i, 3] - bones[i, 2]) * (1.0 / 6.0)
+        variance = own * own
+        variance += _variance_along(points, a, dx, dy, dz, length) + _variance_along(points, b, dx, dy, dz, length)
+        likeness = 2.0 * bones[i, 3] * math.exp(-0.5 * off * off / variance) / math.sqrt(variance) * _NORMAL_MIDDLE
+        total += _odds(likeness, law.outlier_share)
+        known += 1
+    return _evidence(total, known, 1, law.independent_bones)
 
 
 @inline
@@ -373,9 +447,9 @@ def _variance_along(points, k, dx, dy, dz, length):
     return form / (length * length)
 
 
-@step
-def within(points, volume):
-    """Whether the middle of the known points lies in a box, low x y z then high."""
+@inline
+def middle(points):
+    """The mean of the points that are known, and how many they are: ``(count, x, y, z)``."""
     known = 0
     x = 0.0
     y = 0.0
@@ -386,8 +460,12 @@ def within(points, volume):
             x += points[k, POINT]
             y += points[k, POINT + 1]
             z += points[k, POINT + 2]
-    x /= known
-    y /= known
-    z /= known
+    return known, x / known, y / known, z / known
+
+
+@step
+def within(points, volume):
+    """Whether the middle of the known points lies in a box, low x y z then high."""
+    known, x, y, z = middle(points)
     low = (x >= volume[0]) & (y >= volume[1]) & (z >= volume[2])
     return (known > 0) & low & (x <= volume[3]) & (y <= volume[4]) & (z <= volume[5])

@@ -71,7 +71,7 @@ class AssociationOptions:
         prior_log_odds: The odds of a group before anything is known of it; people are proposed where all odds together
             are positive.
         miss_log_odds: For every view that should show a person and shows nothing there.
-        bone_log_odds: The most that an implausible bone counts.
+        independent_bones: More bones than this add no more evidence: a wrong depth makes all of them wrong.
         swap_log_odds: The odds that a detection has left and right mixed up.
         known_within_m: A detection shows a known person if its keypoints are on average no farther from theirs.
         duplicate_sigma: Two detections of a view are of one person if their keypoints are on average no farther apart.
@@ -89,11 +89,11 @@ class AssociationOptions:
     min_common: int = 3
     clutter_share: float = 0.25
     outlier_share: float = 0.1
-    independent_keypoints: float = 4.0
+    independent_keypoints: float = 6.0
     join_log_odds: float = 0.0
     prior_log_odds: float = -3.0
-    miss_log_odds: float = -1.0
-    bone_log_odds: float = -3.0
+    miss_log_odds: float = -0.5
+    independent_bones: float = 2.0
     swap_log_odds: float = -4.0
     known_within_m: float = 0.25
     duplicate_sigma: float = 1.5
@@ -106,11 +106,11 @@ class AssociationOptions:
             raise OptionsError(
                 f"association.method: no method {self.method!r}. Choose one of: {choices(PROPOSAL_METHODS)}."
             )
-        for name in ("sigma_factor", "independent_keypoints", "known_within_m", "duplicate_sigma"):
+        for name in ("sigma_factor", "independent_keypoints", "independent_bones", "known_within_m", "duplicate_sigma"):
             _check_positive("", name, getattr(self, name))
         for name in ("min_confidence", "clutter_share", "outlier_share"):
             _check_share("", name, getattr(self, name))
-        for name in ("miss_log_odds", "bone_log_odds", "swap_log_odds"):
+        for name in ("miss_log_odds", "swap_log_odds"):
             if not -math.inf < getattr(self, name) <= 0.0:
                 raise OptionsError(f"association.{name} must be 0 or less, got {getattr(self, name)}.")
         for name in ("min_common", "max_seeds"):

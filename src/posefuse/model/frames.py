@@ -98,14 +98,17 @@ class Frame:
                 + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
                 + ". Give one array a view, empty where it shows nobody."
             )
-        keypoints = {np.shape(people)[1] for people in keypoints_px if len(people)}
+        shapes = [np.shape(people) for people in keypoints_px]
+        keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}
         if len(keypoints) > 1:
             raise DetectionsError(f"Frame {number}: views differ in how many keypoints a person has: {keypoints}.")
         k = keypoints.pop() if keypoints else 0
         ids = [[-1] * n for n in counts] if track_ids is None else track_ids
         return cls(
-            keypoints_px=np.concatenate([np.reshape(people, (-1, k, 2)) for people in keypoints_px], dtype=np.float64),
-            confidence=np.concatenate([np.reshape(each, (-1, k)) for each in confidence], dtype=np.float64),
+            keypoints_px=np.concatenate(
+                [np.reshape(people, (len(people), k, 2)) for people in keypoints_px], dtype=np.float64
+            ),
+            confidence=np.concatenate([np.reshape(each, (len(each), k)) for each in confidence], dtype=np.float64),
             view=np.repeat(np.arange(len(counts)), counts),
             track_ids=np.array([i for of_view in ids for i in of_view], dtype=np.int64),
             time_s=np.broadcast_to(np.asarray(time_s, dtype=np.float64), (len(counts),)),

@@ -11,7 +11,7 @@ from posefuse.errors import ResultError, choices
 
 Happening = Literal[
     "born", "lost", "found", "returned", "forgotten", "identity uncertain", "identities exchanged", "limb set anew",
-    "camera refused",
+    "camera refused", "camera trusted",
 ]  # fmt: skip
 HAPPENINGS: tuple[Happening, ...] = get_args(Happening)
 

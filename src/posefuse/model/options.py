@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import UP_AXES, UpAxis
 from posefuse.model.pair_options import PairMethod, PairOptions
 from posefuse.model.side_options import SideMethod, SideOptions
+from posefuse.model.tracker_options import TrackerOptions
 
-People = Literal["one"]
+People = Literal["auto", "one", "many"]
 Pick = Literal["largest", "track-id"]
 ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
@@ -206,7 +208,8 @@ class Options:
     """Everything a user can choose about a reconstruction.
 
     Attributes:
-        people: How many there are; one subject per recording.
+        people: How many there are: one subject in every view, many who come and go, or auto: many if a view ever shows
+            several.
         pick: Which person to take where a view shows several; by default that is an error.
         skeleton: What the keypoints are, a shipped name or a TOML file; by default the one the files name or
             their number of keypoints allows.
@@ -230,9 +233,11 @@ class Options:
             (votes), or by where the person faces (plane).
         pair_search: How pairs are solved.
         side_search: How sides are decided.
+        association: How people are proposed from the detections of several views.
+        tracker: How people are followed.
     """
 
-    people: People = "one"
+    people: People = "auto"
     pick: Pick | None = None
     skeleton: str | None = None
     rate_hz: float | None = None
@@ -252,6 +257,8 @@ class Options:
     sides: SideMethod = "chains"
     pair_search: PairOptions = field(default_factory=PairOptions)
     side_search: SideOptions = field(default_factory=SideOptions)
+    association: AssociationOptions = field(default_factory=AssociationOptions)
+    tracker: TrackerOptions = field(default_factory=TrackerOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):
@@ -266,6 +273,7 @@ class Options:
                 raise OptionsError(f"{name} is a tuple of camera names, got {value!r}.")
             object.__setattr__(self, name, tuple(value))
         for name, allowed in (
+            ("people", get_args(People)),
             ("up", UP_AXES),
             ("pick", get_args(Pick)),
             ("layer", get_args(LayerName)),

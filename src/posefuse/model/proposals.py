@@ -71,6 +71,16 @@ class Proposals:
             duplicates=np.empty((0, 2), dtype=np.int64),
         )
 
+    def solvable(self) -> "Proposals":
+        """Those of which some keypoint is known; the rows of the others are free again."""
+        kept = np.asarray(self.has_point.any(axis=1))
+        if kept.all():
+            return self
+        duplicates = self.duplicates[kept[self.duplicates[:, 1]]]
+        duplicates[:, 1] = np.cumsum(kept)[duplicates[:, 1]] - 1
+        own = {field.name: getattr(self, field.name)[kept] for field in fields(self) if field.name != "duplicates"}
+        return Proposals(**own, duplicates=duplicates)
+
     def __len__(self) -> int:
         return len(self.rows)
 

@@ -126,6 +126,21 @@ class Skeleton:
         return frozen(np.array([self.index(name) for name in self.core or self.keypoints]), np.int64)
 
     @cached_property
+    def core_mirror(self) -> np.ndarray:
+        """Shape (core,), int64: among the core keypoints each one's partner on the other side, else itself."""
+        core = self.core_indices.tolist()
+        partners = self.mirror[core].tolist()
+        return frozen(np.array([core.index(b) if b in core else i for i, b in enumerate(partners)]), np.int64)
+
+    @cached_property
+    def core_bones(self) -> np.ndarray:
+        """Shape (bone, 4): of ``plausible_m`` within the core, two places there and the two distances in m."""
+        core = self.core_indices.tolist()
+        bones = [(self.index(a), self.index(b), low, high) for a, b, low, high in self.plausible_m]
+        kept = [(core.index(a), core.index(b), low, high) for a, b, low, high in bones if a in core and b in core]
+        return frozen(np.array(kept).reshape(-1, 4))
+
+    @cached_property
     def mirror(self) -> np.ndarray:
         """Shape (keypoint,), int64: each keypoint's partner on the other side, itself where it has none."""
         partner = np.arange(len(self))

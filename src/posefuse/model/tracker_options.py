@@ -105,7 +105,7 @@ class TrackerOptions:
         motion: How people move.
     """
 
-    iterations: int = 3
+    iterations: int = 2
     nu: float = 3.0
     gate: float = 60.0
     model_floor_m: float = 0.015
@@ -119,7 +119,7 @@ class TrackerOptions:
     swap_log_odds: float = -5.0
     swap_stay_log_odds: float = 1.5
     min_joints: int = 4
-    lost_after_s: float = 0.5
+    lost_after_s: float = 0.36
     lost_log_odds: float = -2.0
     most_log_odds: float = 6.0
     evidence_time_s: float = 1.0

@@ -7,8 +7,8 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
   origin is where the body is, and is a point of the segment's own name.
 * ``points``: name to ``[segment, forward, left, up]``, metres, of an adult: what rides on a segment. A coordinate of
   exactly 0 stays 0, others differ from person to person.
-* ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward, left,
-  up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
+* ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward,
+  left, up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
 * ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
   times it (a cross product), points along the axis.
 * ``cones``: name of the far end of a bone to ``[segment, axis, most degrees]``: how far from the axis it swings.
@@ -126,7 +126,7 @@ class Tree:
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, ...]:
-        """For kernels: parents, movers, is_bone, places, shape, sign, column starts, columns (see kernels/bodies.py)."""
+        """For kernels: parents, movers, is_bone, places, shape, sign, column starts, columns."""
         nodes = self.nodes
         starts, columns = _columns(self)
         return (
@@ -183,13 +183,14 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
             raise SkeletonError(f"Skeleton {skeleton!r}: tree has no table {key!r}. {suggestion(key, _KEYS)}")
     segments = table.get("segments", {})
     mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
-    sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
+    sides: dict[str, str] = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
     builder = _Builder(skeleton, sides)
     if not segments:
         raise SkeletonError(f"Skeleton {skeleton!r}: a tree needs segments; the first is the root.")
     points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
-    used = {row[0] for row in points.values()} | {sides.get(row[0]) for row in points.values()}
-    segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
+    used = {str(row[0]) for row in points.values()}
+    used |= {sides[name] for name in used if name in sides}
+    segments = {str(name): at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder.add_segments(segments, points, bones)
     spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
     limits = (
@@ -284,26 +285,27 @@ class _Builder:
         return len(self.shape_m) - 1
 
     def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
-        place = tuple(float(x) for x in row[1:4])
+        x, y, z = (float(number) for number in row[1:4])
+        place = (x, y, z)
         segment = self.segments.index(row[0])
         axes = ("forward", "left", "up")
-        shape = tuple(
+        first, second, third = (
             self._number(f"{name}.{axis}", x) if x != 0.0 else -1 for axis, x in zip(axes, place, strict=True)
         )
+        shape = (first, second, third)
         self._put(Node(name, self.place_of[at], segment, False, place, shape, (1.0, 1.0, 1.0)))
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
-            segment = self.segments.index(self.partner.get(row[0], row[0]))
-            mirrored = tuple(float(x) for x in _MIRROR * place)
-            self._put(Node(other, parent, segment, False, mirrored, shape, tuple(_MIRROR.tolist())))
+            segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
+            self._put(Node(other, parent, segment, False, (x, -y, z), shape, (1.0, -1.0, 1.0)))
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:
         length = float(row[1])
         number = self._number(name, length)
-        for end, start in ((name, row[0]), (self.partner.get(name), self.partner.get(row[0], row[0]))):
-            if end is None:
-                continue
+        other = self.partner.get(name)
+        sides = [(name, row[0])] if other is None else [(name, row[0]), (other, self.partner.get(row[0], row[0]))]
+        for end, start in sides:
             self.bones.append(end)
             direction = np.array(row[2] if len(row) > 2 else _DOWN, dtype=float)
             self.rest.append(np.array(_unit(direction * (np.ones(3) if end == name else _MIRROR))))
@@ -351,7 +353,7 @@ class _Builder:
                 self._segment(other),
                 _unit(np.array(axis, dtype=float)),
                 float(np.cos(np.radians(degrees))),
-            )  # fmt: skip
+            )
             for name, (other, axis, degrees) in table.items()
         ]
 
@@ -402,7 +404,11 @@ def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.nda
         neighbours[a].append((int(b), e))
         neighbours[b].append((int(a), e))
     root = int(np.argmax([len(of) for of in neighbours]))
-    order, nodes, place_of = [root], [Node(keypoints[root], -1, 0, False, (0.0,) * 3, (-1,) * 3, (1.0,) * 3)], {root: 0}
+    order, nodes, place_of = (
+        [root],
+        [Node(keypoints[root], -1, 0, False, (0.0, 0.0, 0.0), (-1, -1, -1), (1.0, 1.0, 1.0))],
+        {root: 0},
+    )
     bones: list[str] = []
     shape: list[float] = []
     for here in order:
@@ -419,7 +425,7 @@ def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.nda
                         True,
                         (0.0, 0.0, shape[-1]),
                         (-1, -1, number),
-                        (1.0,) * 3,
+                        (1.0, 1.0, 1.0),
                     )
                 )
                 bones.append(keypoints[other])

@@ -54,13 +54,14 @@ def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
     """
     bones = _bones(skeleton)
     n_frames, n_people = points_m.shape[:2]
-    ends = [
-        np.stack([points_m[:, :, list(side)].mean(axis=2) for side in sides], axis=2)
-        for sides in zip(*((a, b) for a, b, _ in bones), strict=True)
-    ]
+
+    def middles(ends: list[tuple[int, ...]]) -> np.ndarray:
+        each = [points_m[:, :, list(end)].mean(axis=2) for end in ends]
+        return np.ascontiguousarray(np.stack(each, axis=2).reshape(n_frames, -1, 3))
+
     return Capsules(
-        starts_m=np.ascontiguousarray(ends[0].reshape(n_frames, -1, 3)),
-        ends_m=np.ascontiguousarray(ends[1].reshape(n_frames, -1, 3)),
+        starts_m=middles([start for start, _, _ in bones]),
+        ends_m=middles([end for _, end, _ in bones]),
         radii_m=np.tile([radius for _, _, radius in bones], n_people),
         owners=np.repeat(np.arange(n_people), len(bones)),
     )

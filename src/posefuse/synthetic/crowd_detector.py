@@ -107,7 +107,7 @@ class _Sightings:
 
     @property
     def there(self) -> np.ndarray:
-        return np.isfinite(self.pixels[..., 0]).any(axis=-1)
+        return np.asarray(np.isfinite(self.pixels[..., 0]).any(axis=-1))
 
     def drop(self, where: np.ndarray) -> None:
         self.pixels[where] = np.nan
@@ -194,7 +194,7 @@ def _noticeable(exact: np.ndarray, behind: np.ndarray, sizes: np.ndarray, faults
     inside = ((exact > -0.5) & (exact < sizes[:, None, None] - 0.5)).all(axis=-1)
     visible = (inside & ~behind).mean(axis=-1)
     _, height = _middle_and_height(exact)
-    return (visible > 0) & (visible >= faults.visible_share) & (height >= faults.smallest_px)
+    return (visible >= faults.visible_share) & (height >= faults.smallest_px)
 
 
 def _middle_and_height(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,8 +17,8 @@ class CrowdFaults:
 
     Attributes:
         hidden_miss_share: Share of keypoints behind somebody or something that are missed, in spells of 0.2 s.
-        hidden_confidence: What the confidence of the others behind something is multiplied by.
-        hidden_error: What their errors, before the division by confidence, are multiplied by.
+        hidden_confidence: What the confidence in the others is multiplied by; their errors grow by as much.
+        hidden_error: What their errors are multiplied by on top of that.
         visible_share: A person with less than this share of keypoints in sight is not detected.
         smallest_px: A person whose keypoints span less than this, in px, is not detected.
         miss_share: Share of people not detected though they are in sight, in spells of 0.3 s.
@@ -53,6 +53,8 @@ class CrowdFaults:
             _check_share(name, getattr(self, name))
         for name in ("hidden_miss_share", "hidden_confidence", "visible_share"):
             _check_share(name, getattr(self, name))
+        if not self.hidden_confidence > 0:
+            raise OptionsError("hidden_confidence must be more than 0: errors are divided by the confidence.")
         for name in ("hidden_error", "smallest_px", "merge_distance", "id_change_hz"):
             if not getattr(self, name) >= 0:
                 raise OptionsError(f"{name} must be 0 or more, got {getattr(self, name)}.")
@@ -62,7 +64,7 @@ class CrowdFaults:
 class CrowdOptions:
     """What to simulate of several people.
 
-    What is left out is the scenario's own: 5 cameras around a room of 4 m, 25 frames a second, and
+    What is left out is the scenario's own: 5 cameras, 25 frames a second, and
 
     ============  ======  =======  ===================================================================
     scenario      people  seconds  what happens
@@ -73,7 +75,7 @@ class CrowdOptions:
     one_camera    2       20       boards hide one person from all views but one for 2 s
     dark          3       30       a camera shows nothing for 10 s
     bumped        3       30       a camera shows nothing for 2 s and comes back turned by 20 degrees
-    ten           10      30       ten people, 8 cameras, a room of 8 m
+    ten           10      30       ten people, 8 cameras, a wider room
     ============  ======  =======  ===================================================================
 
     Attributes:
@@ -138,10 +140,14 @@ class CrowdOptions:
         return (8 if self.scenario == "ten" else 5) if self.cameras is None else self.cameras
 
     @property
+    def length_s(self) -> float:
+        """How long, s."""
+        return DURATIONS_S[self.scenario] if self.duration_s is None else self.duration_s
+
+    @property
     def n_frames(self) -> int:
         """How many frames."""
-        duration = DURATIONS_S[self.scenario] if self.duration_s is None else self.duration_s
-        return max(1, round(duration * self.rate_hz))
+        return max(1, round(self.length_s * self.rate_hz))
 
 
 _PEOPLE: dict[Scenario, int] = {

@@ -194,12 +194,12 @@ def _keypoints(walk: Walk, stature_m: float, skeleton: Skeleton, time_s: np.ndar
 def _strolling(
     options: CrowdOptions, time_s: np.ndarray, rng: np.random.Generator, plans: tuple[Plan, ...]
 ) -> list[Walk]:
-    return stroll(plans, _half_room_m(options), float(time_s[-1]), rng)
+    return stroll(plans, _half_room_m(options), options.length_s, rng)
 
 
 def _crowd(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
     """Half are there all the time, the others come in the first quarter and go in the last."""
-    n, end = options.n_people, float(time_s[-1])
+    n, end = options.n_people, options.length_s
     comes, goes = rng.uniform(0.03, 0.25, n) * end, rng.uniform(0.75, 0.9, n) * end
     plans = tuple(Plan() if p < (n + 1) // 2 else Plan(float(comes[p]), float(goes[p])) for p in range(n))
     return _Script(_strolling(options, time_s, rng, plans), Staging.plain(rig, len(time_s)))
@@ -231,7 +231,7 @@ def _hug(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.rand
         np.array([0.0, 5.5, parts + 0.7, parts + 3.2]),
         to_the + np.array([-0.8, 0.0, 0.0, turn]),
     )
-    walks = meet(distance, bearing, (meets, parts), (meets - 1.0, parts + 2.5), float(time_s[-1]))
+    walks = meet(distance, bearing, (meets, parts), (meets - 1.0, parts + 2.5), options.length_s)
     merged_s = float(rng.uniform(0.8, min(lasts, _MOST_MERGED_S)))
     begins = meets + 0.5 * (lasts - merged_s)
     merged = (time_s >= begins) & (time_s < begins + merged_s)
@@ -242,7 +242,7 @@ def _hug(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.rand
 def _one_camera(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
     """Boards in front of all cameras but one hide the first person for 2 s."""
     walks = _stay(options, time_s, rng)
-    begins = float(rng.uniform(0.4, 0.6) * time_s[-1])
+    begins = float(rng.uniform(0.4, 0.6) * options.length_s)
     sees = int(rng.integers(len(rig)))
     when = (time_s >= begins) & (time_s < begins + 2.0)
     grid = np.arange(len(walks[0].floor_m)) / GRID_HZ
@@ -253,19 +253,17 @@ def _one_camera(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: 
 
 
 def _boards(cameras: list[Camera], floor_m: np.ndarray, when: np.ndarray) -> Capsules:
-    """Upright pillars 1 m in front of cameras, between them and somebody on the floor."""
-    feet = []
-    for camera in cameras:
-        way = floor_m - camera.centre_m[:2]
-        feet.append(camera.centre_m[:2] + way / np.linalg.norm(way, axis=1, keepdims=True))
+    """Upright pillars between cameras and somebody on the floor, wide enough to hide them and no more."""
+    part, reach = 0.3, 0.55
+    feet = [camera.centre_m[:2] + part * (floor_m - camera.centre_m[:2]) for camera in cameras]
     base = np.where(when[:, None, None], np.stack(feet, axis=1), np.nan)
     low, high = (np.concatenate([base, np.full((*base.shape[:2], 1), z)], axis=2) for z in (-0.5, 3.5))
-    return Capsules(low, high, np.full(len(cameras), 0.3), np.full(len(cameras), -1))
+    return Capsules(low, high, np.full(len(cameras), part * reach), np.full(len(cameras), -1))
 
 
 def _dark(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
     """One camera shows nothing for 10 s."""
-    view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.25, 0.4) * time_s[-1])
+    view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.25, 0.4) * options.length_s)
     staging = Staging.plain(rig, len(time_s))
     dark = _from_to(staging.dark, view, time_s, begins, begins + 10.0)
     return _Script(
@@ -275,7 +273,7 @@ def _dark(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.ran
 
 def _bumped(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
     """One camera shows nothing for 2 s and has turned aside when it comes back."""
-    view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.3, 0.4) * time_s[-1])
+    view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.3, 0.4) * options.length_s)
     back = begins + 2.0
     staging = Staging.plain(rig, len(time_s))
     turned = _turned(rig, view, _TURN_DEG * float(rng.choice([-1.0, 1.0])))

@@ -30,8 +30,8 @@ class Hidden:
     Attributes:
         mask: shape (frame, column, keypoint), bool.
         miss_share: share of them that it misses, in spells.
-        confidence: what its confidence in the others is multiplied by.
-        error: what their errors, before the confidence, are multiplied by.
+        confidence: what its confidence in the others is multiplied by; their errors grow by as much.
+        error: what their errors are multiplied by on top of that.
     """
 
     mask: np.ndarray
@@ -110,7 +110,7 @@ def spoil(
         unit = _lasting_t_noise(shape, rate_hz, rng)
     if hidden is not None:
         confidence = np.where(hidden.mask, hidden.confidence * confidence, confidence)
-        sigma = np.where(hidden.mask, hidden.error * sigma, sigma)
+        sigma = np.where(hidden.mask, hidden.error / hidden.confidence * sigma, sigma)
     pixels += sigma[..., None] * unit
     _swap_limbs(pixels, confidence, skeleton, rate_hz, options, rng)
     thrown = rng.random(shape) < options.outlier_share

@@ -21,6 +21,7 @@ _ARRIVED_M = 0.35
 _RELAXATION_S = 0.4
 _TURN_S = 0.25
 _STRIDE_M = 1.3
+_THIGH_M = -0.43
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ class Walk:
         """Shape (time, node, 3): where every node of a human figure is, in metres; NaN while away."""
         grid = np.arange(len(self.heading)) / GRID_HZ
         step_m = np.linalg.norm(np.diff(self.floor_m, axis=0, prepend=self.floor_m[:1]), axis=1)
-        stature = figure.offsets_m[figure.names.index("left_knee"), 2] / -0.43
-        # Slow steps are shorter ones, so the gait's phase runs on at the square root of the speed.
-        pace = np.sqrt(step_m * GRID_HZ * stature) / _STRIDE_M
+        size = figure.offsets_m[figure.names.index("left_knee"), 2] / _THIGH_M
+        # Slow steps are shorter ones: the gait runs at the square root of the speed, as it does in people.
+        pace = np.sqrt(step_m * GRID_HZ / size) / _STRIDE_M
         gait = np.interp(time_s, grid, self.phase + 2.0 * np.pi * np.cumsum(pace) / GRID_HZ)
         swing = np.interp(time_s, grid, gaussian_filter1d(smooth_step(step_m * GRID_HZ / 1.2), 0.1 * GRID_HZ))
         angles = walk_pose(gait, swing)
@@ -139,7 +140,7 @@ class _Strollers:
         """Come in, go on, make for the door, go out."""
         near = np.linalg.norm(self.goal_m[p] - self.place_m[p]) < _ARRIVED_M
         if not self.inside[p]:
-            if time_s >= self.enter_s[p]:
+            if time_s >= self.enter_s[p] and self._is_free(self.place_m[p]):
                 self.inside[p], self.goal_m[p] = True, self._across(p)
         elif self.leaving[p]:
             if near:
@@ -151,6 +152,10 @@ class _Strollers:
         elif near and time_s >= self.pause_until_s[p]:
             self.goal_m[p] = self._across(p)
             self.pause_until_s[p] = time_s + (self.rng.uniform(0.5, 2.0) if self.rng.random() < 0.3 else 0.0)
+
+    def _is_free(self, place_m: np.ndarray) -> bool:
+        """Whether nobody stands in the door."""
+        return not (np.linalg.norm(self.place_m[self.inside] - place_m, axis=1) < 1.0).any()
 
     def _across(self, p: int) -> np.ndarray:
         """A place on the other side of the room."""

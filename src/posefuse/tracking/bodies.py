@@ -10,7 +10,8 @@ from posefuse.model.trees import Tree
 
 def body_of(tree: Tree) -> Body:
     """A tree as kernels take it."""
-    return Body(*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+    arrays = (*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+    return Body._make(arrays)
 
 
 def nobody(tree: Tree) -> State:

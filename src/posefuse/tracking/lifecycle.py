@@ -5,13 +5,15 @@ import math
 import numpy as np
 
 from posefuse.kernels.articulated import State
+from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, put
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 
 _SEEN_SHARE = 0.5
-_LOST_SD_M = 0.15
+_MOST_HIDDEN = -1.2
+"""Views that do not see somebody whom one does see count no more than this many that do."""
 
 
 def newcomer(name: str, time_s: float, settings: Settings) -> Track:
@@ -36,6 +38,12 @@ def expected(sight: Sight, settings: Settings) -> np.ndarray:
     return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
 
 
+def middles(points_m: np.ndarray) -> np.ndarray:
+    """Shape (person, 3): means of the points there are, of shape (person, point, 3)."""
+    there = np.isfinite(points_m)
+    return np.where(there, points_m, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+
+
 def live_on(
     track: Track,
     supported: np.ndarray,
@@ -44,7 +52,7 @@ def live_on(
     time_s: float,
     dt_s: float,
     settings: Settings,
-) -> list[tuple[str, str]]:
+) -> list[tuple[Happening, str]]:
     """Change a person's odds and state by what the views show.
 
     Args:
@@ -62,10 +70,14 @@ def live_on(
     o = settings.options
     gain = math.log(o.detection_share / o.false_share)
     loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
-    evidence = gain * int(supported.sum()) + loss * int((should_see & ~supported).sum())
+    missed = loss * int((should_see & ~supported).sum())
+    if supported.any():
+        # What hides somebody from one view often hides them from others too.
+        missed = max(missed, _MOST_HIDDEN * gain)
+    evidence = gain * int(supported.sum()) + missed
     track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
     track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
-    said: list[tuple[str, str]] = []
+    said: list[tuple[Happening, str]] = []
     if supported.any() and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m
     elif supported.sum() >= o.reacquire_views and track.state == TrackState.LOST:
@@ -124,3 +136,12 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
         state.covariance[p, :, n : n + h] = 0.0
     track.swapped[:] = 0
     track.ids[:] = -1
+
+
+def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
+    """Let two people go on as each other: names and bodies change places, poses stay."""
+    for name in ("name", "born_s", "trusted", "settled_s"):
+        mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
+        setattr(tracks[p], name, theirs)
+        setattr(tracks[q], name, mine)
+    state.shape[[p, q]] = state.shape[[q, p]]

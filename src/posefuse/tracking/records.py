@@ -1,6 +1,6 @@
 """What the tracker remembers of people beside their states, and what it says of a frame."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +24,6 @@ class Track:
         trusted: the shape and its covariance before they were last in doubt.
         lost_at_m: shape (3,): where they were last supported.
         settled_s: when the shape was kept.
-        joined: names of people they could not be told from, since when.
     """
 
     name: str
@@ -37,7 +36,6 @@ class Track:
     lost_at_m: np.ndarray
     settled_s: float = np.nan
     trusted: tuple[np.ndarray, np.ndarray] | None = None
-    joined: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,9 @@ _REACH_M = 0.7
 _ROOM_M = 4.0
 _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
+_DEFINITION_M = 0.01
+_LASTING = 4.0
+"""Detections' errors last longer than the filter looks back: lengths are so much less certain (variance) than it says."""
 _CLEAR = 1.0
 
 
@@ -59,9 +62,9 @@ def same_body(settings: Settings, track: Track, state: State, p: int, found: Sta
     n, h = tree.n_pose, tree.n_shape
     known, block = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
     new, new_block = found.shape[0], found.covariance[0, n : n + h, n : n + h]
-    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + 0.01) ** 2)
-    theirs = _log_normal(new - known, block + new_block + floor)
-    anybody = _log_normal(new - tree.shape_m, tree.shape_covariance + new_block)
+    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M) ** 2)
+    theirs = _log_normal(new - known, _LASTING * (block + new_block) + floor)
+    anybody = _log_normal(new - tree.shape_m, tree.shape_covariance + _LASTING * new_block + floor)
     return theirs - anybody
 
 

@@ -11,16 +11,21 @@ from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
-from posefuse.tracking import lifecycle
+from posefuse.tracking import audits, lifecycle
+from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
+from posefuse.tracking.watch import Watch, look_at
 
-Propose = Callable[[Frame, np.ndarray, np.ndarray | None], Proposals]
-"""From a frame, which of its rows are free (row,), and people known (person, keypoint, 3), to proposals."""
+_EXPLAINED = 3.0
+"""A detection of this much evidence is somebody's who is followed, even if another one is more so."""
+
+Propose = Callable[[Frame, np.ndarray], Proposals]
+"""From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
 
 
 class ArticulatedTracker:
@@ -43,6 +48,10 @@ class ArticulatedTracker:
         self.remembered: dict[str, list[Remembered]] = {}
         """Of people first believed in the last frame: their states in the frames before."""
         self.events: list[Event] = []
+        self.exchanged: list[tuple[tuple[str, str], float]] = []
+        """Who, as was found in the last frame, have been taken for each other, and since when."""
+        self.watch = Watch.over(len(settings.rig))
+        self.contacts: dict[tuple[str, str], Contact] = {}
 
     def update(self, frame: Frame) -> People:
         """Take a frame, later than the last; who is where.
@@ -51,13 +60,21 @@ class ArticulatedTracker:
             DetectionsError: if the frame does not fit the cameras or the skeleton, or is not later than the last.
         """
         time_s = self._time_of(frame)
-        self.events, self.remembered = [], {}
+        self.events, self.exchanged, self.remembered = [], [], {}
         dt_s = 0.0 if np.isnan(self.time_s) else time_s - self.time_s
         self.time_s = time_s
         rows, used = self._follow(frame, dt_s)
         self._live_on(frame, rows, used, dt_s)
+        self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used)
         return self._told(frame, rows, used)
+
+    def shape_of(self, p: int) -> tuple[np.ndarray, np.ndarray]:
+        """The shape of a body and its standard deviations, shape (shape,) each, m."""
+        tree, track = self.settings.tree, self.tracks[p]
+        n, h = tree.n_pose, tree.n_shape
+        block = track.trusted[1] if track.trusted else self.state.covariance[p, n : n + h, n : n + h]
+        return self.state.shape[p].copy(), np.sqrt(np.diag(block))
 
     def _time_of(self, frame: Frame) -> float:
         views, keypoints = len(self.settings.rig), len(self.settings.skeleton)
@@ -82,13 +99,14 @@ class ArticulatedTracker:
         views, keypoints = len(s.rig), len(s.skeleton)
         if not n:
             self.sight = Sight.room(0, views, keypoints)
+            self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
         predict_people(np.full(n, dt_s), s.decay_s, s.power, s.most, s.options.motion.shape_walk, self.state)
         self.sight = Sight.room(n, views, keypoints)
         foresee_people(s.cameras, s.body, self.state, *self.sight.arrays)
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
-        labels = self._labels(rows, swapped)
+        labels = self.labels = self._labels(rows, swapped)
         use = np.empty((n, views, keypoints), dtype=np.int64)
         temper = np.full(n, 1.0 / np.tanh(0.5 * max(dt_s, 1e-6) / s.options.error_memory_s))
         update_people(
@@ -116,6 +134,7 @@ class ArticulatedTracker:
         scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
         rows = np.empty((n, len(s.rig)), dtype=np.int64)
         match_views(scores, frame.view, len(s.rig), o.match_evidence, rows)
+        self.explained = (scores > _EXPLAINED).any(axis=0)
         _believe_most_labels(rows, swapped)
         return rows, swapped
 
@@ -138,9 +157,12 @@ class ArticulatedTracker:
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
         supported = used.sum(axis=2) >= self.settings.options.min_joints
-        expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        self.supported = supported
+        self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        expected = self.expected & ~self.watch.refused
+        torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
         for p, track in enumerate(self.tracks):
-            torso = np.nanmean(self.sight.points_m[p, self.settings.core], axis=0)
+            torso = torsos[p]
             said = lifecycle.live_on(track, supported[p], expected[p], torso, self.time_s, dt_s, self.settings)
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
             lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
@@ -158,8 +180,7 @@ class ArticulatedTracker:
     def _bear(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Who is new: proposals from free detections, tentative people, and those of them who are believed now."""
         rows, used = rows[self._keep], used[self._keep]
-        free = np.ones(len(frame.view), dtype=bool)
-        free[rows[rows >= 0]] = False
+        free = self._free(frame, rows)
         found = self._found(frame, free)
         new = continue_with(self.tentative, found, self.time_s, self.settings)
         for each in new:
@@ -181,12 +202,67 @@ class ArticulatedTracker:
         self.tentative = staying
         return rows, used
 
+    def _tell_apart(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
+        """Which cameras still stand where they stood, and who is who after people were too near to tell."""
+        n, number = len(self.settings.rig), frame.number
+        active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
+        keep = self._keep
+        supported, expected = self.supported[keep], self.expected[keep]
+        free = np.bincount(frame.view[self._free(frame, rows[keep], whole=True)], minlength=n)
+        for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
+            what = "camera refused" if refused else "camera trusted"
+            self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
+        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s)
+        if self.contacts:
+            for p, track in enumerate(self.tracks):
+                if supported[p].sum() > 1:
+                    audits.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p))
+            for finding in audits.audit(self.contacts, self.tracks, self.state, self.time_s, self.settings):
+                self._conclude(finding, number)
+
+    def _shown(self, frame: Frame, rows: np.ndarray, p: int) -> Evidence:
+        """What this frame showed of somebody who is followed."""
+        s = self.settings
+        shape = (len(s.rig), len(s.skeleton))
+        pixels, trust = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+        for v in np.flatnonzero(rows >= 0):
+            order = self.labels[self._keep[p], v]
+            pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
+        sight = Sight.room(len(self.tracks), *shape)
+        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        points, covariance = sight.points_m[p], sight.covariance_m2[p]
+        return Evidence(
+            self.time_s, frame.number, pixels, trust, rows, points, covariance, self.state.root[p].copy(), 0.0, 1.0
+        )
+
+    def _conclude(self, finding: audits.Finding, number: int) -> None:
+        place = {track.name: p for p, track in enumerate(self.tracks)}
+        p, q = (place[name] for name in finding.names)
+        other = finding.names
+        if finding.exchange:
+            lifecycle.exchange(self.tracks, self.state, p, q)
+            self.exchanged.append((finding.names, finding.since_s))
+            why = f"its bones are those of {other[1]}, log odds {-finding.odds:.1f}"
+            self.events.append(Event(number, self.time_s, other[0], "identities exchanged", why))
+        elif not finding.clear:
+            why = f"it may be {other[1]} after they were too near to tell, log odds {finding.odds:.1f}"
+            self.events.append(Event(number, self.time_s, other[0], "identity uncertain", why))
+
+    def _free(self, frame: Frame, rows: np.ndarray, *, whole: bool = False) -> np.ndarray:
+        """Shape (row,), bool: detections that are nobody's, nor a second one of somebody's.
+
+        Those of refused cameras count only for the ``whole``.
+        """
+        free = ~self.explained
+        free[rows[rows >= 0]] = False
+        return free if whole else free & ~self.watch.refused[frame.view]
+
     def _found(self, frame: Frame, free: np.ndarray) -> list[Evidence]:
         """What the free detections propose, but for people who are followed already."""
         s = self.settings
         active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
         known = self.sight.points_m[self._keep][active]
-        proposals = self.propose(frame, free, None)
+        proposals = self.propose(frame, free)
         found = []
         for i in range(len(proposals)):
             away = np.linalg.norm(known - proposals.points_m[i], axis=-1)

@@ -38,3 +38,9 @@ def test_views_must_have_the_same_keypoints(rng):
 def test_infinite_pixels_are_refused():
     with pytest.raises(DetectionsError, match="infinite"):
         Frame.of_people([np.full((1, 5, 2), np.inf)], [np.ones((1, 5))], 0.0)
+
+
+def test_a_frame_may_show_nobody():
+    frame = Frame.of_people([np.empty((0, 17, 2)), []], [np.empty((0, 17)), []], 0.0)
+    assert len(frame.view) == 0
+    assert frame.keypoints_px.shape == (0, 17, 2)

@@ -61,6 +61,40 @@ def test_every_body_maps_to_body_20_or_says_what_lacks():
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("name", SIZES)
+def test_the_core_of_a_body_is_its_limbs(name):
+    skeleton = shipped_skeleton(name)
+    joints = {f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")}
+    joints |= {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
+    assert {skeleton.keypoints[i] for i in skeleton.core_indices} == joints
+    partners = skeleton.core_indices[skeleton.core_mirror]
+    np.testing.assert_array_equal(partners, skeleton.mirror[skeleton.core_indices])
+    assert len(skeleton.core_bones) == len(skeleton.plausible_m)
+    for (a, b, low, high), (first, second, *range_m) in zip(skeleton.core_bones, skeleton.plausible_m, strict=True):
+        places = skeleton.core_indices[[int(a), int(b)]]
+        assert [skeleton.keypoints[i] for i in places] == [first, second]
+        assert [low, high] == range_m
+
+
+def test_without_a_core_every_keypoint_is_in_it():
+    mouse = parse_skeleton('name = "mouse"\nkeypoints = ["nose", "left_ear", "right_ear"]', "mouse.toml")
+    assert mouse.core_indices.tolist() == [0, 1, 2]
+    assert mouse.core_mirror.tolist() == [0, 2, 1]
+    half = parse_skeleton(
+        'name = "mouse"\nkeypoints = ["nose", "left_ear", "right_ear"]\ncore = ["right_ear"]', "m.toml"
+    )
+    assert half.core_indices.tolist() == [2]
+    assert half.core_mirror.tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("core", "words"), [('["tail"]', "core names 'tail'"), ('["nose", "nose"]', "core names a key")]
+)
+def test_a_core_of_other_keypoints_is_refused(core, words):
+    with pytest.raises(SkeletonError, match=words):
+        parse_skeleton(f'name = "mouse"\nkeypoints = ["nose"]\ncore = {core}', "mouse.toml")
+
+
 def test_names_are_found_however_written():
     assert find_skeleton("COCO-17") == find_skeleton("coco_17")
     assert find_skeleton("body20").name == "body_20"

@@ -1,0 +1,275 @@
+"""Association by itself, on real single frames: MVOR, an operating room before three cameras.
+
+``python -m benchmarks.mvor FOLDER``, the folder of recordings that tests read too, prints what an oracle makes of the
+detections: one that is told by the manual annotation which detections are of one person. An associator's proposals
+are scored against the same by :func:`score`.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.evaluation.matching import assign
+from posefuse.evaluation.proposals import AssociationScores, score_association
+from posefuse.model.cameras import Camera, CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton, find_skeleton
+
+JOINTS = (
+    "head", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_elbow", "right_elbow",
+    "left_wrist", "right_wrist",
+)  # fmt: skip
+"""Of the ground truth, in its order; two unnamed ones that follow are left out."""
+
+SOURCES = {
+    "head": ("nose",),
+    "neck": ("left_shoulder", "right_shoulder"),
+} | {name: (name,) for name in JOINTS[2:]}
+"""What stands in for each, as the data set's own OpenPose file has it."""
+
+COMPARED = ("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist")
+"""Joints whose errors count. The truth's head, neck and hips are other points than OpenPose's: an oracle's median error
+is 0.1 m at head and neck and 0.17 m at the hips, with two views as with three."""
+
+SAME_PERSON_PX = 40.0
+"""A detection is the annotated person's whose joints are on average no farther off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Somebody annotated in one view of whom there is no 3D truth.
+
+    Attributes:
+        view: its number.
+        person: id shared between views, -1 where the annotation has none.
+        corners_px: left, top, right, bottom.
+    """
+
+    view: int
+    person: int
+    corners_px: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Mvor:
+    """The data set; a frame a triplet of images, frames lie 75 s apart.
+
+    Attributes:
+        rig: in metres, the world is camera 1; which way is up is not known.
+        detections: OpenPose's people, COCO's 17 keypoints.
+        truth_m: by frame, shape (truth, 10, 3), the joints as :data:`JOINTS`.
+        persons: by frame, shape (truth,): their ids, as in ``annotated``.
+        annotated_px: by frame and view, person id to joints, shape (10, 2), NaN where not visible.
+        boxes: by frame, people of whom there is no 3D truth.
+    """
+
+    rig: CameraRig
+    detections: Detections
+    truth_m: list[np.ndarray]
+    persons: list[np.ndarray]
+    annotated_px: list[list[dict[int, np.ndarray]]]
+    boxes: list[list[Box]]
+
+
+def read_mvor(folder: Path) -> Mvor:
+    """Read ``camma_mvor_2018.json`` and ``openpose_kps.json``."""
+    data = json.loads((folder / "camma_mvor_2018.json").read_text("utf-8"))
+    openpose = json.loads((folder / "openpose_kps.json").read_text("utf-8"))
+    triplets = [[image["id"] for image in each["images"]] for each in data["multiview_images"]]
+    place = {image: (f, v) for f, images in enumerate(triplets) for v, image in enumerate(images)}
+    frame_of = {each["id"]: f for f, each in enumerate(data["multiview_images"])}
+    rig = _rig(data["cameras_info"]["camParams"])
+    truth = [dict[int, np.ndarray]() for _ in triplets]
+    for each in data["annotations3D"]:
+        joints = np.array(each["keypoints3D"]).reshape(-1, 4)[: len(JOINTS), :3] / 1000.0
+        # Four people stand in the file twice; the first counts.
+        truth[frame_of[each["image_ids"]]].setdefault(each["person_id"], joints)
+    annotated = [[dict[int, np.ndarray]() for _ in rig.names] for _ in triplets]
+    boxes = [list[Box]() for _ in triplets]
+    for each in data["annotations"]:
+        f, v = place[each["image_id"]]
+        if each["person_id"] >= 0:
+            annotated[f][v][each["person_id"]] = _pixels(each["keypoints"])[:, :2]
+        if each["person_id"] not in truth[f]:
+            left, top, width, height = each["bbox"]
+            corners = np.array([left, top, left + width, top + height])
+            boxes[f].append(Box(v, each["person_id"], corners))
+    return Mvor(
+        rig,
+        _detections(openpose, place, len(triplets), rig),
+        [np.array(list(each.values())).reshape(-1, len(JOINTS), 3) for each in truth],
+        [np.array(list(each), dtype=np.int64) for each in truth],
+        annotated,
+        boxes,
+    )
+
+
+def _rig(parameters: dict[str, Any]) -> CameraRig:
+    """Cameras without lens distortion (the images are rectified); stored poses lead from each camera to the first."""
+    cameras = []
+    for v, (lens, pose) in enumerate(zip(parameters["intrinsics"], parameters["extrinsics"], strict=True)):
+        (fx, fy), (cx, cy) = lens["focallength"], lens["principalpoint"]
+        matrix = np.array([[fx, lens["skew_value"], cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        first_from_camera = np.array(pose, dtype=np.float64).reshape(4, 4)
+        first_from_camera[:3, 3] /= 1000.0
+        width, height = lens["imagesize"]
+        cameras.append(Camera(f"camera_{v + 1}", (width, height), matrix, np.linalg.inv(first_from_camera)))
+    return CameraRig(tuple(cameras), None, "camma_mvor_2018.json", 0.001)
+
+
+def _pixels(numbers: Sequence[float]) -> np.ndarray:
+    """Shape (keypoint, 3): x, y and confidence or visibility; all NaN where the latter is 0."""
+    rows = np.array(numbers, dtype=np.float64).reshape(-1, 3)
+    rows[rows[:, 2] == 0] = np.nan
+    return rows
+
+
+def _detections(openpose: list[Any], place: dict[int, tuple[int, int]], n: int, rig: CameraRig) -> Detections:
+    """People ordered by frame and view, in a view as the file has them."""
+    cells = np.array([place[each["image_id"]] for each in openpose])
+    flat = cells[:, 0] * len(rig) + cells[:, 1]
+    rows = np.stack([_pixels(openpose[i]["coco_keypoints"]) for i in np.argsort(flat, kind="stable")])
+    counts = np.bincount(flat, minlength=n * len(rig))
+    return Detections(
+        skeleton=find_skeleton("coco_17"),
+        view_names=rig.names,
+        frame_numbers=np.arange(n),
+        time_s=np.full((n, len(rig)), np.nan),
+        offsets=np.concatenate([[0], np.cumsum(counts)]),
+        keypoints_px=rows[..., :2],
+        confidence=rows[..., 2],
+        recorded=np.ones((n, len(rig)), dtype=bool),
+        track_ids=np.full(len(rows), -1),
+    )
+
+
+def to_joints(points: np.ndarray, skeleton: Skeleton) -> np.ndarray:
+    """MVOR's ten joints from a skeleton's keypoints, in 3D or in px: (..., keypoint, n) to (..., 10, n)."""
+    columns = [[skeleton.index(part) for part in parts] for parts in SOURCES.values()]
+    return np.stack([points[..., each, :].mean(axis=-2) for each in columns], axis=-2)
+
+
+def told_who(data: Mvor, frame: int) -> np.ndarray:
+    """Shape (truth, view), int64: which detection in each view is the person's, -1 for none: association's truth.
+
+    By the manual annotation of the view, one to one, on the mean distance of the joints both have.
+    """
+    chosen = np.full((len(data.persons[frame]), len(data.rig)), -1, dtype=np.int64)
+    for v in range(len(data.rig)):
+        detected = _detected(data, frame, v)
+        annotated = data.annotated_px[frame][v]
+        if not annotated or not len(detected):
+            continue
+        apart = np.linalg.norm(detected[None] - np.stack(list(annotated.values()))[:, None], axis=-1)
+        both = np.isfinite(apart)
+        mean = np.where(both, apart, 0.0).sum(axis=-1) / np.maximum(both.sum(axis=-1), 1)
+        people, rows = assign(mean, (mean <= SAME_PERSON_PX) & both.any(axis=-1))
+        ids = np.array(list(annotated))[people]
+        for t, person in enumerate(data.persons[frame]):
+            hit = np.flatnonzero(ids == person)
+            chosen[t, v] = rows[hit[0]] if len(hit) else -1
+    return chosen
+
+
+def _detected(data: Mvor, frame: int, view: int) -> np.ndarray:
+    """Shape (person, 10, 2): OpenPose's joints in one view."""
+    cell = frame * len(data.rig) + view
+    rows = slice(int(data.detections.offsets[cell]), int(data.detections.offsets[cell + 1]))
+    return to_joints(np.asarray(data.detections.keypoints_px[rows]), data.detections.skeleton)
+
+
+def oracle(data: Mvor) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """What plain linear triangulation makes of the detections, being told whose they are.
+
+    Returns:
+        By frame, joints of each person of the truth, shape (truth, 10, 3), NaN below two views; and the number of
+        views that show each, shape (truth, 10).
+    """
+    points, views = [], []
+    for f in range(data.detections.n_frames):
+        chosen = told_who(data, f)
+        pixels = np.full((*chosen.shape, len(JOINTS), 2), np.nan)
+        for v in range(len(data.rig)):
+            there = chosen[:, v] >= 0
+            pixels[there, v] = _detected(data, f, v)[chosen[there, v]]
+        points.append(linear_points(data.rig, pixels))
+        views.append(np.isfinite(pixels).all(axis=-1).sum(axis=1))
+    return points, views
+
+
+def linear_points(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
+    """Linear triangulation (DLT): (person, view, joint, 2) to (person, joint, 3), NaN below two views."""
+    projections = np.stack([camera.matrix @ camera.camera_from_world[:3] for camera in rig.cameras])
+    # Rows x P2 - P0 and y P2 - P1 of each view; a view that does not see the joint gives zeros.
+    seen = np.isfinite(pixels).all(axis=-1)
+    known = np.where(seen[..., None], pixels, 0.0)
+    rows = known[..., None] * projections[:, None, 2:] - projections[:, None, :2]
+    rows = np.moveaxis(np.where(seen[..., None, None], rows, 0.0), 1, 2)
+    matrices = rows.reshape(*rows.shape[:2], 2 * len(rig), 4)
+    homogeneous = np.linalg.svd(matrices)[2][..., -1, :]
+    enough = seen.sum(axis=1) >= 2
+    points = np.full((*enough.shape, 3), np.nan)
+    points[enough] = homogeneous[enough, :3] / homogeneous[enough, 3:]
+    return points
+
+
+def is_unannotated(data: Mvor, frame: int, points_m: np.ndarray) -> np.ndarray:
+    """Shape (person,), bool: proposals that may be somebody of whom there is no 3D truth.
+
+    They are those of which at least half the joints lie in boxes of such a person in two views.
+
+    Args:
+        data: the data set.
+        frame: its number.
+        points_m: shape (person, 10, 3).
+    """
+    pixels = data.rig.project(points_m)
+    found = np.zeros(len(points_m), dtype=bool)
+    for p in range(len(points_m)):
+        n = max(int(np.isfinite(points_m[p]).all(axis=-1).sum()), 1)
+        hit = [box for box in data.boxes[frame] if 2 * _inside(box, pixels[box.view, p]) >= n]
+        # A box without an id may be anybody's; those with ids must be one person's.
+        unnamed = {box.view for box in hit if box.person < 0}
+        named = {box.person: {b.view for b in hit if b.person == box.person} for box in hit if box.person >= 0}
+        found[p] = max(len(unnamed | views) for views in (set(), *named.values())) >= 2
+    return found
+
+
+def _inside(box: Box, pixels: np.ndarray) -> int:
+    left, top, right, bottom = box.corners_px
+    x, y = pixels[:, 0], pixels[:, 1]
+    return int(((x >= left) & (x <= right) & (y >= top) & (y <= bottom)).sum())
+
+
+def score(data: Mvor, proposals_m: Sequence[np.ndarray]) -> AssociationScores:
+    """Score an associator's proposals.
+
+    Args:
+        data: the data set.
+        proposals_m: by frame, shape (person, 17, 3), COCO's keypoints; or (person, 10, 3), joints as :data:`JOINTS`.
+    """
+    skeleton = data.detections.skeleton
+    joints = [to_joints(each, skeleton) if each.shape[1] == len(skeleton) else each for each in proposals_m]
+    points, views = oracle(data)
+    counted = [~is_unannotated(data, f, each) for f, each in enumerate(joints)]
+    compared = [JOINTS.index(name) for name in COMPARED]
+    return score_association(joints, data.truth_m, points, views, counted, compared)
+
+
+def main() -> None:
+    """Print what the oracle makes of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    data = read_mvor(parser.parse_args().folder / "mvor")
+    points, _ = oracle(data)
+    there = [each[np.isfinite(each).all(axis=-1).any(axis=-1)] for each in points]
+    print(json.dumps(vars(score(data, there)), indent=2))
+
+
+if __name__ == "__main__":
+    main()

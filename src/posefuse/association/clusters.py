@@ -1,0 +1,69 @@
+"""How far apart two people are, in units of how well they are known, and which of them are one."""
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from posefuse.association.torso import full
+
+
+def distance_squared(
+    points_a_m: np.ndarray,
+    covariance_a_m2: np.ndarray,
+    points_b_m: np.ndarray,
+    covariance_b_m2: np.ndarray,
+    *,
+    floor_m: float = 0.0,
+    min_common: int = 1,
+) -> np.ndarray:
+    """Squared distances of people, covariance-normalised: the mean over the keypoints that both have.
+
+    Of two independent estimates of one person it is 3 on average, however many keypoints they share.
+
+    Args:
+        points_a_m: shape (a, keypoint, 3), NaN where missing.
+        covariance_a_m2: shape (a, keypoint, 6): xx xy xz yy yz zz.
+        points_b_m: shape (b, keypoint, 3).
+        covariance_b_m2: shape (b, keypoint, 6).
+        floor_m: standard deviation per axis that is added to that of every difference, for what covariances do not
+            know: that a keypoint means another place from another side.
+        min_common: with fewer common keypoints nothing is said.
+
+    Returns:
+        Shape (a, b), NaN where nothing is said.
+    """
+    difference = np.asarray(points_a_m)[:, None] - np.asarray(points_b_m)[None]
+    common = np.asarray(np.isfinite(difference).all(axis=-1))
+    difference = np.where(common[..., None], difference, 0.0)
+    spread = full(covariance_a_m2)[:, None] + full(covariance_b_m2)[None] + floor_m**2 * np.eye(3)
+    spread = np.where(common[..., None, None], spread, np.eye(3))
+    each = np.einsum("abki,abki->abk", difference, np.linalg.solve(spread, difference[..., None])[..., 0])
+    count = common.sum(axis=-1)
+    return np.where(count >= max(min_common, 1), each.sum(axis=-1) / np.maximum(count, 1), np.nan)
+
+
+def cluster(
+    points_m: np.ndarray,
+    covariance_m2: np.ndarray,
+    gate_squared: float,
+    *,
+    floor_m: float = 0.0,
+    min_common: int = 1,
+) -> np.ndarray:
+    """Which people are one: those nearer than the gate, and those that others in between join to them.
+
+    Args:
+        points_m: shape (person, keypoint, 3), NaN where missing.
+        covariance_m2: shape (person, keypoint, 6).
+        gate_squared: people are one if no farther apart by :func:`distance_squared`.
+        floor_m: as there.
+        min_common: as there.
+
+    Returns:
+        Shape (person,), int64: the number of each one's cluster, counted from 0 in order of first appearance.
+    """
+    if not len(points_m):
+        return np.empty(0, dtype=np.int64)
+    apart = distance_squared(points_m, covariance_m2, points_m, covariance_m2, floor_m=floor_m, min_common=min_common)
+    labels = connected_components(np.nan_to_num(apart, nan=np.inf) <= gate_squared, directed=False)[1]
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse].astype(np.int64)

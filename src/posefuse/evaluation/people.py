@@ -1,0 +1,509 @@
+"""Many people against known positions: who was found, under which name, how far off, how sure.
+
+:func:`people_points` puts a result and its truth on the same frames and keypoints; :func:`score_people` takes it from
+there, and takes plain arrays as well.
+"""
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+
+import numpy as np
+
+from posefuse.errors import ResultError, choices
+from posefuse.evaluation.accuracy import Truth, interpolated
+from posefuse.evaluation.consistency import Consistency, consistency, normalised_squares
+from posefuse.evaluation.heads import JOINTS, HeadRule, joints_14
+from posefuse.evaluation.identity import (
+    ClearScores,
+    GhostLife,
+    HotaScores,
+    IdentityScores,
+    clear_scores,
+    ghosts,
+    hota_scores,
+    identity_scores,
+    recall_after_entry,
+    tracked_shares,
+)
+from posefuse.evaluation.matching import (
+    GATE_M,
+    Matches,
+    followed,
+    is_here,
+    match_identities,
+    matches_of,
+    mean_distances_m,
+)
+from posefuse.evaluation.motion import Jitter, bone_spreads, jitter
+from posefuse.evaluation.parts import PartScores, part_scores, pck
+from posefuse.model.cameras import UpAxis
+from posefuse.model.reconstruction import Reconstruction, unpack_covariance
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.status import PointStatus, Source
+from posefuse.model.tracks import TrackState
+
+
+@dataclass(frozen=True)
+class ScoringOptions:
+    """What is asked of the scores.
+
+    Attributes:
+        gates_m: the farthest a match may be; the first is used for everything but the counts of the others.
+        entry_s: recall is also counted without this time after each entry of a person.
+        pck_m: distances at which keypoints are correct.
+        head_rule: of PCP.
+    """
+
+    gates_m: tuple[float, ...] = (GATE_M, 0.25)
+    entry_s: float = 0.4
+    pck_m: tuple[float, ...] = (0.05, 0.1, 0.15)
+    head_rule: HeadRule = "none"
+
+    def __post_init__(self) -> None:
+        if not self.gates_m or min(self.gates_m) <= 0:
+            raise ResultError(f"gates_m: expected one distance or more, each above 0 m, got {self.gates_m}.")
+        if not self.entry_s >= 0:
+            raise ResultError(f"entry_s: expected 0 s or more, got {self.entry_s}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """People with all the keypoints they have.
+
+    Attributes:
+        skeleton: of the keypoint axis.
+        points_m: shape (frame, person, keypoint, 3), NaN where missing.
+    """
+
+    skeleton: Skeleton
+    points_m: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PeoplePoints:
+    """A result and its truth on the same frames and keypoints.
+
+    Attributes:
+        skeleton: of the keypoint axes.
+        points_m: shape (frame, person, keypoint, 3), NaN where missing.
+        truth_m: shape (frame, truth, keypoint, 3), NaN where missing, in the same world.
+        time_s: shape (frame,), increasing, or None where unknown.
+        covariance_m2: shape (frame, person, keypoint, 3, 3), NaN where unknown, or None where there is none at all.
+        person_ids: names of the result's people; by default numbered.
+        truth_ids: names of the truth's people; by default numbered.
+        up_axis: of the world, None where unknown.
+        layer: of the result.
+        matched_by: how frames were put together.
+        whole: result and truth with all keypoints each has, of the same frames and people: parts need the nose and ears
+            of the one and the head of the other. By default the shared ones.
+
+    Raises:
+        ResultError: where the arrays do not fit each other.
+    """
+
+    skeleton: Skeleton
+    points_m: np.ndarray
+    truth_m: np.ndarray
+    time_s: np.ndarray | None = None
+    covariance_m2: np.ndarray | None = None
+    person_ids: tuple[str, ...] = ()
+    truth_ids: tuple[str, ...] = ()
+    up_axis: UpAxis | None = None
+    layer: str = "points"
+    matched_by: str = "order"
+    whole: tuple[Bodies, Bodies] | None = None
+
+    def __post_init__(self) -> None:
+        frames, tail = len(self.points_m), (len(self.skeleton), 3)
+        for name, points in (("points_m", self.points_m), ("truth_m", self.truth_m)):
+            if points.ndim != 4 or len(points) != frames or points.shape[2:] != tail:
+                raise ResultError(
+                    f"{name}: expected (frame, person, keypoint, 3) = ({frames}, any, {tail[0]}, 3), "
+                    f"got {points.shape}."
+                )
+        if self.covariance_m2 is not None and self.covariance_m2.shape != (*self.points_m.shape, 3):
+            raise ResultError(
+                f"covariance_m2: expected {(*self.points_m.shape, 3)}, a 3 x 3 matrix a point, "
+                f"got {self.covariance_m2.shape}."
+            )
+        if self.time_s is not None and not (len(self.time_s) == frames and np.all(np.diff(self.time_s) > 0)):
+            raise ResultError(f"time_s: expected {frames} increasing times; leave it out where they are not known.")
+        for name, points in (("person_ids", self.points_m), ("truth_ids", self.truth_m)):
+            ids = getattr(self, name) or tuple(f"person_{i + 1}" for i in range(points.shape[1]))
+            if len(ids) != points.shape[1]:
+                raise ResultError(f"{name}: {len(ids)} names for {points.shape[1]} people.")
+            object.__setattr__(self, name, tuple(ids))
+
+
+@dataclass(frozen=True)
+class PersonScores:
+    """One person of the truth.
+
+    Attributes:
+        name: in the truth.
+        counterpart: the person of the result it is over the whole recording, None for nobody.
+        n_frames: in which the truth has it.
+        tracked_share: of them, matched to anybody.
+        named_share: of them, matched to the counterpart.
+        mpjpe_mm: mean distance of its keypoints to those of its matches, NaN without.
+    """
+
+    name: str
+    counterpart: str | None
+    n_frames: int
+    tracked_share: float
+    named_share: float
+    mpjpe_mm: float
+
+
+@dataclass(frozen=True)
+class PeopleScores:
+    """Everything about a result with many people. Numbers that cannot be had are NaN; ``undefined`` says why.
+
+    Attributes:
+        layer: what was compared.
+        matched_by: how frames were put together.
+        n_frames: compared.
+        n_keypoints: compared.
+        n_people: of the result.
+        n_true_people: of the truth.
+        clear: MOTA and its counts, for each gate.
+        identity: IDF1 at the first gate.
+        hota: with the first gate as its reach.
+        recall_after_entry: at the first gate, without the time ``entry_s`` after each entry.
+        entry_s: that time.
+        people: each person of the truth.
+        ghosts: people of the result where nobody is, longest life first.
+        mpjpe_mm: mean distance over the keypoints of all matches at the first gate.
+        median_mm: likewise the median.
+        mpjpe_mm_of: keypoint to its mean distance.
+        pck: distance in m to the share of correct keypoints.
+        parts: PCP.
+        jitter: accelerations.
+        bone_variation: median over bones.
+        bone_variation_of: bone, as ``a-b``, to how much it changes length.
+        nees: of the positions of matched keypoints.
+        nees_of: keypoint to its mean.
+        undefined: the name of a number to why it is NaN.
+    """
+
+    layer: str
+    matched_by: str
+    n_frames: int
+    n_keypoints: int
+    n_people: int
+    n_true_people: int
+    clear: tuple[ClearScores, ...]
+    identity: IdentityScores
+    hota: HotaScores
+    recall_after_entry: float
+    entry_s: float
+    people: tuple[PersonScores, ...]
+    ghosts: tuple[GhostLife, ...]
+    mpjpe_mm: float
+    median_mm: float
+    mpjpe_mm_of: Mapping[str, float]
+    pck: Mapping[str, float]
+    parts: PartScores
+    jitter: Jitter
+    bone_variation: float
+    bone_variation_of: Mapping[str, float]
+    nees: Consistency
+    nees_of: Mapping[str, float]
+    undefined: Mapping[str, str] = field(default_factory=dict)
+
+
+def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions()) -> PeopleScores:
+    """All scores of many people.
+
+    Raises:
+        ResultError: if the truth has nobody.
+    """
+    truth_here, here = is_here(data.truth_m), is_here(data.points_m)
+    if not truth_here.any():
+        raise ResultError("The truth has nobody in these frames; are result and truth of the same recording?")
+    apart = mean_distances_m(data.points_m, data.truth_m)
+    gates = [matches_of(apart, here, truth_here, gate) for gate in options.gates_m]
+    first, gate = gates[0], options.gates_m[0]
+    ours = followed(data.points_m, first.person)
+    errors_mm = 1000.0 * np.linalg.norm(ours - data.truth_m, axis=-1)
+    squares = _squares(data, first, ours - data.truth_m)
+    keypoints = data.skeleton.keypoints
+    spreads = bone_spreads(data.points_m, data.skeleton.edge_indices)
+    shares = pck(ours, data.truth_m, options.pck_m)
+    clear = tuple(clear_scores(each) for each in gates)
+    scores = PeopleScores(
+        layer=data.layer,
+        matched_by=data.matched_by,
+        n_frames=len(data.points_m),
+        n_keypoints=len(keypoints),
+        n_people=len(data.person_ids),
+        n_true_people=len(data.truth_ids),
+        clear=clear,
+        identity=identity_scores(apart, clear[0].n_true, clear[0].n_found, gate),
+        hota=hota_scores(apart, here, truth_here, gate),
+        recall_after_entry=_late_recall(data, first, options.entry_s),
+        entry_s=options.entry_s,
+        people=_each_person(data, first, apart, errors_mm),
+        ghosts=ghosts(first, data.person_ids),
+        mpjpe_mm=_mean(errors_mm),
+        median_mm=_median(errors_mm),
+        mpjpe_mm_of={name: _mean(errors_mm[..., k]) for k, name in enumerate(keypoints)},
+        pck={f"{limit:g}": share for limit, share in zip(options.pck_m, shares, strict=True)},
+        parts=_parts(data, options.head_rule),
+        jitter=_jitter(data, first, ours),
+        bone_variation=_median(spreads),
+        bone_variation_of={
+            f"{a}-{b}": float(spread) for (a, b), spread in zip(data.skeleton.edges, spreads, strict=True)
+        },
+        nees=consistency(squares, 3),
+        nees_of={name: _mean(squares[..., k]) for k, name in enumerate(keypoints)},
+    )
+    return _with_reasons(scores, data)
+
+
+def _squares(data: PeoplePoints, matches: Matches, offsets_m: np.ndarray) -> np.ndarray:
+    if data.covariance_m2 is None:
+        return np.full(offsets_m.shape[:-1], np.nan)
+    return normalised_squares(offsets_m, followed(data.covariance_m2, matches.person))
+
+
+def _late_recall(data: PeoplePoints, matches: Matches, entry_s: float) -> float:
+    return math.nan if data.time_s is None else recall_after_entry(matches, data.time_s, entry_s)
+
+
+def _parts(data: PeoplePoints, rule: HeadRule) -> PartScores:
+    ours, true = (joints_14(each.points_m, each.skeleton, rule, data.up_axis) for each in _whole(data))
+    return part_scores(ours, true, rule)
+
+
+def _whole(data: PeoplePoints) -> tuple[Bodies, Bodies]:
+    return data.whole or (Bodies(data.skeleton, data.points_m), Bodies(data.skeleton, data.truth_m))
+
+
+def _jitter(data: PeoplePoints, matches: Matches, ours: np.ndarray) -> Jitter:
+    if data.time_s is None:
+        return Jitter(math.nan, math.nan, math.nan, 0)
+    return jitter(ours, data.truth_m, matches.person, data.time_s)
+
+
+def _each_person(
+    data: PeoplePoints, matches: Matches, apart: np.ndarray, errors_mm: np.ndarray
+) -> tuple[PersonScores, ...]:
+    counterpart, _ = match_identities(apart, matches.gate_m)
+    shares = tracked_shares(matches)
+    found = []
+    for t, name in enumerate(data.truth_ids):
+        n, other = int(matches.true_here[:, t].sum()), int(counterpart[t])
+        named = (matches.person[:, t] == other).sum() if other >= 0 else 0
+        found.append(
+            PersonScores(
+                name=name,
+                counterpart=data.person_ids[other] if other >= 0 else None,
+                n_frames=n,
+                tracked_share=float(shares[t]),
+                named_share=float(named / n) if n else math.nan,
+                mpjpe_mm=_mean(errors_mm[:, t]),
+            )
+        )
+    return tuple(found)
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def _median(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else math.nan
+
+
+def _with_reasons(scores: PeopleScores, data: PeoplePoints) -> PeopleScores:
+    """The same scores, every NaN with its reason."""
+    reasons = {path: _reason(path, scores, data) for path in _undefined(asdict(scores), "")}
+    return replace(scores, undefined=reasons)
+
+
+def _undefined(value: object, path: str) -> Iterator[str]:
+    """Where NaN stands in nested records, as ``clear.0.motp_mm``."""
+    if isinstance(value, Mapping):
+        items = value.items()
+    elif isinstance(value, (tuple, list)):
+        items = enumerate(value)
+    else:
+        if isinstance(value, float) and math.isnan(value):
+            yield path
+        return
+    for name, inner in items:
+        yield from _undefined(inner, f"{path}.{name}" if path else str(name))
+
+
+def _reason(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
+    """Why a number is not there."""
+    top, last = path.split(".")[0], path.split(".")[-1]
+    nobody = f"nobody is matched within {scores.clear[0].gate_m:g} m"
+    if top == "parts":
+        return _why_no_part(path, scores, data)
+    if top in ("nees", "nees_of"):
+        return "the layer carries no covariance" if data.covariance_m2 is None else "no matched point has a covariance"
+    if top in ("jitter", "recall_after_entry") and data.time_s is None:
+        return "the frames have no times"
+    if top == "recall_after_entry":
+        return f"nobody stays for {scores.entry_s:g} s"
+    if top == "jitter":
+        still = last == "ratio" and scores.jitter.n
+        return "the truth stands still" if still else "no point is matched in three frames in a row"
+    if top in ("bone_variation", "bone_variation_of"):
+        return "no bone is seen twice" if scores.bone_variation_of else "the compared keypoints have no bones"
+    if last in ("precision", "id_precision", "false_share"):
+        return "the result has nobody in these frames"
+    if top == "people":
+        there = scores.people[int(path.split(".")[1])].n_frames
+        return nobody if there else "the truth does not have this person in these frames"
+    return nobody
+
+
+def _why_no_part(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
+    if scores.parts.head_rule == "none" and path.split(".")[-1] in ("8", "9"):
+        return "head rule none: there is no head, and no torso that ends at it"
+    lacking = [name for name in JOINTS[:12] if name not in _whole(data)[1].skeleton.keypoints]
+    if lacking:
+        return f"the truth's skeleton has no {choices(lacking)}"
+    return "the truth does not have the part in these frames"
+
+
+def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Reconstruction:
+    """The same result without points of people who are not in one of these states, such as lost ones' predictions.
+
+    Raises:
+        ResultError: if the result does not say who is in which state.
+    """
+    if result.tracks is None:
+        raise ResultError("This result has no tracks, so nobody in it is tentative, active or lost: leave states out.")
+    out = ~np.isin(np.asarray(result.tracks.state[:]), [int(state) for state in states])
+    layers = {}
+    for name, layer in result.layers.items():
+        points, covariance = np.array(layer.points_m[:]), np.array(layer.covariance_m2[:])
+        status, source = np.array(layer.status[:]), np.array(layer.source[:])
+        points[out], covariance[out], status[out], source[out] = np.nan, np.nan, PointStatus.ABSENT, Source.NONE
+        layers[name] = replace(layer, points_m=points, covariance_m2=covariance, status=status, source=source)
+    return replace(result, layers=layers)
+
+
+def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints:
+    """A result and another reconstruction, such as the truth of a simulation, on the frames both have.
+
+    Frames are put together by their numbers, or, where the rates differ, by time: the truth is interpolated linearly.
+    Keypoints are the truth's, those the result lacks left out; the truth's derived ones are made of the result's.
+
+    Args:
+        result: in metres; ``options.layer`` or the best layer is compared.
+        truth: in the same world.
+
+    Raises:
+        ResultError: if they share no frame or no keypoint.
+    """
+    sources = result.skeleton.sources_of(truth.skeleton)
+    if not sources:
+        raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
+    frames, whole_m, matched_by = _at_frames_of(result, truth)
+    skeleton = sub_skeleton(truth.skeleton, tuple(sources))
+    return _joined(result, skeleton, frames, Bodies(truth.skeleton, whole_m), truth.person_ids, matched_by)
+
+
+def _joined(
+    result: Reconstruction,
+    skeleton: Skeleton,
+    frames: np.ndarray,
+    truth: Bodies,
+    truth_ids: Sequence[str],
+    matched_by: str,
+) -> PeoplePoints:
+    """Some frames of a result, with its keypoints as ``skeleton`` has them, beside the truth of these frames."""
+    if result.unit != "m":
+        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
+    name, layer = result.best_layer(result.options.layer)
+    sources = result.skeleton.sources_of(skeleton)
+    covariance = unpack_covariance(np.asarray(layer.covariance_m2[:])[frames])
+    points = np.asarray(layer.points_m[:])[frames]
+    time_s = result.time_s[frames]
+    timed = bool(np.isfinite(time_s).all() and np.all(np.diff(time_s) > 0))
+    return PeoplePoints(
+        skeleton=skeleton,
+        points_m=_derived(points, result.skeleton, sources),
+        truth_m=truth.points_m[:, :, [truth.skeleton.index(keypoint) for keypoint in skeleton.keypoints]],
+        time_s=time_s if timed else None,
+        covariance_m2=_undivided(covariance, result.skeleton, sources) if np.isfinite(covariance).any() else None,
+        person_ids=result.person_ids,
+        truth_ids=tuple(truth_ids),
+        up_axis=result.rig.up_axis,
+        layer=name,
+        matched_by=matched_by,
+        whole=(Bodies(result.skeleton, points), truth),
+    )
+
+
+def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence[str]) -> PeoplePoints:
+    """A result and people whose positions came each from its own file, on the keypoints that all have.
+
+    Args:
+        result: in metres; ``options.layer`` or the best layer is compared.
+        truths: one a person, of the result's frames.
+        names: of the people.
+
+    Raises:
+        ResultError: if they have no keypoint in common.
+    """
+    shared = tuple(name for name in result.skeleton.keypoints if all(name in truth.keypoints for truth in truths))
+    if not truths or not shared:
+        raise ResultError(f"The truth's {len(truths)} people ({choices(names)}) have no keypoint in common.")
+    columns = [[truth.keypoints.index(name) for name in shared] for truth in truths]
+    known = np.stack([truth.points_m[:, c] for truth, c in zip(truths, columns, strict=True)], axis=1)
+    covered = np.flatnonzero(is_here(known).any(axis=1))
+    if not len(covered):
+        raise ResultError("Result and truth share no frame; are they of the same recording?")
+    skeleton = sub_skeleton(result.skeleton, shared)
+    return _joined(result, skeleton, covered, Bodies(skeleton, known[covered]), names, truths[0].matched_by)
+
+
+def sub_skeleton(skeleton: Skeleton, keypoints: tuple[str, ...]) -> Skeleton:
+    """Some of a skeleton's keypoints, in the given order, and the edges between them."""
+    edges = tuple((a, b) for a, b in skeleton.edges if a in keypoints and b in keypoints)
+    derived = {name: parts for name, parts in skeleton.derived.items() if name in keypoints}
+    return Skeleton(skeleton.name, keypoints, edges, derived=derived)
+
+
+def _derived(points_m: np.ndarray, skeleton: Skeleton, sources: Mapping[str, tuple[str, ...]]) -> np.ndarray:
+    """Each keypoint as the mean of its parts, shape (frame, person, keypoint, 3)."""
+    parts = [[skeleton.index(part) for part in names] for names in sources.values()]
+    return np.stack([points_m[:, :, columns].mean(axis=2) for columns in parts], axis=2)
+
+
+def _undivided(covariance_m2: np.ndarray, skeleton: Skeleton, sources: Mapping[str, tuple[str, ...]]) -> np.ndarray:
+    """Covariances of keypoints the result has itself; a mean's is not known, its parts being correlated."""
+    columns = [skeleton.index(names[0]) for names in sources.values()]
+    found = covariance_m2[:, :, columns]
+    found[:, :, [len(names) > 1 for names in sources.values()]] = np.nan
+    return found
+
+
+def _at_frames_of(result: Reconstruction, truth: Reconstruction) -> tuple[np.ndarray, np.ndarray, str]:
+    """Which of the result's frames the truth covers, its points there, and how they were put together.
+
+    Returns:
+        Shape (shared frame,), int64: places in the result; shape (shared frame, truth, keypoint, 3); and words.
+    """
+    _, layer = truth.best_layer()
+    points = np.asarray(layer.points_m[:])
+    if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
+        inside = np.flatnonzero((result.time_s >= truth.time_s[0]) & (result.time_s <= truth.time_s[-1]))
+        if not len(inside):
+            raise ResultError("Result and truth share no time; are they of the same recording?")
+        flat = interpolated(points.reshape(len(points), -1, 3), truth.time_s, result.time_s[inside])
+        return inside, flat.reshape(-1, *points.shape[1:]), "time"
+    shared, ours, theirs = np.intersect1d(result.frame_numbers, truth.frame_numbers, return_indices=True)
+    if not len(shared):
+        raise ResultError("Result and truth share no frame number; are they of the same recording?")
+    return ours, points[theirs], "frame number"

@@ -1,0 +1,70 @@
+"""``posefuse evaluate`` with many people."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import posefuse
+from tests.unit.evaluation.test_people import crowd, result_of
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Three people, of whom the result has two exchange names halfway, and a fourth who is nobody."""
+    rng = np.random.default_rng(7)
+    truth = crowd(rng, 50, 3)
+    points = np.concatenate([truth, truth[:, :1] + np.array([0.0, 30.0, 0.0])], axis=1)
+    points[25:, :2] = truth[25:, 1::-1]
+    points += 0.01 * rng.normal(size=points.shape)
+    points[12:, 3] = np.nan
+    posefuse.write(result_of(points, 1e-4), tmp_path / "reconstruction.nc")
+    posefuse.write(result_of(truth), tmp_path / "truth.nc")
+    return tmp_path
+
+
+def test_a_table_and_numbers(run, files, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, said, warned = run("evaluate", files, files / "truth.nc", "--head-rule", "campus", "--entry-s", "0.2")
+    assert (code, warned) == (0, "")
+    assert "50 frames, 17 keypoints, 4 people for 3" in " ".join(said.split())
+    assert max(len(line) for line in said.splitlines() if not line.startswith("Wrote")) <= 80
+    assert "recall from 0.2 s after entries" in said
+    numbers = json.loads((files / "evaluation.json").read_text())
+    assert numbers["clear"][0]["switches"] == 2
+    assert numbers["clear"][0]["mota"] == pytest.approx(1 - (12 + 2) / 150)
+    assert numbers["identity"]["idf1"] == pytest.approx(2 * 100 / (150 + 162))
+    assert numbers["ghosts"] == [{"person": "person_4", "frames": 12, "longest": 12, "ever_matched": False}]
+    assert numbers["people"][2]["counterpart"] == "person_3"
+    assert numbers["nees"]["mean"] == pytest.approx(3, rel=0.1)
+
+
+def test_numbers_that_cannot_be_had(run, files):
+    truth = posefuse.read_reconstruction(files / "truth.nc")
+    away = replace(truth.layers["measured"], points_m=np.asarray(truth.layers["measured"].points_m[:]) + 90.0)
+    posefuse.write(replace(truth, layers={"measured": away}), files / "away.nc")
+    code, said, _ = run("evaluate", files / "away.nc", files / "truth.nc", "--json", files / "numbers.json")
+    assert code == 0
+    assert "- nobody is matched within 0.5 m" in said
+    numbers = json.loads((files / "numbers.json").read_text())
+    assert numbers["mpjpe_mm"] is None
+    assert numbers["undefined"]["mpjpe_mm"] == "nobody is matched within 0.5 m"
+
+
+def test_one_trc_a_person(run, files):
+    truth = posefuse.read_reconstruction(files / "truth.nc")
+    for p, name in enumerate(("anna", "otto")):
+        layer = truth.layers["measured"]
+        one = {field: np.asarray(getattr(layer, field))[:, p : p + 1] for field in vars(layer)}
+        single = replace(truth, person_ids=(name,), layers={"measured": replace(layer, **one)})
+        posefuse.write(single, files / f"{name}.trc")
+    code, said, _ = run("evaluate", files, files / "anna.trc", files / "otto.trc")
+    assert code == 0
+    numbers = json.loads((files / "evaluation.json").read_text())
+    assert [person["name"] for person in numbers["people"]] == ["anna", "otto"]
+    assert numbers["clear"][0]["misses"] == 0
+    assert "anna" in said
+    code, _, said = run("evaluate", files, files / "anna.trc", files / "truth.nc")
+    assert code == 1
+    assert "TRC files, one a person" in said

@@ -1,0 +1,35 @@
+"""Motion of real people, before real lenses, through the simulated detector of crowds."""
+
+import numpy as np
+import pytest
+from benchmarks import panoptic
+
+from posefuse.synthetic.crowds import CrowdScene, Kind, crowd_of_points
+
+
+def check(scene: CrowdScene, points_m: np.ndarray) -> None:
+    """Everybody is seen by most cameras, near where they are."""
+    found = scene.detections
+    cell = np.repeat(np.arange(found.n_frames * found.n_views), found.people_counts.ravel())
+    frame, view = cell // found.n_views, cell % found.n_views
+    person = scene.kind == Kind.PERSON
+    exact = scene.rig.project(points_m)[view, frame, scene.owner][person]
+    error = np.linalg.norm(np.asarray(found.keypoints_px)[person] - exact, axis=-1)
+    # 4.5 px / c at 1000 px is 11.5 px at 1920 and c = 0.75; the median norm of two such errors is half as much again.
+    assert np.nanmedian(error) == pytest.approx(18.0, abs=6.0)
+    seen = np.zeros((found.n_frames, points_m.shape[1], found.n_views), dtype=bool)
+    seen[frame[person], scene.owner[person], view[person]] = True
+    assert (seen.sum(axis=2) >= 3).mean() > 0.95
+
+
+def test_one_person(shared_data):
+    motion = panoptic.one_person(shared_data("panoptic_motion").parent)
+    points = motion.points_m[:600]
+    check(crowd_of_points(points, motion.rig, motion.skeleton, motion.rate_hz), points)
+
+
+@pytest.mark.parametrize("sequence", ["160906_band1", "160906_band2"])
+def test_three_people(shared_data, sequence):
+    motion = panoptic.three_people(shared_data("panoptic_three_people").parent, sequence)
+    assert motion.points_m.shape == (20, 3, 19, 3)
+    check(crowd_of_points(motion.points_m, motion.rig, motion.skeleton, motion.rate_hz), motion.points_m)
