@@ -18,8 +18,8 @@ from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.watch import Watch, look_at
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
+from posefuse.tracking.watch import Watch, look_at
 
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
@@ -201,7 +201,8 @@ class ArticulatedTracker:
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
             what = "camera refused" if refused else "camera trusted"
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
-        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s)
+        scale = self.settings.tree.scale
+        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
             for p, track in enumerate(self.tracks):
                 if supported[p].sum() > 1:
