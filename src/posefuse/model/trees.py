@@ -150,7 +150,7 @@ class Tree:
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, ...]:
-        """For kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns (kernels/bodies.py)."""
+        """For kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns; see kernels/bodies.py."""
         nodes = self.nodes
         starts, columns = _columns(self)
         return (
@@ -385,7 +385,7 @@ class _Builder:
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
-            segment = self.segments.index(self.partner.get(row[0], row[0]))
+            segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
             self._put(Node(other, parent, segment, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:
@@ -443,7 +443,7 @@ class _Builder:
                 self._segment(other),
                 _unit(np.array(axis, dtype=float)),
                 float(np.cos(np.radians(degrees))),
-            )  # fmt: skip
+            )
             for name, (other, axis, degrees) in table.items()
         ]
 
