@@ -24,6 +24,7 @@ from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tracker import ArticulatedTracker
+from posefuse.tracking.unknown_bodies import measured_tree
 
 _PX_AT_1000 = 4.5
 _EXPONENT = 1.0
@@ -61,19 +62,42 @@ def rough_noise(rig: CameraRig, detections: Detections, options: Options) -> Noi
     noise = usual_noise(rig, options)
     if noise.origin != "assumed":
         return noise
-    sampled = np.unique(np.linspace(0, detections.n_frames - 1, _SAMPLED_FRAMES).astype(int))
-    frames = [Frame.of(detections, int(i)) for i in sampled]
+    frames = _sampled(detections)
     for _ in range(_ROUNDS):
         errors: list[float] = []
         for frame in frames:
-            free = np.ones(len(frame.view), dtype=bool)
-            found = propose(rig, frame, noise, detections.skeleton, free, options.association)
+            found = _proposed(rig, frame, noise, detections.skeleton, options)
             errors.extend(found.error_sigma[(found.n_views > 2) & np.isfinite(found.error_sigma)].tolist())
         if not errors:
             return noise
         factor = float(np.clip(np.median(errors) / _EXPECTED_SIGMA, *_FACTORS))
         noise = replace(noise, scale_px=noise.scale_px * factor, origin="estimated")
     return noise
+
+
+def _sampled(detections: Detections) -> list[Frame]:
+    sampled = np.unique(np.linspace(0, detections.n_frames - 1, _SAMPLED_FRAMES).astype(int))
+    return [Frame.of(detections, int(i)) for i in sampled]
+
+
+def _proposed(rig: CameraRig, frame: Frame, noise: NoiseModel, skeleton: Skeleton, options: Options) -> Proposals:
+    """What all detections of a frame propose."""
+    return _propose(rig, noise, skeleton, options, frame, np.ones(len(frame.view), dtype=bool))
+
+
+def with_tree(rig: CameraRig, detections: Detections, noise: NoiseModel, options: Options) -> Skeleton:
+    """The skeleton of the detections; one that does not say how its body moves gets the bones that a sample shows.
+
+    Raises:
+        SkeletonError: if the sample shows no bones.
+    """
+    skeleton = detections.skeleton
+    if skeleton.tree is not None:
+        return skeleton
+    found = [_proposed(rig, frame, noise, skeleton, options) for frame in _sampled(detections)]
+    points = np.concatenate([each.points_m for each in found])
+    covariance = np.concatenate([each.covariance_m2 for each in found])
+    return replace(skeleton, tree=measured_tree(skeleton, points, covariance))
 
 
 @dataclass(frozen=True)
@@ -227,10 +251,10 @@ def follow(rig: CameraRig, detections: Detections, options: Options, progress: P
 
     Raises:
         DetectionsError: if frames have no times.
-        SkeletonError: if the skeleton has no tree.
+        SkeletonError: if the skeleton has no tree, and none can be measured.
     """
     noise = rough_noise(rig, detections, options)
-    tracker = tracker_of(rig, detections.skeleton, noise, options)
+    tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
     book = _Book(History(tracker.settings))
     progress.start("following people", detections.n_frames)
     for chunk in detections.chunks():

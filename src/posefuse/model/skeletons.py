@@ -14,6 +14,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``[names]``: other programs' names for the keypoints, in the same order.
 """
 
+import math
 import re
 import tomllib
 from collections.abc import Mapping
@@ -26,7 +27,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
-from posefuse.model.trees import Tree, parse_tree, shared_body
+from posefuse.model.trees import Tree, parse_tree, shared_body, tree_of_size
 
 _KEYS = (
     "name", "description", "keypoints", "core", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names",
@@ -253,23 +254,42 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         plausible_m=tuple((a, b, float(low), float(high)) for a, b, low, high in data.get("plausible_m", [])),
         names={program: _expand(names) for program, names in data.get("names", {}).items()},
         description=data.get("description", ""),
-        tree=_tree(data.get("tree"), keypoints, partner, data["name"]),
+        tree=_tree(data.get("tree"), keypoints, _pairs(data.get("edges", [])), partner, data["name"]),
         core=_expand(_names(data.get("core", []), f"{source}: core")),
     )
 
 
-def _tree(table: object, keypoints: tuple[str, ...], partner: Mapping[str, str], skeleton: str) -> Tree | None:
+def _tree(
+    table: object,
+    keypoints: tuple[str, ...],
+    edges: tuple[tuple[str, str], ...],
+    partner: Mapping[str, str],
+    skeleton: str,
+) -> Tree | None:
     if table is None:
         return None
     body = shared_body(table) if isinstance(table, str) else table
     if not isinstance(body, Mapping):
         raise SkeletonError(f"Skeleton {skeleton!r}: tree is a table or the name of a shared body, got {table!r}.")
+    if set(body) == {"size_m"}:
+        return _tree_of_edges(body["size_m"], Skeleton(skeleton, keypoints, edges, tuple(partner.items())))
     # Joints that no detector sees have sides too.
     hidden = [
         str(name) for table in ("points", "bones") for name in body.get(table, {}) if str(name).startswith("left_")
     ]
     sides = {name: f"right_{name[5:]}" for name in hidden}
     return parse_tree(body, keypoints, {**sides, **partner}, skeleton)
+
+
+def _tree_of_edges(size_m: object, skeleton: Skeleton) -> Tree:
+    if not isinstance(size_m, int | float) or not 0.0 < size_m < math.inf:
+        raise SkeletonError(f"Skeleton {skeleton.name!r}: tree.size_m is a positive number, got {size_m!r}.")
+    if not skeleton.edges:
+        raise SkeletonError(
+            f"Skeleton {skeleton.name!r} has a tree of which only the size is known, but no edges to be its bones: "
+            "give edges."
+        )
+    return tree_of_size(skeleton.keypoints, skeleton.edge_indices, float(size_m), skeleton.mirror)
 
 
 def _names(value: object, where: str) -> list[str]:

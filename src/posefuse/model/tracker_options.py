@@ -1,13 +1,20 @@
-"""What a user can choose about following people; in seconds, metres and sigmas, so that frame rates do not matter."""
+"""What a user can choose about following people; in seconds, metres and sigmas, so that frame rates do not matter.
+
+Metres are those of an adult human. Other bodies have them in proportion to their size.
+"""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices
 
 Smoother = Literal["none", "lag", "full"]
 SMOOTHERS: tuple[Smoother, ...] = get_args(Smoother)
+
+_TIMES = 1.0 / 3.0
+"""Running animals' strides quicken nearly as the square root of their size (Heglund & Taylor 1988). Most do not
+run, and expecting too much tells bodies apart the less."""
 
 
 @dataclass(frozen=True)
@@ -151,3 +158,33 @@ class TrackerOptions:
             value = getattr(self, each.name)
             if isinstance(value, float) and not math.isfinite(value):
                 raise OptionsError(f"tracker.{each.name} must be a finite number, got {value}.")
+
+    def in_proportion(self, scale: float) -> "TrackerOptions":
+        """The same for bodies of another size.
+
+        Lengths go with the size, and the times in which movements fade with its third root: small animals turn and
+        accelerate faster. For how long somebody is looked for stays.
+
+        Args:
+            scale: how large the body is next to an adult human.
+        """
+        if scale == 1.0:
+            return self
+        births, motion, slower = self.births, self.motion, scale**_TIMES
+        return replace(
+            self,
+            model_floor_m=self.model_floor_m * scale,
+            clutter_m=self.clutter_m * scale,
+            births=replace(births, gate_m=births.gate_m * scale, apart_m=births.apart_m * scale),
+            motion=replace(
+                motion,
+                root_decay_s=motion.root_decay_s * slower,
+                root_acceleration=motion.root_acceleration * scale**2 / slower**3,
+                turn_decay_s=motion.turn_decay_s * slower,
+                turn_acceleration=motion.turn_acceleration / slower**3,
+                limb_decay_s=motion.limb_decay_s * slower,
+                limb_acceleration=motion.limb_acceleration / slower**3,
+                shape_walk=motion.shape_walk * scale**2,
+                top_speed_m_s=motion.top_speed_m_s * scale / slower,
+            ),
+        )

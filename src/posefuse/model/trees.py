@@ -14,11 +14,14 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``cones``: name of the far end of a bone to ``[segment, axis, most degrees]``: how far from the axis it swings.
 * ``twists``: name of a segment to ``[segment, axis, most degrees]``: how far the axis turns from one to the other.
 * ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
+* ``size_m``: how large the body is, by default 1.75: lengths in options are an adult human's, and are taken in
+  proportion.
 
 Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
-one, mirrored. Where a skeleton has no table, its edges are a tree of bones.
+one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tree of bones.
 """
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,11 +34,25 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
-_KEYS = ("segments", "points", "bones", "hinges", "cones", "twists", "spread", "size_spread")
+_TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
+_NUMBERS = ("spread", "size_spread", "size_m")
+_ROWS = {
+    "points": "[segment, forward, left, up]",
+    "bones": "[point, length] or [point, length, [forward, left, up]]",
+    "hinges": "[segment, [forward, left, up]]",
+    "cones": "[segment, [forward, left, up], degrees]",
+    "twists": "[segment, [forward, left, up], degrees]",
+}
 _MIRROR = np.array([1.0, -1.0, 1.0])
 _SPREAD, _SIZE_SPREAD = 0.08, 0.07
 _LEAST_SD = 0.015
+"""Of a coordinate of a human's; of other bodies in proportion."""
+ADULT_M = 1.75
+"""The height of the human whose lengths are those in options."""
+_EDGE_SHARE, _EDGE_SPREAD = 0.25, 0.5
+"""Of a body of which only the size is known: how long a bone is as a share of it, and by which share that is off."""
 _DOWN = (0.0, 0.0, -1.0)
+_STAYS, _NOBODYS, _PLAIN = (0.0, 0.0, 0.0), (-1, -1, -1), (1.0, 1.0, 1.0)
 HINGE = 0
 CONE = 1
 TWIST = 2
@@ -102,6 +119,7 @@ class Tree:
         shape_covariance: shape (shape, shape): between people, m^2.
         keypoint_nodes: shape (keypoint,), int64: the node of each keypoint of the skeleton, -1 where it has none.
         rest: shape (bone, 3): directions when standing, in the axes of the root.
+        size_m: how large the body is.
     """
 
     segments: tuple[str, ...]
@@ -113,6 +131,12 @@ class Tree:
     shape_covariance: np.ndarray
     keypoint_nodes: np.ndarray
     rest: np.ndarray
+    size_m: float = ADULT_M
+
+    @property
+    def scale(self) -> float:
+        """How large the body is next to an adult human."""
+        return self.size_m / ADULT_M
 
     @property
     def n_pose(self) -> int:
@@ -126,7 +150,7 @@ class Tree:
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, ...]:
-        """For kernels: parents, movers, is_bone, places, shape, sign, column starts, columns."""
+        """For kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns."""
         nodes = self.nodes
         starts, columns = _columns(self)
         return (
@@ -178,27 +202,92 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     Raises:
         SkeletonError: where the table names what is not there.
     """
-    for key in table:
-        if key not in _KEYS:
-            raise SkeletonError(f"Skeleton {skeleton!r}: tree has no table {key!r}. {suggestion(key, _KEYS)}")
-    segments = table.get("segments", {})
+    _check_tables(table, skeleton)
+    segments: Mapping[str, Any] = table["segments"]
     mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
-    sides: dict[str, str] = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
-    builder = _Builder(skeleton, sides)
-    if not segments:
-        raise SkeletonError(f"Skeleton {skeleton!r}: a tree needs segments; the first is the root.")
+    sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
     points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
     used = {str(row[0]) for row in points.values()}
-    used |= {sides[name] for name in used if name in sides}
-    segments = {str(name): at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
+    used |= {sides.get(name, name) for name in used}
+    segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
+    builder = _Builder(skeleton, sides)
     builder.add_segments(segments, points, bones)
-    spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
     limits = (
-        *builder.hinges({k: v for k, v in table.get("hinges", {}).items() if k in bones}),
-        *builder.cones({k: v for k, v in table.get("cones", {}).items() if k in bones}),
-        *builder.twists({k: v for k, v in table.get("twists", {}).items() if k in segments}),
+        *builder.hinges(_of_what_is_there(table.get("hinges", {}), bones, segments)),
+        *builder.cones(_of_what_is_there(table.get("cones", {}), bones, segments)),
+        *builder.twists(_of_what_is_there(table.get("twists", {}), segments, segments)),
     )
-    return builder.finish(keypoints, limits, spread, size)
+    spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
+    return builder.finish(keypoints, limits, spread, size, float(table.get("size_m", ADULT_M)))
+
+
+def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
+    """Complain of what no tree can be made of."""
+    where = f"Skeleton {skeleton!r}: tree"
+    _check_names_and_numbers(table, where)
+    _check_segments(table.get("segments", {}), where)
+    segments, bones = table["segments"], table.get("bones", {})
+    for key in _ROWS:
+        for name, row in table.get(key, {}).items():
+            _check_row(key, name, row, segments, bones, where)
+    for name in table.get("points", {}):
+        if name in bones or name == next(iter(segments)):
+            raise SkeletonError(f"{where}: {name!r} stands twice; a point is the root, rides, or ends a bone.")
+
+
+def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
+    for key in table:
+        if key not in (*_TABLES, *_NUMBERS):
+            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, (*_TABLES, *_NUMBERS))}")
+    for key in _NUMBERS:
+        value = table.get(key, 1.0)
+        if not _is_number(value) or not value > 0.0:
+            raise SkeletonError(f"{where}.{key} is a positive number, got {value!r}.")
+
+
+def _check_segments(segments: Mapping[str, Any], where: str) -> None:
+    if not segments:
+        raise SkeletonError(f"{where} has no segments; it needs one or more, and the first is the root.")
+    for i, (name, row) in enumerate(segments.items()):
+        if not isinstance(row, Mapping) or set(row) != (set() if i == 0 else {"at"}):
+            wanted = "{}, it is the root" if i == 0 else '{ at = "the point that it turns about" }'
+            raise SkeletonError(f"{where}.segments.{name} is {wanted}; got {row!r}.")
+        if name.startswith("left_") and f"right_{name[5:]}" not in segments:
+            raise SkeletonError(f"{where}.segments has {name!r} but no 'right_{name[5:]}': name both.")
+
+
+def _check_row(
+    table: str, name: str, row: Any, segments: Mapping[str, Any], bones: Mapping[str, Any], where: str
+) -> None:
+    if not _is_row(table, row):
+        raise SkeletonError(f"{where}.{table}.{name} is {_ROWS[table]}, lengths above 0; got {row!r}.")
+    known = segments if table == "twists" else bones
+    if table in ("hinges", "cones", "twists") and name not in known:
+        raise SkeletonError(f"{where}.{table} names {name!r}, which is no such end. {suggestion(name, known)}")
+    if table != "bones" and row[0] not in segments:
+        raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_row(table: str, row: object) -> bool:
+    """Whether a row of a table is one such as ``_ROWS`` says."""
+    if not isinstance(row, list) or not row or not isinstance(row[0], str):
+        return False
+    numbers = [_is_number(x) for x in row[1:]]
+    axes = [isinstance(x, list) and len(x) == 3 and all(map(_is_number, x)) and any(x) for x in row[1:]]
+    if table == "points":
+        return numbers == [True] * 3
+    if table == "bones":
+        return numbers[:1] == [True] and row[1] > 0.0 and axes[1:] in ([], [True])
+    return axes[:1] == [True] and numbers[1:] == ([] if table == "hinges" else [True])
+
+
+def _of_what_is_there(table: Mapping[str, Any], ends: Mapping[str, Any], segments: Mapping[str, Any]) -> dict[str, Any]:
+    """The limits of bones and segments that the skeleton's keypoints bear on."""
+    return {name: row for name, row in table.items() if name in ends and row[0] in segments}
 
 
 def _bearing_on(
@@ -284,35 +373,36 @@ class _Builder:
         self.shape_m.append(value)
         return len(self.shape_m) - 1
 
+    def _own(self, name: str, axis: str, value: float) -> int:
+        """The number of a person's own coordinate, -1 for one that stays 0."""
+        return self._number(f"{name}.{axis}", value) if value != 0.0 else -1
+
     def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
-        x, y, z = (float(number) for number in row[1:4])
-        place = (x, y, z)
+        forward, left, up = (float(x) for x in row[1:4])
         segment = self.segments.index(row[0])
-        axes = ("forward", "left", "up")
-        first, second, third = (
-            self._number(f"{name}.{axis}", x) if x != 0.0 else -1 for axis, x in zip(axes, place, strict=True)
-        )
-        shape = (first, second, third)
-        self._put(Node(name, self.place_of[at], segment, False, place, shape, (1.0, 1.0, 1.0)))
+        shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
+        self._put(Node(name, self.place_of[at], segment, False, (forward, left, up), shape, _PLAIN))
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
             segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
-            self._put(Node(other, parent, segment, False, (x, -y, z), shape, (1.0, -1.0, 1.0)))
+            self._put(Node(other, parent, segment, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:
         length = float(row[1])
         number = self._number(name, length)
-        other = self.partner.get(name)
-        sides = [(name, row[0])] if other is None else [(name, row[0]), (other, self.partner.get(row[0], row[0]))]
-        for end, start in sides:
+        start = str(row[0])
+        ends = [(name, start)]
+        if name in self.partner:
+            ends.append((self.partner[name], self.partner.get(start, start)))
+        for end, near in ends:
             self.bones.append(end)
             direction = np.array(row[2] if len(row) > 2 else _DOWN, dtype=float)
             self.rest.append(np.array(_unit(direction * (np.ones(3) if end == name else _MIRROR))))
             self._put(
                 Node(
                     end,
-                    self.place_of[start],
+                    self.place_of[near],
                     len(self.bones) - 1,
                     True,
                     (0.0, 0.0, length),
@@ -367,10 +457,12 @@ class _Builder:
             raise SkeletonError(f"Skeleton {self.skeleton!r}: no segment {name!r}. {suggestion(name, self.segments)}")
         return self.segments.index(name)
 
-    def finish(self, keypoints: Sequence[str], limits: tuple[Limit, ...], spread: float, size_spread: float) -> Tree:
+    def finish(
+        self, keypoints: Sequence[str], limits: tuple[Limit, ...], spread: float, size_spread: float, size_m: float
+    ) -> Tree:
         """The tree, and how shapes differ between people."""
         shape = np.array(self.shape_m)
-        own = np.maximum(spread * np.abs(shape), _LEAST_SD)
+        own = np.maximum(spread * np.abs(shape), _LEAST_SD * size_m / ADULT_M)
         covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)
         return Tree(
             tuple(self.segments),
@@ -382,6 +474,7 @@ class _Builder:
             frozen(covariance),
             frozen(np.array([self.place_of.get(name, -1) for name in keypoints]), np.int64),
             frozen(np.array(self.rest).reshape(-1, 3)),
+            size_m,
         )
 
 
@@ -390,57 +483,69 @@ def _unit(vector: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def spanning_tree(keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.ndarray) -> Tree:
-    """The bones that a skeleton's edges are, for skeletons that say nothing of their tree.
+def spanning_tree(
+    keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.ndarray, spread: float, size_m: float, mirror: np.ndarray
+) -> Tree:
+    """The bones that edges are, for skeletons that say nothing of how they turn.
+
+    The keypoint of most edges is the root. Keypoints that no edges connect with it have no node, and an edge that
+    closes a ring is no bone. Bones that mirror each other are of one length.
 
     Args:
         keypoints: names.
         edges: shape (edge, 2), int.
         lengths_m: shape (edge,): of the bones.
+        spread: by which share lengths are off, each by itself and all together.
+        size_m: of the body.
+        mirror: shape (keypoint,), int: each keypoint's partner on the other side, else itself.
     """
-    n = len(keypoints)
-    neighbours: list[list[tuple[int, int]]] = [[] for _ in range(n)]
-    for e, (a, b) in enumerate(edges):
-        neighbours[a].append((int(b), e))
-        neighbours[b].append((int(a), e))
+    neighbours: list[list[tuple[int, float]]] = [[] for _ in keypoints]
+    for (a, b), length in zip(edges.tolist(), lengths_m.tolist(), strict=True):
+        neighbours[a].append((b, length))
+        neighbours[b].append((a, length))
     root = int(np.argmax([len(of) for of in neighbours]))
-    order, nodes, place_of = (
-        [root],
-        [Node(keypoints[root], -1, 0, False, (0.0, 0.0, 0.0), (-1, -1, -1), (1.0, 1.0, 1.0))],
-        {root: 0},
-    )
+    nodes = [Node(keypoints[root], -1, 0, False, _STAYS, _NOBODYS, _PLAIN)]
+    place_of, number_of = {root: 0}, dict[frozenset[int], int]()
     bones: list[str] = []
+    names: list[str] = []
     shape: list[float] = []
+    order = [root]
     for here in order:
-        for other, e in neighbours[here]:
-            if other not in place_of:
-                place_of[other] = len(nodes)
-                number = len(shape)
-                shape.append(float(lengths_m[e]))
-                nodes.append(
-                    Node(
-                        keypoints[other],
-                        place_of[here],
-                        len(bones),
-                        True,
-                        (0.0, 0.0, shape[-1]),
-                        (-1, -1, number),
-                        (1.0, 1.0, 1.0),
-                    )
-                )
-                bones.append(keypoints[other])
-                order.append(other)
+        for other, length in neighbours[here]:
+            if other in place_of:
+                continue
+            place_of[other] = len(nodes)
+            number = number_of.get(frozenset((int(mirror[here]), int(mirror[other]))), len(shape))
+            if number == len(shape):
+                shape.append(length)
+                names.append(keypoints[other])
+            number_of[frozenset((here, other))] = number
+            place = (0.0, 0.0, shape[number])
+            nodes.append(Node(keypoints[other], place_of[here], len(bones), True, place, (-1, -1, number), _PLAIN))
+            bones.append(keypoints[other])
+            order.append(other)
     values = np.array(shape)
-    covariance = np.diag((0.5 * values) ** 2 + 1e-8) + 0.5**2 * np.outer(values, values)
-    of_keypoint = np.array([place_of.get(k, -1) for k in range(n)])
     return Tree(
-        (),
-        tuple(bones),
-        tuple(nodes),
-        (),
-        tuple(bones),
-        frozen(values),
-        frozen(covariance),
-        frozen(of_keypoint, np.int64),
-        frozen(np.tile(_DOWN, (len(bones), 1))),
+        segments=(),
+        bones=tuple(bones),
+        nodes=tuple(nodes),
+        limits=(),
+        shape_names=tuple(names),
+        shape_m=frozen(values),
+        shape_covariance=frozen(spread**2 * (np.diag(values**2) + np.outer(values, values))),
+        keypoint_nodes=frozen(np.array([place_of.get(k, -1) for k in range(len(keypoints))]), np.int64),
+        rest=frozen(np.tile(_DOWN, (len(bones), 1))),
+        size_m=size_m,
     )
+
+
+def tree_of_size(keypoints: Sequence[str], edges: np.ndarray, size_m: float, mirror: np.ndarray) -> Tree:
+    """The bones that edges are, of a body of which only the size is known: any of them may be half as long, or twice.
+
+    Args:
+        keypoints: names.
+        edges: shape (edge, 2), int.
+        size_m: from end to end.
+        mirror: shape (keypoint,), int: each keypoint's partner on the other side, else itself.
+    """
+    return spanning_tree(keypoints, edges, np.full(len(edges), _EDGE_SHARE * size_m), _EDGE_SPREAD, size_m, mirror)

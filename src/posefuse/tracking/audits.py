@@ -67,6 +67,7 @@ def contacts(
     expected: np.ndarray,
     time_s: float,
     dt_s: float,
+    scale: float,
 ) -> None:
     """See who is near whom, and for how long views have shown only one of the two.
 
@@ -78,11 +79,12 @@ def contacts(
         expected: shape (person, view), bool.
         time_s: of the frame.
         dt_s: since the last.
+        scale: how large bodies are next to an adult human.
     """
     n = len(tracks)
     if n < 2:
         return
-    away = np.linalg.norm(state.root[:, None] - state.root[None], axis=-1)
+    away = np.linalg.norm(state.root[:, None] - state.root[None], axis=-1) / scale
     for p in range(n):
         for q in range(p + 1, n):
             pair = (tracks[p].name, tracks[q].name)

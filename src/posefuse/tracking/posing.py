@@ -8,8 +8,9 @@ from posefuse.model.trees import Tree
 
 _NEIGHBOUR_WEIGHT = 0.1
 _REST_WEIGHT = 1e-3
-# How far a first pose may be off.
+# How far a first pose may be off, of a human.
 _ROOT_SD_M, _TURN_SD, _LIMB_SD = 0.3, 0.7, 0.7
+_ROOT_MOST_M = 5.0
 
 
 def pose_from_points(
@@ -140,7 +141,11 @@ def newborn_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionO
     """What is known of somebody of whom nothing has been seen but about where they are: shape (all, all)."""
     n, h = tree.n_pose, tree.n_shape
     spread = np.concatenate(
-        [np.full(3, _ROOT_SD_M), np.full(3 * len(tree.segments), _TURN_SD), np.full(2 * len(tree.bones), _LIMB_SD)]
+        [
+            np.full(3, _ROOT_SD_M * tree.scale),
+            np.full(3 * len(tree.segments), _TURN_SD),
+            np.full(2 * len(tree.bones), _LIMB_SD),
+        ]
     )
     covariance = np.zeros((2 * n + h, 2 * n + h))
     covariance[:n, :n] = np.diag(spread**2)
@@ -160,4 +165,10 @@ def motion_laws(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarr
 
 def widest(tree: Tree) -> np.ndarray:
     """The largest variance of each number of the pose: past it a direction is as good as unknown."""
-    return np.concatenate([np.full(3, 25.0), np.full(3 * len(tree.segments), 0.6), np.full(2 * len(tree.bones), 0.8)])
+    return np.concatenate(
+        [
+            np.full(3, (_ROOT_MOST_M * tree.scale) ** 2),
+            np.full(3 * len(tree.segments), 0.6),
+            np.full(2 * len(tree.bones), 0.8),
+        ]
+    )

@@ -15,7 +15,7 @@ _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
 _DEFINITION_M = 0.01
 _LASTING = 4.0
-"""Detections' errors last longer than the filter looks back: lengths are so much less certain (variance) than it says."""
+"""Detections' errors last longer than the filter looks back: lengths vary by so much more (variance) than it says."""
 _CLEAR = 1.0
 
 
@@ -35,16 +35,17 @@ def who_returns(
     Returns:
         Their place, why, and, where another is nearly as likely, what makes that uncertain ("" where nothing does).
     """
-    odds = {}
+    odds, scale = {}, settings.tree.scale
+    room = _ROOM_M * scale
     for p, track in enumerate(tracks):
         if track.state != TrackState.LOST:
             continue
         away = float(np.linalg.norm(torso_m - track.lost_at_m))
-        reach = _REACH_M + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
+        reach = _REACH_M * scale + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
         if away > reach:
             continue
         # Anywhere within reach, against anywhere in a room.
-        nearness = 3.0 * math.log(max(_ROOM_M / min(reach, _ROOM_M), 1.0))
+        nearness = 3.0 * math.log(max(room / min(reach, room), 1.0))
         odds[p] = nearness + same_body(settings, track, state, p, found)
     if not odds:
         return None
@@ -62,7 +63,7 @@ def same_body(settings: Settings, track: Track, state: State, p: int, found: Sta
     n, h = tree.n_pose, tree.n_shape
     known, block = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
     new, new_block = found.shape[0], found.covariance[0, n : n + h, n : n + h]
-    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M) ** 2)
+    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M * tree.scale) ** 2)
     theirs = _log_normal(new - known, _LASTING * (block + new_block) + floor)
     anybody = _log_normal(new - tree.shape_m, tree.shape_covariance + _LASTING * new_block + floor)
     return theirs - anybody

@@ -24,7 +24,7 @@ class Settings:
         skeleton: of the keypoints.
         tree: of the bodies.
         noise: of the detections.
-        options: of the tracker.
+        options: of the tracker, in proportion to the bodies.
         cameras: shape (view, COLUMNS).
         sizes_px: shape (view, 2).
         body: the tree, for kernels.
@@ -61,9 +61,10 @@ class Settings:
         tree = skeleton.tree
         if tree is None:
             raise SkeletonError(
-                f"Skeleton {skeleton.name!r} has no tree, so nobody knows how its body moves. Add a table [tree] to its "
-                "TOML; see docs/formats.md."
+                f"Skeleton {skeleton.name!r} has no tree, so nobody knows how its body moves. Add a table [tree] to "
+                "its TOML, or at least how large the body is, in metres, as size_m in that table; see docs/formats.md."
             )
+        options = options.in_proportion(tree.scale)
         decay, power = motion_laws(tree, options.motion)
         # Bodies stand for the detections of either side.
         cameras = rig.packed[0]

@@ -215,7 +215,8 @@ class ArticulatedTracker:
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
             what = "camera refused" if refused else "camera trusted"
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
-        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s)
+        scale = self.settings.tree.scale
+        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
             for p, track in enumerate(self.tracks):
                 if supported[p].sum() > 1:

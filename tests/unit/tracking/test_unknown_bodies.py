@@ -1,0 +1,131 @@
+"""Bodies of which nobody has said how they move: bones are measured, and the bodies followed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import SkeletonError
+from posefuse.following import follow, tracker_of, usual_noise
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import Options
+from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.progress import Silent
+from posefuse.synthetic.crowds import crowd_of_points
+from posefuse.synthetic.figures import creature
+from posefuse.synthetic.motions import CreatureMotion
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.unknown_bodies import measured_tree
+
+MOUSE = """
+name = "mouse"
+keypoints = ["snout", "left_ear", "right_ear", "neck", "spine", "hip", "tail_base", "tail_mid", "left_paw", "right_paw"]
+edges = [
+    ["snout", "neck"], ["left_ear", "neck"], ["right_ear", "neck"], ["neck", "spine"], ["spine", "hip"],
+    ["hip", "tail_base"], ["tail_base", "tail_mid"], ["left_paw", "spine"], ["right_paw", "spine"],
+]
+"""
+BARE = Skeleton("dots", parse_skeleton(MOUSE, "mouse.toml").keypoints)
+
+
+def small_rig(size: float) -> CameraRig:
+    """Five cameras around something of that size."""
+    rig = build_rig("ring", 5, radius_m=7.0, focal_px=3000.0, target_m=(0.0, 0.0, 1.0))
+    cameras = []
+    for camera in rig.cameras:
+        pose = np.array(camera.camera_from_world)
+        pose[:3, 3] *= size
+        cameras.append(replace(camera, camera_from_world=pose))
+    return replace(rig, cameras=tuple(cameras))
+
+
+def two_creatures(size: float, seed: int) -> np.ndarray:
+    """Shape (60 frames, 2, keypoint, 3)."""
+    skeleton, rng, points = parse_skeleton(MOUSE, "mouse.toml"), np.random.default_rng(seed), []
+    for i, x in enumerate((-1.2, 1.2)):
+        figure = creature(skeleton, size, rng)
+        motion = CreatureMotion(10 * seed + i, 0.5 * size, height_m=size)
+        there = motion.positions(figure, np.arange(60) / 25.0)[:, figure.columns(skeleton)]
+        points.append(there + np.array([x * size, 0.0, 0.0]))
+    return np.stack(points, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("size", "tree", "edges"), [(1.0, "", True), (0.1, "[tree]\nsize_m = 0.1", True), (0.1, "", True), (0.1, "", False)]
+)
+def test_two_creatures_are_followed(size, tree, edges):
+    skeleton = parse_skeleton(MOUSE + tree, "mouse.toml") if edges else BARE
+    truth, rig = two_creatures(size, seed=2), small_rig(size)
+    scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
+    found = follow(rig, replace(scene.detections, skeleton=skeleton), Options(), Silent())
+    active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
+    assert active[5:, :2].all()
+    assert not active[:, 2:].any()
+    apart = np.linalg.norm(found.points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    order = apart.argmin(axis=1)
+    assert sorted(order) == [0, 1]
+    assert apart.min(axis=1).max() < 0.06 * size
+
+
+def test_live_a_skeleton_must_say_how_large_it_is():
+    skeleton, rig = parse_skeleton(MOUSE, "mouse.toml"), small_rig(0.1)
+    with pytest.raises(SkeletonError, match="has no tree.*size_m"):
+        tracker_of(rig, skeleton, usual_noise(rig, Options()), Options())
+
+
+def chain_bodies(rng: np.random.Generator, n: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Chains of four points with bones of 3, 1, and 2, turned at random; and the covariances of their noise."""
+    directions = rng.normal(size=(n, 3, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    steps = directions * np.array([3.0, 1.0, 2.0])[:, None]
+    points = np.concatenate([np.zeros((n, 1, 3)), np.cumsum(steps, axis=1)], axis=1) + rng.normal(size=(n, 1, 3))
+    points = points[:, [2, 0, 3, 1]]
+    covariance = np.tile(noise_m**2 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0]), (n, 4, 1))
+    return points + noise_m * rng.normal(size=points.shape), covariance
+
+
+def test_bones_are_found_where_distances_keep(rng):
+    tree = measured_tree(Skeleton("chain", ("c", "a", "d", "b")), *chain_bodies(rng, 400, 0.2))
+    joined = {frozenset((node.name, tree.nodes[node.parent].name)) for node in tree.nodes[1:]}
+    assert joined == {frozenset("ab"), frozenset("bc"), frozenset("cd")}
+    lengths = {frozenset((n.name, tree.nodes[n.parent].name)): n.place_m[2] for n in tree.nodes[1:]}
+    # Without taking its noise off, the bone of 1 would be 1.06; all of it off, 0.93.
+    assert lengths[frozenset("bc")] == pytest.approx(1.0, abs=0.04)
+    assert lengths[frozenset("ab")] == pytest.approx(3.0, abs=0.06)
+
+
+def test_edges_of_the_skeleton_are_bones_before_other_distances(rng):
+    skeleton = Skeleton("chain", ("c", "a", "d", "b"), edges=(("a", "d"),))
+    tree = measured_tree(skeleton, *chain_bodies(rng, 100, 0.01))
+    assert frozenset("ad") in {frozenset((node.name, tree.nodes[node.parent].name)) for node in tree.nodes[1:]}
+
+
+def test_bones_do_not_depend_on_where_bodies_are(rng):
+    points, covariance = chain_bodies(rng, 50, 0.02)
+    skeleton = Skeleton("chain", ("c", "a", "d", "b"))
+    here = measured_tree(skeleton, points, covariance)
+    there = measured_tree(skeleton, points[::-1] + np.array([5.0, -3.0, 8.0]), covariance)
+    np.testing.assert_allclose(here.shape_m, there.shape_m, rtol=1e-9)
+    assert here.bones == there.bones
+
+
+def test_too_few_bodies_are_an_error(rng):
+    points, covariance = chain_bodies(rng, 4, 0.02)
+    with pytest.raises(SkeletonError, match="of 4 bodies that several views show no two keypoints.*size_m"):
+        measured_tree(Skeleton("chain", ("c", "a", "d", "b")), points, covariance)
+
+
+def test_options_are_a_humans():
+    options = TrackerOptions()
+    assert options.in_proportion(1.0) is options
+    small = options.in_proportion(0.125)
+    assert small.births.apart_m == pytest.approx(0.125 * options.births.apart_m)
+    assert small.lost_after_s == options.lost_after_s
+    # Speeds: a length over a time.
+    before, after = options.motion, small.motion
+    speed = 0.125 / 0.5
+    assert after.top_speed_m_s == pytest.approx(speed * before.top_speed_m_s)
+    fading = (before.root_acceleration * before.root_decay_s, after.root_acceleration * after.root_decay_s)
+    assert fading[1] == pytest.approx(speed**2 * fading[0])
