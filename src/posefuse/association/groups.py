@@ -163,7 +163,7 @@ def _seeds(n_views: int, sight: Sight, law: Law, options: AssociationOptions) ->
     """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
     n = len(sight.views)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
-    volume = np.concatenate(options.volume_m or ([-math.inf] * 3, [math.inf] * 3))
+    volume = np.array(options.volume_m or [-math.inf] * 3 + [math.inf] * 3)
     kernels.pair_evidence(sight, law, volume, evidence, seed)
     kernels.support(seed, evidence, sight.views, n_views, supported)
     # What even its best friends do not make likely is not worth growing.

@@ -112,9 +112,9 @@ def _good(bodies: Bodies, skeleton: Skeleton, options: AssociationOptions) -> Bo
     kept = np.maximum(known - np.floor(_DROPPED_SHARE * known).astype(np.int64), 1)
     score = np.cumsum(ranked, axis=1)[np.arange(len(ranked)), np.minimum(kept, ranked.shape[1]) - 1] / kept
     good = (known >= options.min_common) & (score >= options.rpt.min_score)
-    if options.volume_m is not None:
+    if options.volume_m:
         centre = _centres(bodies.points_m[good][:, skeleton.core_indices])
-        low, high = np.asarray(options.volume_m)
+        low, high = np.reshape(options.volume_m, (2, 3))
         good[good] = ((centre >= low) & (centre <= high)).all(axis=1)
     return Bodies(bodies.pair[good], bodies.points_m[good], bodies.scores[good], score[good])
 

@@ -138,7 +138,7 @@ def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
     kinds = get_args(hint)
     if float in kinds:
         if get_origin(hint) is tuple:
-            return "[2.0, 2.5]"
+            return "[-3.0, -3.0, -0.5, 3.0, 3.0, 2.5]" if name == "volume_m" else "[2.0, 2.5]"
         return "60.0" if name == "rate_hz" else "1.0"
     if int in kinds:
         return "3"

@@ -76,7 +76,7 @@ class AssociationOptions:
         known_within_m: A detection shows a known person if its keypoints are on average no farther from theirs.
         duplicate_sigma: Two detections of a view are of one person if their keypoints are on average no farther apart.
         max_seeds: At most so many pairs are grown at a time.
-        volume_m: Least and greatest x, y, z of where people can be; None leaves it open.
+        volume_m: Where people can be, the least x, y, z and the greatest x, y, z; by default anywhere.
         rpt: Of the method of that name.
     """
 
@@ -98,7 +98,7 @@ class AssociationOptions:
     known_within_m: float = 0.25
     duplicate_sigma: float = 1.5
     max_seeds: int = 64
-    volume_m: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    volume_m: tuple[float, ...] = ()
     rpt: RptOptions = field(default_factory=RptOptions)
 
     def __post_init__(self) -> None:
@@ -126,9 +126,12 @@ class AssociationOptions:
                 "association.bound_sigma must be positive, and full_sigma positive and less than none_sigma, got "
                 f"{self.bound_sigma}, {self.full_sigma} and {self.none_sigma}."
             )
-        if self.volume_m is not None and not all(low < high for low, high in zip(*self.volume_m, strict=True)):
+        object.__setattr__(self, "volume_m", tuple(self.volume_m))
+        low, high = self.volume_m[:3], self.volume_m[3:]
+        if self.volume_m and not (len(self.volume_m) == 6 and all(a < b for a, b in zip(low, high, strict=True))):
             raise OptionsError(
-                f"association.volume_m: the least x, y, z must be below the greatest, got {self.volume_m}."
+                "association.volume_m is six numbers, the least x, y, z and the greatest x, y, z, each least below its "
+                f"greatest; got {self.volume_m}."
             )
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posefuse.association.results import Proposals
 
 from posefuse.association.proposals import propose
 from posefuse.errors import DetectionsError, OptionsError
@@ -14,6 +13,7 @@ from posefuse.model.association_options import AssociationOptions, RptOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.proposals import Proposals
 from posefuse.model.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
@@ -203,7 +203,7 @@ class TestGroups:
     def test_nobody_is_proposed_outside_the_working_volume(self):
         rig, truth = rig_of(), people(3)
         frame, who = seen(rig, truth)
-        box = ((-0.5, -3.0, -1.0), (3.0, 3.0, 3.0))
+        box = (-0.5, -3.0, -1.0, 3.0, 3.0, 3.0)
         proposals = found_in(frame, rig, replace(GROUPS, volume_m=box))
         assert who_is_who(proposals, who) == [{1}]
 
@@ -287,7 +287,7 @@ class TestOptions:
             ({"min_common": 0}, "min_common must be at least 1"),
             ({"outlier_share": 1.0}, "outlier_share must lie between 0 and 1"),
             ({"full_sigma": 5.0}, "full_sigma positive and less than none_sigma"),
-            ({"volume_m": ((0.0, 0.0, 0.0), (1.0, -1.0, 1.0))}, "the least x, y, z must be below the greatest"),
+            ({"volume_m": (0.0, 0.0, 0.0, 1.0, -1.0, 1.0)}, "each least below its greatest"),
         ],
     )
     def test_options_that_mean_nothing_are_refused(self, wrong, message):

@@ -130,7 +130,9 @@ def test_missing_people_have_no_angles():
 
 
 def test_a_body_of_bones_alone_has_the_angles_between_them():
-    tree = spanning_tree(["tail", "back", "neck", "nose"], np.array([[0, 1], [1, 2], [2, 3]]), np.full(3, 0.1))
+    tree = spanning_tree(
+        ["tail", "back", "neck", "nose"], np.array([[0, 1], [1, 2], [2, 3]]), np.full(3, 0.1), 0.1, 0.3, np.arange(4)
+    )
     assert tree.bones == ("tail", "neck", "nose")
     directions = np.array([[-1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]])
     names, angles = joint_angles(tree, np.empty((0, 3, 3)), directions)
