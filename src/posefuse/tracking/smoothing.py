@@ -80,20 +80,37 @@ class SmoothedPerson:
     run: Run
 
 
+def smooth_people(history: History, start: int, stop: int, settings: Settings) -> list[SmoothedPerson]:
+    """Smooth everybody in the frames ``start`` to ``stop`` of a history, counted from 0; see :class:`PeopleSmoother`.
+
+    What came before is gone through again for as long as it has a bearing on these frames.
+    """
+    return PeopleSmoother(history, start, settings).take(stop)
+
+
 class PeopleSmoother:
-    """Smooths a history from its first frame on, some frames at a time, each of them once.
+    """Smooths a history from some frame on, a range of frames at a time, each of them once.
 
     Args:
-        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and
-            the one before them.
+        history: of a tracker. Of it are needed the frames that are still to come and the one before them, and to begin
+            with those of the ``look_ahead_s`` before.
+        start: the first frame, counted from 0.
+        settings: whose options say how to smooth; the history's where they are left out.
     """
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: History, start: int = 0, settings: Settings | None = None) -> None:
         self.history = history
-        self.settings = history.settings
-        self.done = 0
+        self.settings = settings or history.settings
+        self.done = start
         """The first frame, counted from 0, that has not been given."""
+        self._from = self._warm(start)
         self._windows: dict[str, _Window] = {}
+
+    def _warm(self, start: int) -> int:
+        """The first frame that has a bearing on what is known in frame ``start``."""
+        if start == 0 or self.settings.options.smoother == "none":
+            return start
+        return self.history.place_at(self.history.time_s[start] - self._memory_s(start))
 
     def take(self, stop: int) -> list[SmoothedPerson]:
         """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
@@ -107,24 +124,24 @@ class PeopleSmoother:
         found = []
         while self.done < stop:
             if options.smoother == "full":
-                found += self._take(stop, self._look_ahead_s(stop))
+                found += self._take(stop, self._memory_s(stop - 1))
             elif options.smoother == "lag":
                 found += self._take(self.done + 1, options.lag_s)
             else:
                 found += self._take(stop, 0.0)
         return found
 
-    def _look_ahead_s(self, stop: int) -> float:
-        """How far what follows tells anything: while somebody's shape is sought, until it is kept."""
+    def _memory_s(self, place: int) -> float:
+        """How far other frames tell anything of one: while somebody's shape is sought, until it is kept."""
         options = self.settings.options
-        sought = any(run.state.free.any() for run in self.history.runs(stop - 1, stop))
+        sought = any(run.state.free.any() for run in self.history.runs(place, place + 1))
         return options.look_ahead_s + (options.shape_settle_s if sought else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
         history, start = self.history, self.done
         until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
         found, windows = [], {}
-        for run in history.runs(max(start - 1, 0), until):
+        for run in history.runs(self._from, until):
             for part in _bridged(run, self.settings.options.bridge_s):
                 body, window = self._smooth(part, start, stop)
                 if len(body):
@@ -132,16 +149,16 @@ class PeopleSmoother:
                     found.append(SmoothedPerson(run.name, keep.places, body, keep))
                 if window is not None:
                     windows[run.name] = window
-        self._windows, self.done = windows, stop
+        self._windows, self.done, self._from = windows, stop, stop - 1
         return found
 
     def _smooth(self, part: Run, start: int, stop: int) -> tuple[Smoothed, "_Window | None"]:
         """One person's frames from ``start`` to ``stop``, and what to begin with after them."""
         first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
         if self.settings.options.smoother == "none":
-            return _described(part.state, None, self.settings).frames(first, last), None
+            return _described(part.within(start, stop).state, None, self.settings), None
         window = _refiltered(part, self._windows.get(part.name), self.settings)
-        body = _smoothed(window, part.time_s, self.settings).frames(first, last)
+        body = _smoothed(window.after(first), part.time_s[first:], self.settings).frames(0, last - first)
         return body, window.after(last - 1) if last else None
 
 

@@ -14,7 +14,7 @@ from posefuse.tracking.bodies import chosen, joined, nobody
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person, Remembered
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
 from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
 
 __all__ = ["settings"]
@@ -113,6 +113,18 @@ def test_blocks_are_the_whole(settings, rng, stops):
         np.testing.assert_allclose(got, getattr(whole.body, name), atol=1e-6, err_msg=name)
     got = np.concatenate([part.body.covariance_m2 for part in parts])
     np.testing.assert_allclose(got, whole.body.covariance_m2, atol=1e-8)
+
+
+@pytest.mark.parametrize("start", [30, 100])
+def test_any_range_is_that_of_the_whole(settings, rng, start):
+    """To 1e-5 m, also where it begins while the shape is still sought."""
+    history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
+    (whole,) = taken(history, [200])
+    (part,) = smooth_people(history, start, start + 40, settings)
+    np.testing.assert_array_equal(part.places, np.arange(start, start + 40))
+    theirs = whole.body.frames(start, start + 40)
+    np.testing.assert_allclose(part.body.points_m, theirs.points_m, atol=1e-5)
+    np.testing.assert_allclose(part.body.covariance_m2, theirs.covariance_m2, atol=1e-8)
 
 
 def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
