@@ -15,10 +15,10 @@ import numpy as np
 from posefuse.kernels.articulated import State, foresee_people, predict_people
 from posefuse.kernels.smoothing import carry_back
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import Sight, chosen, uncertain
+from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, tempering
-from posefuse.tracking.tempering import first_with, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again, what_was_said
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
@@ -141,25 +141,60 @@ class PeopleSmoother:
         history, start = self.history, self.done
         until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
         found, windows = [], {}
-        for run in history.runs(self._from, until):
-            for part in _bridged(run, self.settings.options.bridge_s):
-                body, window = self._smooth(part, start, stop)
-                if len(body):
-                    keep = part.within(start, stop)
-                    found.append(SmoothedPerson(run.name, keep.places, body, keep))
-                if window is not None:
-                    windows[run.name] = window
+        after: _Ahead | None = None
+        runs = [
+            part for run in history.runs(self._from, until) for part in _bridged(run, self.settings.options.bridge_s)
+        ]
+        for part in reversed(runs):
+            joins = after is not None and after.joins(part)
+            body, window, after = self._smooth(part, start, stop, after if joins else None)
+            if len(body):
+                keep = part.within(start, stop)
+                found.append(SmoothedPerson(part.name, keep.places, body, keep))
+            if window is not None:
+                windows.setdefault(part.name, window)
         self._windows, self.done, self._from = windows, stop, stop - 1
-        return found
+        return found[::-1]
 
-    def _smooth(self, part: Run, start: int, stop: int) -> tuple[Smoothed, "_Window | None"]:
-        """One person's frames from ``start`` to ``stop``, and what to begin with after them."""
+    def _smooth(
+        self, part: Run, start: int, stop: int, after: "_Ahead | None"
+    ) -> tuple[Smoothed, "_Window | None", "_Ahead | None"]:
+        """One person's frames from ``start`` to ``stop``, what to begin with after them, and what they say before."""
         first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
         if self.settings.options.smoother == "none":
-            return _described(part.within(start, stop).state, None, self.settings), None
+            return _described(part.within(start, stop).state, None, self.settings), None, None
         window = _refiltered(part, self._windows.get(part.name), self.settings)
-        body = _smoothed(window.after(first), part.time_s[first:], self.settings).frames(0, last - first)
-        return body, window.after(last - 1) if last else None
+        states = _smoothed_before(window.after(first).state, part.time_s[first:], after, self.settings)
+        kept = State(*(each[: last - first] for each in states))
+        body = _described(kept, window.information[first:last], self.settings)
+        begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
+        return body, window.after(last - 1) if last else None, begins
+
+
+@dataclass(frozen=True, eq=False)
+class _Ahead:
+    """A run that began anew, and its smoothed state there."""
+
+    run: Run
+    state: State
+
+    def joins(self, part: Run) -> bool:
+        """Whether another run of the same person ends where this one begins."""
+        return part.name == self.run.name and part.places[-1] + 1 == self.run.places[0]
+
+
+def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: Settings) -> State:
+    """Smooth a run's states, also by those of a run that began anew after it.
+
+    The filter that began anew knew nothing of the run before, so that what it says of where it began is as good as an
+    observation.
+    """
+    if after is None:
+        return smooth_states(state, time_s, settings)
+    later_s = np.append(time_s, after.run.time_s[0])
+    last = ahead(chosen(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)
+    see_pose(last, after.state, settings)
+    return State(*(each[:-1] for each in smooth_states(joined(state, last), later_s, settings)))
 
 
 @dataclass(frozen=True, eq=False)

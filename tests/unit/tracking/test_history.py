@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import State
@@ -15,6 +16,7 @@ from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person, Remembered
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
+from posefuse.tracking.tempering import ahead
 from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
 
 __all__ = ["settings"]
@@ -164,3 +166,29 @@ def test_what_is_released_is_gone_and_the_rest_goes_on(settings, rng, monkeypatc
     second = smoother.take(60)
     for mine, theirs in zip([*first, *second], kept, strict=True):
         np.testing.assert_array_equal(mine.body.points_m, theirs.body.points_m)
+
+
+def test_a_loss_is_bridged_where_the_filter_began_anew(settings, rng):
+    """Lost for 10 frames, then begun anew with bones' frames turned about themselves: as if it had gone on."""
+    states = filtered(settings, 40, rng)
+    turn = Rotation.from_euler("z", rng.uniform(-3.0, 3.0, (len(settings.tree.bones), 1))).as_matrix()
+    history, lone = History(settings), History(settings)
+    now = chosen(states, [14])
+    for k in range(40):
+        if 15 <= k < 25:
+            ahead(now, np.array([DT_S]), settings)
+        here = now if 15 <= k < 25 else chosen(states, [k])
+        if k >= 25:
+            here = here._replace(bones=here.bones @ turn)
+        lost = {"person_1": DT_S * (k - 14)} if 15 <= k < 25 else {}
+        tell(history, k, {"person_1": here}, {"person_1": []} if k in (0, 25) else {}, lost)
+        if k < 25:
+            tell(lone, k, {"person_1": here}, {"person_1": []} if k == 0 else {}, lost)
+    before, after = taken(history, [40])
+    (alone,) = taken(lone, [25])
+    assert len(before.places) == 25
+    gap_m = np.linalg.norm(after.body.points_m[0] - before.body.points_m[24], axis=-1)
+    lone_gap_m = np.linalg.norm(after.body.points_m[0] - alone.body.points_m[24], axis=-1)
+    assert gap_m.max() < 0.5 * lone_gap_m.max()
+    spread = [body.covariance_m2[24][:, [0, 3, 5]].sum(axis=1) for body in (before.body, alone.body)]
+    assert (spread[0] < spread[1]).all()
