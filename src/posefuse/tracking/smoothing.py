@@ -15,10 +15,10 @@ import numpy as np
 from posefuse.kernels.articulated import State, foresee_people, predict_people
 from posefuse.kernels.smoothing import carry_back
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import Sight, chosen, uncertain
+from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, tempering
-from posefuse.tracking.tempering import first_with, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again, what_was_said
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
@@ -80,20 +80,37 @@ class SmoothedPerson:
     run: Run
 
 
+def smooth_people(history: History, start: int, stop: int, settings: Settings) -> list[SmoothedPerson]:
+    """Smooth everybody in the frames ``start`` to ``stop`` of a history, counted from 0; see :class:`PeopleSmoother`.
+
+    What came before is gone through again for as long as it has a bearing on these frames.
+    """
+    return PeopleSmoother(history, start, settings).take(stop)
+
+
 class PeopleSmoother:
-    """Smooths a history from its first frame on, some frames at a time, each of them once.
+    """Smooths a history from some frame on, a range of frames at a time, each of them once.
 
     Args:
-        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and
-            the one before them.
+        history: of a tracker. Of it are needed the frames that are still to come and the one before them, and to begin
+            with those of the ``look_ahead_s`` before.
+        start: the first frame, counted from 0.
+        settings: whose options say how to smooth; the history's where they are left out.
     """
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: History, start: int = 0, settings: Settings | None = None) -> None:
         self.history = history
-        self.settings = history.settings
-        self.done = 0
+        self.settings = settings or history.settings
+        self.done = start
         """The first frame, counted from 0, that has not been given."""
+        self._from = self._warm(start)
         self._windows: dict[str, _Window] = {}
+
+    def _warm(self, start: int) -> int:
+        """The first frame that has a bearing on what is known in frame ``start``."""
+        if start == 0 or self.settings.options.smoother == "none":
+            return start
+        return self.history.place_at(self.history.time_s[start] - self._memory_s(start))
 
     def take(self, stop: int) -> list[SmoothedPerson]:
         """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
@@ -107,42 +124,77 @@ class PeopleSmoother:
         found = []
         while self.done < stop:
             if options.smoother == "full":
-                found += self._take(stop, self._look_ahead_s(stop))
+                found += self._take(stop, self._memory_s(stop - 1))
             elif options.smoother == "lag":
                 found += self._take(self.done + 1, options.lag_s)
             else:
                 found += self._take(stop, 0.0)
         return found
 
-    def _look_ahead_s(self, stop: int) -> float:
-        """How far what follows tells anything: while somebody's shape is sought, until it is kept."""
+    def _memory_s(self, place: int) -> float:
+        """How far other frames tell anything of one: while somebody's shape is sought, until it is kept."""
         options = self.settings.options
-        sought = any(run.state.free.any() for run in self.history.runs(stop - 1, stop))
+        sought = any(run.state.free.any() for run in self.history.runs(place, place + 1))
         return options.look_ahead_s + (options.shape_settle_s if sought else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
         history, start = self.history, self.done
         until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
         found, windows = [], {}
-        for run in history.runs(max(start - 1, 0), until):
-            for part in _bridged(run, self.settings.options.bridge_s):
-                body, window = self._smooth(part, start, stop)
-                if len(body):
-                    keep = part.within(start, stop)
-                    found.append(SmoothedPerson(run.name, keep.places, body, keep))
-                if window is not None:
-                    windows[run.name] = window
-        self._windows, self.done = windows, stop
-        return found
+        after: _Ahead | None = None
+        runs = [
+            part for run in history.runs(self._from, until) for part in _bridged(run, self.settings.options.bridge_s)
+        ]
+        for part in reversed(runs):
+            joins = after is not None and after.joins(part)
+            body, window, after = self._smooth(part, start, stop, after if joins else None)
+            if len(body):
+                keep = part.within(start, stop)
+                found.append(SmoothedPerson(part.name, keep.places, body, keep))
+            if window is not None:
+                windows.setdefault(part.name, window)
+        self._windows, self.done, self._from = windows, stop, stop - 1
+        return found[::-1]
 
-    def _smooth(self, part: Run, start: int, stop: int) -> tuple[Smoothed, "_Window | None"]:
-        """One person's frames from ``start`` to ``stop``, and what to begin with after them."""
+    def _smooth(
+        self, part: Run, start: int, stop: int, after: "_Ahead | None"
+    ) -> tuple[Smoothed, "_Window | None", "_Ahead | None"]:
+        """One person's frames from ``start`` to ``stop``, what to begin with after them, and what they say before."""
         first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
         if self.settings.options.smoother == "none":
-            return _described(part.state, None, self.settings).frames(first, last), None
+            return _described(part.within(start, stop).state, None, self.settings), None, None
         window = _refiltered(part, self._windows.get(part.name), self.settings)
-        body = _smoothed(window, part.time_s, self.settings).frames(first, last)
-        return body, window.after(last - 1) if last else None
+        states = _smoothed_before(window.after(first).state, part.time_s[first:], after, self.settings)
+        kept = State(*(each[: last - first] for each in states))
+        body = _described(kept, window.information[first:last], self.settings)
+        begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
+        return body, window.after(last - 1) if last else None, begins
+
+
+@dataclass(frozen=True, eq=False)
+class _Ahead:
+    """A run that began anew, and its smoothed state there."""
+
+    run: Run
+    state: State
+
+    def joins(self, part: Run) -> bool:
+        """Whether another run of the same person ends where this one begins."""
+        return part.name == self.run.name and part.places[-1] + 1 == self.run.places[0]
+
+
+def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: Settings) -> State:
+    """Smooth a run's states, also by those of a run that began anew after it.
+
+    The filter that began anew knew nothing of the run before, so that what it says of where it began is as good as an
+    observation.
+    """
+    if after is None:
+        return smooth_states(state, time_s, settings)
+    later_s = np.append(time_s, after.run.time_s[0])
+    last = ahead(chosen(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)
+    see_pose(last, after.state, settings)
+    return State(*(each[:-1] for each in smooth_states(joined(state, last), later_s, settings)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,6 +132,30 @@ def next_with(
     return now
 
 
+def see_pose(state: State, seen: State, settings: Settings) -> None:
+    """Tell a state of one person, in place, the pose that another source has, as an observation of that covariance."""
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    turn = _bone_axes(state, seen, settings)
+    curvature = turn.T @ np.linalg.inv(seen.covariance[0, :n, :n]) @ turn
+    _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
+
+
+def _bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
+    """Shape (pose, pose): makes changes in one state's axes those in another's, whose bones' frames began elsewhere."""
+    n, first = settings.tree.n_pose, 3 + 3 * len(settings.tree.segments)
+    change = np.zeros((1, state.covariance.shape[1]))
+    compare_states(state, seen, change)
+    change[:, :first] = 0.0
+    change[:, n:] = 0.0
+    carried = chosen(state, [0])
+    apply_changes(change, carried)
+    turn = np.eye(n)
+    for b in range(len(settings.tree.bones)):
+        c = first + 2 * b
+        turn[c : c + 2, c : c + 2] = (seen.bones[0, b].T @ carried.bones[0, b])[:2, :2]
+    return turn
+
+
 def _learn(now: State, told: State, curvature: np.ndarray, gradient: np.ndarray, rows: np.ndarray, m: int) -> None:
     """Change a state, in place, by what is said about the state ``told``."""
     change = np.empty((1, now.covariance.shape[1]))

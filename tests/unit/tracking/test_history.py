@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import State
@@ -14,7 +15,8 @@ from posefuse.tracking.bodies import chosen, joined, nobody
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person, Remembered
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
+from posefuse.tracking.tempering import ahead
 from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
 
 __all__ = ["settings"]
@@ -115,6 +117,18 @@ def test_blocks_are_the_whole(settings, rng, stops):
     np.testing.assert_allclose(got, whole.body.covariance_m2, atol=1e-8)
 
 
+@pytest.mark.parametrize("start", [30, 100])
+def test_any_range_is_that_of_the_whole(settings, rng, start):
+    """To 1e-5 m, also where it begins while the shape is still sought."""
+    history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
+    (whole,) = taken(history, [200])
+    (part,) = smooth_people(history, start, start + 40, settings)
+    np.testing.assert_array_equal(part.places, np.arange(start, start + 40))
+    theirs = whole.body.frames(start, start + 40)
+    np.testing.assert_allclose(part.body.points_m, theirs.points_m, atol=1e-5)
+    np.testing.assert_allclose(part.body.covariance_m2, theirs.covariance_m2, atol=1e-8)
+
+
 def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
     states = filtered(settings, 30, rng)
     full = taken(history_of(settings, states), [30])
@@ -152,3 +166,29 @@ def test_what_is_released_is_gone_and_the_rest_goes_on(settings, rng, monkeypatc
     second = smoother.take(60)
     for mine, theirs in zip([*first, *second], kept, strict=True):
         np.testing.assert_array_equal(mine.body.points_m, theirs.body.points_m)
+
+
+def test_a_loss_is_bridged_where_the_filter_began_anew(settings, rng):
+    """Lost for 10 frames, then begun anew with bones' frames turned about themselves: as if it had gone on."""
+    states = filtered(settings, 40, rng)
+    turn = Rotation.from_euler("z", rng.uniform(-3.0, 3.0, (len(settings.tree.bones), 1))).as_matrix()
+    history, lone = History(settings), History(settings)
+    now = chosen(states, [14])
+    for k in range(40):
+        if 15 <= k < 25:
+            ahead(now, np.array([DT_S]), settings)
+        here = now if 15 <= k < 25 else chosen(states, [k])
+        if k >= 25:
+            here = here._replace(bones=here.bones @ turn)
+        lost = {"person_1": DT_S * (k - 14)} if 15 <= k < 25 else {}
+        tell(history, k, {"person_1": here}, {"person_1": []} if k in (0, 25) else {}, lost)
+        if k < 25:
+            tell(lone, k, {"person_1": here}, {"person_1": []} if k == 0 else {}, lost)
+    before, after = taken(history, [40])
+    (alone,) = taken(lone, [25])
+    assert len(before.places) == 25
+    gap_m = np.linalg.norm(after.body.points_m[0] - before.body.points_m[24], axis=-1)
+    lone_gap_m = np.linalg.norm(after.body.points_m[0] - alone.body.points_m[24], axis=-1)
+    assert gap_m.max() < 0.5 * lone_gap_m.max()
+    spread = [body.covariance_m2[24][:, [0, 3, 5]].sum(axis=1) for body in (before.body, alone.body)]
+    assert (spread[0] < spread[1]).all()
