@@ -24,7 +24,6 @@ AROUND_S = 1.0
 
 _NEAR = 0.25
 """A detection is near a person whose keypoints are off by less than this share of its size in the image."""
-_MUCH_BETTER = 0.5
 
 
 @dataclass(frozen=True)
@@ -288,7 +287,7 @@ def _next_to(here: _Here, view: int, number: int, owner: int) -> list[str]:
     if not np.isfinite(distances).any() or not np.isfinite(own):
         return []
     other = int(np.nanargmin(distances))
-    how = "though nearer" if distances[other] < _MUCH_BETTER * own else "next"
+    how = "though nearer" if distances[other] < own else "next"
     return [f"{how}: {here.result.person_ids[other]}, {distances[other]:.0f} px"]
 
 

@@ -1,6 +1,7 @@
 """Edits: what they do is known by hand, they undo each other, and a wrong one says what would be right."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from hypothesis import strategies as st
 from posefuse.edits import apply_edits, edited_chunks
 from posefuse.errors import EditError
 from posefuse.io.edits import edits_to_toml, read_edits
-from posefuse.model.edits import Drop, Edit, Merge, Rename, Split, Swap
-from posefuse.model.life import Event
+from posefuse.model.edits import Drop, Edit, Merge, Rename, Split, Swap, name_of
+from posefuse.model.life import HAPPENINGS, Event
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
@@ -125,6 +126,15 @@ class TestWhatTheyDo:
         event = Event(3, 0.12, "cam_1", "camera refused", "it disagrees with the others")
         edited = apply_edits(replace(result, events=(event,)), [Drop("person_1"), Rename("person_2", "b")])
         assert edited.events == (event,)
+
+
+def test_the_example_in_the_documents_is_right(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "people.md").read_text()
+    (tmp_path / "edits.toml").write_text(page.split("```toml")[1].split("```")[0])
+    assert [name_of(edit) for edit in read_edits(tmp_path / "edits.toml")] == [
+        "merge", "split", "swap", "rename", "drop", "drop",
+    ]  # fmt: skip
+    assert all(f"`{what}`" in page for what in HAPPENINGS)
 
 
 names = st.sampled_from([f"person_{i}" for i in range(1, 5)])

@@ -127,7 +127,8 @@ def _say_keypoints(told: FrameAccount) -> None:
             say("")
             note(f"{each.name}, layer {layer.layer}:")
             for code, names in layer.status.items():
-                note(f"  {', '.join(names)}: {code.label}, {code.sentence}")
+                which = ", ".join(names) if len(layer.status) > 1 else f"all {len(names)} keypoints"
+                note(f"  {which}: {code.label}, {code.sentence}")
 
 
 def _say_view(view: ViewAccount, layers: tuple[str, ...]) -> None:

@@ -45,14 +45,19 @@
   const line = (colour, width) => ({ type: "scatter3d", mode: "lines", hoverinfo: "skip", line: { color: colour, width } });
   const traces = [];
   const moving = [];
-  function add(trace, draw) {
-    if (draw) { moving.push({ index: traces.length, draw }); [trace.x, trace.y, trace.z] = draw(0); }
+  // A trace that begins with no point at all is drawn in the wrong size ever after: begin where there is one.
+  const firstFrame = (points) => Math.max(Math.floor(points.findIndex(Number.isFinite) / (3 * K)), 0);
+  const firstSeen = people.map(({ points }) => points).filter((points) => points.some(Number.isFinite)).map(firstFrame);
+  const opening = firstSeen.length ? Math.min(...firstSeen) : 0;
+  function add(trace, draw, first = opening) {
+    if (draw) { moving.push({ index: traces.length, draw }); [trace.x, trace.y, trace.z] = draw(first); }
     traces.push(trace);
   }
   // Names stand a hand's breadth above the highest point of each body.
-  function heads(f) {
+  function heads(frameOf) {
     const at = [[], [], []], axis = Math.max("xyz".indexOf(scene.up.replace("-", "")), 0), sense = scene.up.startsWith("-") ? -1 : 1;
     for (const { points } of people) {
+      const f = frameOf(points);
       let best = -1;
       for (let k = 0; k < K; k++) {
         const value = points[(f * K + k) * 3 + axis];
@@ -67,12 +72,12 @@
   const truthTraces = (truth || []).map((_, i) => i);
   people.forEach(({ name, points }, i) => {
     if (!several) return;
-    add({ ...line(colourOf(i), 6), name }, (f) => bones(points, f));
+    add({ ...line(colourOf(i), 6), name }, (f) => bones(points, f), firstFrame(points));
     add({ type: "scatter3d", mode: "markers", name, text: scene.keypoints.map((k) => `${name}: ${k}`), hoverinfo: "text+x+y+z",
-      marker: { size: K > 60 ? 1.5 : 2.5, color: colourOf(i) } }, (f) => dots(points, f));
+      marker: { size: K > 60 ? 1.5 : 2.5, color: colourOf(i) } }, (f) => dots(points, f), firstFrame(points));
   });
   if (several && people.length) add({ type: "scatter3d", mode: "text", text: people.map(({ name }) => name), hoverinfo: "skip",
-    textfont: { color: people.map((_, i) => colourOf(i)), size: 13 } }, heads);
+    textfont: { color: people.map((_, i) => colourOf(i)), size: 13 } }, (f) => heads(f === null ? firstFrame : () => f), null);
   for (const { name, points } of several ? [] : people) {
     for (const side of ["left", "right", "middle"]) add({ ...line(colours[side], 6), name }, (f) => bones(points, f, side));
     add({ type: "scatter3d", mode: "markers", name, text: scene.keypoints, hoverinfo: "text+x+y+z",
@@ -194,7 +199,7 @@
     Plotly.relayout(plot, { "scene.xaxis": xaxis, "scene.yaxis": yaxis, "scene.zaxis": zaxis,
       "scene.aspectratio": aspectratio, "scene.camera.eye": eyeOf(distance), "scene.camera.center": centreOf(ranges) });
   });
-  show(0);
+  show(opening);
 
   const chart = { ...base, margin: { l: 60, r: 10, t: 10, b: 40 }, showlegend: true, legend: { orientation: "h", y: 1.15 } };
   const grid = { gridcolor: css("--line"), zeroline: false };
@@ -234,7 +239,7 @@
     const kinds = Object.keys(symbols).filter((kind) => lives.events.some((event) => event[2] === kind));
     for (const kind of kinds) {
       const of = lives.events.filter((event) => event[2] === kind);
-      drawn.push({ type: "scatter", mode: "markers", name: kind, showlegend: true, x: of.map((event) => times[event[0]]),
+      drawn.push({ type: "scatter", mode: "markers", name: kind, showlegend: true, cliponaxis: false, x: of.map((event) => times[event[0]]),
         y: of.map((event) => event[1] - 0.32), customdata: of.map((event) => event[0]), hoverinfo: "text",
         hovertext: of.map(([, row, what, why, number]) => plain(`${lives.rows[row]}, frame ${number}: ${what}${why ? ": " + why : ""}`)
           .replace(/(.{50,70}?) /g, "$1<br>")),
