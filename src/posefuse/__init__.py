@@ -13,10 +13,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from posefuse.edits import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
     from posefuse.io.calibration.read import read_cameras as read_cameras
+    from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
     from posefuse.io.options import read_options as read_options
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
@@ -48,9 +50,11 @@ if TYPE_CHECKING:
     from posefuse.synthetic.scenes import simulate as simulate
 
 _PLACES = {
+    "edits": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
     "io.calibration.read": ("read_cameras",),
+    "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),
     "io.options": ("read_options",),
     "io.results.netcdf": ("read_reconstruction",),

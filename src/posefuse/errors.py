@@ -10,6 +10,7 @@
     ├── SkeletonError      keypoint names that do not fit
     ├── MatchError         cameras and views that do not belong together
     ├── OptionsError       an option that does not exist, or a value it cannot take
+    ├── EditError          an edit of a result that cannot be done
     └── ResultError        a result that cannot be, or that a format cannot hold
 
 Every message says what is wrong, where, what was expected and what was found, and what to do about it.
@@ -49,6 +50,10 @@ class MatchError(PosefuseError):
 
 class OptionsError(PosefuseError):
     """An option that does not exist, or a value it cannot take."""
+
+
+class EditError(PosefuseError):
+    """An edit of a result that cannot be done."""
 
 
 class ResultError(PosefuseError):

@@ -1,6 +1,5 @@
 """Many people followed through a recording, or frame by frame: association and tracking wired together."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,8 +19,10 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.progress import Progress
 from posefuse.survey import known_noise
+from posefuse.tracking.history import History
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
+from posefuse.tracking.smoothing import smooth_people
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
@@ -99,6 +100,20 @@ def with_tree(rig: CameraRig, detections: Detections, noise: NoiseModel, options
     return replace(skeleton, tree=measured_tree(skeleton, points, covariance))
 
 
+@dataclass(frozen=True)
+class Exchange:
+    """Two people who were taken for each other in a range of frames, found out later.
+
+    Attributes:
+        names: of the two.
+        start, stop: frames, counted from 0.
+    """
+
+    names: tuple[str, str]
+    start: int
+    stop: int
+
+
 @dataclass(frozen=True, eq=False)
 class Followed:
     """Who was where in a recording, as the tracker has it.
@@ -106,56 +121,122 @@ class Followed:
     Attributes:
         tracks: whose detection was whose, of all frames.
         events: what happened.
-        points_m: shape (frame, person, keypoint, 3).
-        covariance_m2: shape (frame, person, keypoint, 6).
-        used: shape (frame, person, view, keypoint), bool.
+        history: states of everybody.
+        exchanges: names that are to change places in the history.
+        shape_m: shape (person, shape).
+        shape_sd_m: shape (person, shape).
     """
 
     tracks: Tracks
     events: tuple[Event, ...]
-    points_m: np.ndarray
-    covariance_m2: np.ndarray
-    used: np.ndarray
+    history: History
+    exchanges: tuple[Exchange, ...]
+    shape_m: np.ndarray
+    shape_sd_m: np.ndarray
 
     def follow(self, start: int, stop: int) -> Tracks:
         """Whose detections are whose in a range of frames."""
         return self.tracks.frames(start, stop)
 
-    def poses(self, start: int, stop: int) -> Poses | None:
-        """How bodies stood in a range of frames."""
-        return None
-
-    def layer(self, rig: CameraRig, detections: Detections, start: int, stop: int) -> Layer:
-        """The model layer of a range of frames.
+    def bodies(self, rig: CameraRig, detections: Detections, start: int, stop: int) -> tuple[Layer, Poses]:
+        """The model layer of a range of frames, and how bodies stood.
 
         Args:
             rig: the cameras.
             detections: of those frames.
-            start, stop: counted from 0 in the recording.
+            start: the first frame, counted from 0 in the recording.
+            stop: the frame after the last.
         """
-        points, used = self.points_m[start:stop], self.used[start:stop]
+        tree, names = self.history.settings.tree, self.tracks.person_ids
+        shape = (stop - start, len(names))
+        keypoints, views = len(detections.skeleton), len(rig)
+        points, covariance = np.full((*shape, keypoints, 3), np.nan), np.full((*shape, keypoints, 6), np.nan)
+        used = np.zeros((*shape, views, keypoints), dtype=bool)
+        bridged = np.zeros(shape, dtype=bool)
+        turns = np.full((*shape, len(tree.segments), 3, 3), np.nan)
+        directions = np.full((*shape, len(tree.bones), 3), np.nan)
+        for person in smooth_people(self.history, start, stop, self.history.settings):
+            here = person.places >= start
+            seen = self._is_alive(person.name, person.places) & here
+            f = person.places[seen] - start
+            p = np.array([names.index(name) for name in self._names_at(person.name, person.places[seen])], dtype=int)
+            points[f, p], covariance[f, p] = person.body.points_m[seen], person.body.covariance_m2[seen]
+            used[f, p], bridged[f, p] = person.run.used[seen], person.run.missing_s[seen] > 0.0
+            turns[f, p], directions[f, p] = person.body.turns[seen], person.body.directions[seen]
         rows = self.follow(start, stop).rows(detections)
-        frames, people, keypoints = points.shape[:3]
-        errors = np.full((frames, people, keypoints, len(rig)), np.nan, dtype=np.float32)
-        for v, camera in enumerate(rig.cameras):
-            there = rows[:, :, v] >= 0
-            seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
-            errors[..., v][there] = np.linalg.norm(camera.project(points[there])[0] - seen, axis=-1)
-        counted = np.moveaxis(used, 2, 3)
-        status = np.where(np.isfinite(points[..., 0]), PointStatus.OK, PointStatus.NOT_SEEN)
-        status[np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT] = PointStatus.ABSENT
-        views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
-        number = counted.sum(axis=-1)
-        mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
-        return Layer(
-            points_m=points,
-            covariance_m2=self.covariance_m2[start:stop],
-            status=status.astype(np.int8),
-            source=np.where(status < PointStatus.NOT_SEEN, Source.MODELLED, Source.NONE).astype(np.int8),
-            reprojection_error_px=np.where(number > 0, mean, np.nan),
-            view_status=views.astype(np.int8),
-            view_error_px=errors,
+        layer = model_layer(rig, detections, rows, points, covariance, used, bridged, self._absent(start, stop))
+        poses = Poses(tree.segments, tree.bones, tree.shape_names, turns, directions, self.shape_m, self.shape_sd_m)
+        return layer, poses
+
+    def _names_at(self, name: str, places: np.ndarray) -> list[str]:
+        """What somebody of that name in the history is called in these frames, now that more is known."""
+        return [renamed(name, int(place), self.exchanges) for place in places]
+
+    def _is_alive(self, name: str, places: np.ndarray) -> np.ndarray:
+        """Which frames lie between the first and the last that showed them."""
+        people = self.tracks.person_ids
+        state = np.array(
+            [self.tracks.state[place, people.index(renamed(name, int(place), self.exchanges))] for place in places]
         )
+        return np.asarray(state != TrackState.ABSENT)
+
+    def _absent(self, start: int, stop: int) -> np.ndarray:
+        return np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT
+
+
+def renamed(name: str, place: int, exchanges: tuple[Exchange, ...]) -> str:
+    """What somebody is called in a frame, after later exchanges of names."""
+    for exchange in exchanges:
+        if name in exchange.names and exchange.start <= place < exchange.stop:
+            name = exchange.names[1 - exchange.names.index(name)]
+    return name
+
+
+def model_layer(
+    rig: CameraRig,
+    detections: Detections,
+    rows: np.ndarray,
+    points_m: np.ndarray,
+    covariance_m2: np.ndarray,
+    used: np.ndarray,
+    bridged: np.ndarray,
+    absent: np.ndarray,
+) -> Layer:
+    """Bodies' points as a layer, with how far from them the detections lie.
+
+    Args:
+        rig: the cameras.
+        detections: of the frames.
+        rows: shape (frame, person, view): of the detections' arrays.
+        points_m: shape (frame, person, keypoint, 3), NaN where there is none.
+        covariance_m2: shape (frame, person, keypoint, 6).
+        used: shape (frame, person, view, keypoint), bool.
+        bridged: shape (frame, person), bool: nothing supported them there.
+        absent: shape (frame, person), bool.
+    """
+    frames, people, keypoints = points_m.shape[:3]
+    errors = np.full((frames, people, keypoints, len(rig)), np.nan, dtype=np.float32)
+    for v, camera in enumerate(rig.cameras):
+        there = rows[:, :, v] >= 0
+        seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
+        errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
+    counted = np.moveaxis(used, 2, 3) & np.isfinite(points_m[..., :1])
+    status = np.where(np.isfinite(points_m[..., 0]), PointStatus.OK, PointStatus.NOT_SEEN)
+    status[absent] = PointStatus.ABSENT
+    views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
+    number = counted.sum(axis=-1)
+    mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
+    has = status < PointStatus.NOT_SEEN
+    source = np.where(bridged[..., None], Source.FILLED, Source.MODELLED)
+    return Layer(
+        points_m=points_m,
+        covariance_m2=covariance_m2,
+        status=status.astype(np.int8),
+        source=np.where(has, source, Source.NONE).astype(np.int8),
+        reprojection_error_px=np.where(number > 0, mean, np.nan),
+        view_status=views.astype(np.int8),
+        view_error_px=errors,
+    )
 
 
 def follow(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Followed:
@@ -167,39 +248,83 @@ def follow(rig: CameraRig, detections: Detections, options: Options, progress: P
     """
     noise = rough_noise(rig, detections, options)
     tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+
+    tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+    book = _Book(History(tracker.settings))
     progress.start("following people", detections.n_frames)
-    snapshots = list(_snapshots(tracker, detections, progress))
-    progress.finish()
-    return _gathered(snapshots, detections)
-
-
-def _snapshots(tracker: ArticulatedTracker, detections: Detections, progress: Progress) -> Iterator[People]:
     for chunk in detections.chunks():
         for i in range(chunk.n_frames):
-            yield tracker.update(Frame.of(chunk, i))
+            book.enter(tracker, tracker.update(Frame.of(chunk, i)))
         progress.advance(chunk.n_frames)
+    progress.finish()
+    return book.close(detections)
 
 
-def _gathered(snapshots: list[People], detections: Detections) -> Followed:
-    """People in columns, in the order of their first appearance."""
-    seen = [[person for person in of.people if person.state != TrackState.TENTATIVE] for of in snapshots]
-    names = list(dict.fromkeys(person.name for people in seen for person in people))
-    shape = (len(snapshots), len(names))
-    views, keypoints = detections.n_views, len(detections.skeleton)
-    rows = np.full((*shape, views), -1, dtype=np.int64)
-    state = np.full(shape, TrackState.ABSENT, dtype=np.int8)
-    points = np.full((*shape, keypoints, 3), np.nan)
-    covariance = np.full((*shape, keypoints, 6), np.nan)
-    used = np.zeros((*shape, views, keypoints), dtype=bool)
-    for f, people in enumerate(seen):
-        for person in people:
-            p = names.index(person.name)
-            rows[f, p], state[f, p], used[f, p] = person.rows, person.state, person.used
-            if person.state == TrackState.ACTIVE:
-                points[f, p], covariance[f, p] = person.points_m, person.covariance_m2
-    starts = detections.offsets[:-1].reshape(detections.n_frames, 1, views)
-    # A frame's rows are counted through its views, a track's detections within the view.
-    first = starts[:, :, :1]
-    detection = np.where(rows >= 0, rows + first - starts, -1).astype(np.int32)
-    events = tuple(event for of in snapshots for event in of.events)
-    return Followed(Tracks(tuple(names), detection, state), events, points, covariance, used)
+class _Book:
+    """What is kept of a tracker's run: little a frame, the states in the history.
+
+    Args:
+        history: to be written.
+    """
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+        self.rows: dict[tuple[int, str], np.ndarray] = {}
+        self.states: dict[tuple[int, str], TrackState] = {}
+        self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.events: list[Event] = []
+        self.exchanges: list[Exchange] = []
+
+    def enter(self, tracker: ArticulatedTracker, people: People) -> None:
+        """A frame."""
+        self.history.add(tracker, people)
+        place = len(self.history) - 1
+        for person in people.people:
+            if person.state != TrackState.TENTATIVE:
+                self.rows[place, person.name], self.states[place, person.name] = person.rows, person.state
+        for name, past in tracker.remembered.items():
+            for each in past:
+                before = self.history.place(each.number)
+                self.rows[before, name], self.states[before, name] = each.rows, TrackState.TENTATIVE
+        for p, track in enumerate(tracker.tracks):
+            self.shapes[track.name] = tracker.shape_of(p)
+        for names, since_s in tracker.exchanged:
+            self.exchanges.append(Exchange(names, self.history.place_at(since_s), place))
+        self.events.extend(people.events)
+
+    def close(self, detections: Detections) -> Followed:
+        """All of it, people in the order in which they were first believed."""
+        names = tuple(self.shapes)
+        shape = (len(self.history), len(names))
+        rows = np.full((*shape, detections.n_views), -1, dtype=np.int64)
+        state = np.full(shape, TrackState.ABSENT, dtype=np.int8)
+        exchanges = tuple(self.exchanges)
+        for (place, name), mine in self.rows.items():
+            p = names.index(renamed(name, place, exchanges))
+            rows[place, p], state[place, p] = mine, self.states[place, name]
+        _end_with_the_last_sight(rows, state)
+        starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
+        # A frame's rows are counted through its views, a track's detections within the view.
+        detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
+        tree = self.history.settings.tree
+        shape_m, shape_sd_m = (
+            np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, tree.n_shape))
+            for i in range(2)
+        )
+        return Followed(
+            Tracks(names, detection, state), tuple(self.events), self.history, exchanges, shape_m, shape_sd_m
+        )
+
+
+def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:
+    """Afterwards it is known who did not come back: they were there until they were last seen.
+
+    Args:
+        rows: shape (frame, person, view).
+        state: shape (frame, person), in and out.
+    """
+    seen = np.asarray((rows >= 0).any(axis=2))
+    for p in range(state.shape[1]):
+        last = np.flatnonzero(seen[:, p])
+        end = last[-1] + 1 if len(last) else 0
+        state[end:, p] = TrackState.ABSENT

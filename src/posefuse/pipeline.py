@@ -151,8 +151,8 @@ def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
     layers = {"measured": layer.frames(start - first, stop - first)}
     poses, events = None, ()
     if isinstance(plan.subjects, Followed):
-        layers["model"] = plan.subjects.layer(plan.rig, detections, start, stop)
-        poses, events = plan.subjects.poses(start, stop), plan.subjects.events
+        layers["model"], poses = plan.subjects.bodies(plan.rig, detections, start, stop)
+        events = plan.subjects.events
     recorded = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
     count = recorded.sum(axis=1)

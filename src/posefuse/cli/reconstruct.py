@@ -8,8 +8,8 @@ import numpy as np
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.reading import must_have_rate, read_inputs
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
-from posefuse.model.options import Options
+from posefuse.cli.types import CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def reconstruct(
     output: Output,
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    edits: EditsPath = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
@@ -34,12 +35,17 @@ def reconstruct(
     from posefuse.io.files import replacing_folder
 
     with replacing_folder(output) as staging:
-        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options)
+        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
     say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
 
 
 def reconstruct_into(
-    folder: Path, recording: Path, calibration: Path | None, keypoints: Path | None, options: Options
+    folder: Path,
+    recording: Path,
+    calibration: Path | None,
+    keypoints: Path | None,
+    options: Options,
+    edits: Path | None = None,
 ) -> tuple[list[str], str]:
     """Read, reconstruct, write into an existing folder, and say what came out.
 
@@ -53,20 +59,38 @@ def reconstruct_into(
         # The result holds the whole skeleton; where its file lay is nobody's business.
         options = replace(options, skeleton=inputs.detections.skeleton.name)
 
+    from posefuse.cli.edit import Done, write_edited
     from posefuse.io.results import netcdf
-    from posefuse.io.results.write import write_folder
     from posefuse.pipeline import prepare, reconstruct_chunks
-    from posefuse.report.html import render_report
+
+    done = None if edits is None else Done.read(edits)
 
     plan = prepare(inputs.rig, inputs.detections, options, progress)
     plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
     path = folder / "reconstruction.nc"
     netcdf.write(reconstruct_chunks(plan, progress), path)
-    result = netcdf.read_reconstruction(path)
+    if done is not None:
+        path = path.rename(folder / "unedited.nc")
+        write_edited(netcdf.read_reconstruction(path), done, folder / "reconstruction.nc")
+        path.unlink()
+    result = netcdf.read_reconstruction(folder / "reconstruction.nc")
+    files, layer = write_beside(result, folder, progress)
+    return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
+
+
+def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
+    """Write all that stands beside ``reconstruction.nc``, and say what came out.
+
+    Returns:
+        The names of what was written, and the layer that TRC and C3D hold.
+    """
+    from posefuse.io.results.write import write_folder
+    from posefuse.report.html import render_report
+
     files, layer = write_folder(result, folder, progress)
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
-    return ["reconstruction.nc", *files, "report.html", *write_debug(plan, result, folder, progress)], layer
+    return [*files, "report.html"], layer
 
 
 def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Bars) -> list[str]:

@@ -14,3 +14,6 @@ CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by de
 KeypointsPath = Annotated[
     Path | None, Parameter(help="File or folder of 2D keypoints; by default those in the recording.")
 ]
+EditsPath = Annotated[
+    Path | None, Parameter(help="TOML file of edits to do to the result, as posefuse edit takes them.")
+]

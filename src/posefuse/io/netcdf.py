@@ -10,8 +10,10 @@ import h5netcdf
 import h5py
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.errors import FileError
 from posefuse.model.skeletons import Skeleton
+from posefuse.model.trees import Limit, Node, Tree
 
 CHUNK_FRAMES = 256
 """Frames that are compressed together."""
@@ -112,7 +114,7 @@ def strings(variable: Any) -> tuple[str, ...]:
 
 def skeleton_text(skeleton: Skeleton) -> str:
     """A skeleton as JSON."""
-    return json.dumps(asdict(skeleton), separators=(",", ":"))
+    return json.dumps(asdict(skeleton), separators=(",", ":"), default=np.ndarray.tolist)
 
 
 def skeleton_from_text(text: str) -> Skeleton:
@@ -133,4 +135,22 @@ def skeleton_from_text(text: str) -> Skeleton:
         names={program: tuple(names) for program, names in data["names"].items()},
         description=data["description"],
         core=tuple(data.get("core", ())),
+        tree=None if data.get("tree") is None else _tree(data["tree"]),
+    )
+
+
+def _tree(data: Mapping[str, Any]) -> Tree:
+    def record(kind: Any, values: Mapping[str, Any]) -> Any:
+        return kind(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+
+    return Tree(
+        segments=tuple(data["segments"]),
+        bones=tuple(data["bones"]),
+        nodes=tuple(record(Node, node) for node in data["nodes"]),
+        limits=tuple(record(Limit, limit) for limit in data["limits"]),
+        shape_names=tuple(data["shape_names"]),
+        shape_m=frozen(data["shape_m"]),
+        shape_covariance=frozen(np.reshape(data["shape_covariance"], (len(data["shape_m"]),) * 2)),
+        keypoint_nodes=frozen(data["keypoint_nodes"], np.int64),
+        rest=frozen(np.reshape(data["rest"], (-1, 3))),
     )

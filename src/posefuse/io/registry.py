@@ -130,7 +130,7 @@ RESULTS = (
         "posefuse.io.results.csv",
         reads=False,
         writes=True,
-        files="keypoints.csv (measured), solved.csv, model.csv",
+        files="keypoints.csv (measured), solved.csv, model.csv; angles.csv, events.csv",
         conventions="tidy, a row a frame, person and keypoint; metres, world axes; missing is empty",
     ),
     Format(

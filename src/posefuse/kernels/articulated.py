@@ -12,8 +12,8 @@ from collections import namedtuple
 import numpy as np
 
 from posefuse.kernels.bodies import differentiate, locate, move
-from posefuse.kernels.jit import inline, kernel, step
-from posefuse.kernels.lens import OK, ROTATION, project_jacobian, project_point, to_camera
+from posefuse.kernels.jit import dense, inline, kernel, step
+from posefuse.kernels.lens import CX, CY, FX, FY, LENS, OK, PINHOLE, ROTATION, SKEW, project_jacobian, project_point, to_camera
 from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
 
 Body = namedtuple(
@@ -29,6 +29,15 @@ Law = namedtuple("Law", "scale_px exponent floor_m nu gate limit_sigma min_confi
 """Of detections: shape (view,), the noise of confidence 1 in px; how it falls with confidence; by how much a body's
 points are not what the detector calls by their name; degrees of freedom of its tails; the largest squared innovation,
 in its own covariance, that counts; how stiff joint limits are; what confidence counts."""
+
+Room = namedtuple(
+    "Room",
+    "nodes jacobian noise prior hessian kept lower gradient kept_gradient change offset kept_offset weight pull "
+    "weighted gain mixed root turns bones shape",
+)
+"""What an update works in: nodes and how they move; the noise of each observation; the prediction's information; normal
+equations, as they are and of the best pose so far; the step, how far from the prediction it is; what one keypoint adds;
+how velocities follow; and the best pose so far."""
 
 USED = 0
 GATED = 1
@@ -57,53 +66,71 @@ def predict_people(dt_s, decay_s, power, most, walk, state):
         state: in and out.
     """
     n = state.velocity.shape[1]
-    h = state.shape.shape[1]
-    first = n + h
     fade = np.empty(n)
     reach = np.empty(n)
     change = np.empty(n)
     for p in range(dt_s.shape[0]):
-        dt = dt_s[p]
-        cov = state.covariance[p]
         for i in range(n):
-            fade[i] = math.exp(-dt / decay_s[i])
+            fade[i] = math.exp(-dt_s[p] / decay_s[i])
             reach[i] = decay_s[i] * (1.0 - fade[i])
             change[i] = reach[i] * state.velocity[p, i]
             state.velocity[p, i] *= fade[i]
         move(change, state.root[p], state.turns[p], state.bones[p])
-        for i in range(n):
-            for j in range(n):
-                cov[i, j] += reach[i] * cov[first + i, j] + reach[j] * cov[i, first + j]
-                cov[i, j] += reach[i] * reach[j] * cov[first + i, first + j]
-        for i in range(first):
-            for j in range(n):
-                gain = reach[i] * cov[first + i, first + j] if i < n else 0.0
-                if i >= n:
-                    cov[i, j] += cov[i, first + j] * reach[j]
-                    cov[j, i] = cov[i, j]
-                cov[i, first + j] = (cov[i, first + j] + gain) * fade[j]
-                cov[first + j, i] = cov[i, first + j]
-        for i in range(n):
-            for j in range(n):
-                cov[first + i, first + j] *= fade[i] * fade[j]
-        for i in range(n):
-            q = power[i]
-            t = decay_s[i]
-            f = fade[i]
-            cov[i, i] += q * t * t * (dt - 2.0 * t * (1.0 - f) + 0.5 * t * (1.0 - f * f))
-            mixed = 0.5 * q * t * t * (1.0 - f) * (1.0 - f)
-            cov[i, first + i] += mixed
-            cov[first + i, i] += mixed
-            cov[first + i, first + i] += 0.5 * q * t * (1.0 - f * f)
-        if state.free[p] != 0:
-            for s in range(h):
-                cov[n + s, n + s] += walk * dt
-        for i in range(n):
-            if cov[i, i] > most[i]:
-                scale = math.sqrt(most[i] / cov[i, i])
-                for j in range(cov.shape[0]):
-                    cov[i, j] *= scale
-                    cov[j, i] *= scale
+        _carry_on(state.covariance[p], fade, reach)
+        _grow(state.covariance[p], dt_s[p], decay_s, power, fade, walk if state.free[p] != 0 else 0.0)
+        _clip(state.covariance[p], most)
+
+
+@step
+def _carry_on(cov, fade, reach):
+    """``F P F^T`` in place: numbers of the pose move by their velocities, which fade."""
+    n = fade.shape[0]
+    first = cov.shape[0] - n
+    for i in range(n):
+        for j in range(n):
+            cov[i, j] += reach[i] * cov[first + i, j] + reach[j] * cov[i, first + j]
+            cov[i, j] += reach[i] * reach[j] * cov[first + i, first + j]
+    for i in range(n, first):
+        for j in range(n):
+            cov[i, j] += cov[i, first + j] * reach[j]
+            cov[j, i] = cov[i, j]
+    for i in range(first):
+        for j in range(n):
+            gain = reach[i] * cov[first + i, first + j] if i < n else 0.0
+            cov[i, first + j] = (cov[i, first + j] + gain) * fade[j]
+            cov[first + j, i] = cov[i, first + j]
+    for i in range(n):
+        for j in range(n):
+            cov[first + i, first + j] *= fade[i] * fade[j]
+
+
+@step
+def _grow(cov, dt, decay_s, power, fade, walk):
+    """What is not known grows, as accelerations of that spectral density make it."""
+    n = fade.shape[0]
+    first = cov.shape[0] - n
+    for i in range(n):
+        q = power[i]
+        t = decay_s[i]
+        f = fade[i]
+        cov[i, i] += q * t * t * (dt - 2.0 * t * (1.0 - f) + 0.5 * t * (1.0 - f * f))
+        mixed = 0.5 * q * t * t * (1.0 - f) * (1.0 - f)
+        cov[i, first + i] += mixed
+        cov[first + i, i] += mixed
+        cov[first + i, first + i] += 0.5 * q * t * (1.0 - f * f)
+    for s in range(n, first):
+        cov[s, s] += walk * dt
+
+
+@step
+def _clip(cov, most):
+    """No number is less known than that; a row and a column are made smaller together, so it stays a covariance."""
+    for i in range(most.shape[0]):
+        if cov[i, i] > most[i]:
+            scale = math.sqrt(most[i] / cov[i, i])
+            for j in range(cov.shape[0]):
+                cov[i, j] *= scale
+                cov[j, i] *= scale
 
 
 @step
@@ -131,8 +158,17 @@ def point_covariance(jacobian, starts, columns, node, cov, out):
 def _look(cameras, v, points, k):
     """The pixel of a point and how it moves with the point: status, pixel, and two rows of three numbers per metre."""
     x, y, z = to_camera(cameras, v, points[k, 0], points[k, 1], points[k, 2])
-    status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
-    _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
+    if cameras[v, LENS] == PINHOLE and z > 0.0:
+        inverse = 1.0 / z
+        status = OK
+        ux, uy = cameras[v, FX] * inverse, cameras[v, SKEW] * inverse
+        vx, vy = 0.0, cameras[v, FY] * inverse
+        uz = -(ux * x + uy * y) * inverse
+        vz = -vy * y * inverse
+        pixel_u, pixel_v = cameras[v, CX] + ux * x + uy * y, cameras[v, CY] + vy * y
+    else:
+        status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
+        _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
     r = ROTATION
     r0, r1, r2 = cameras[v, r], cameras[v, r + 1], cameras[v, r + 2]
     r3, r4, r5 = cameras[v, r + 3], cameras[v, r + 4], cameras[v, r + 5]
@@ -440,7 +476,7 @@ def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
     return 0.5 * stiffness * short * short
 
 
-@step
+@dense
 def _condition(prior, offset, m, hessian, gradient):
     """Add the prediction as prior; what the offset from it costs."""
     cost = 0.0
@@ -455,36 +491,41 @@ def _condition(prior, offset, m, hessian, gradient):
     return cost
 
 
-@step
+@inline
+def _multiply(left, first, right, rows, m, out):
+    """``out = left[first:] right``, of ``rows`` rows and ``m`` columns."""
+    for i in range(rows):
+        for j in range(m):
+            out[i, j] = 0.0
+        for k in range(m):
+            by = left[first + i, k]
+            for j in range(m):
+                out[i, j] += by * right[k, j]
+
+
+@dense
 def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
-    """Velocities and their covariance, from how pose and shape moved and what is known of them now."""
+    """Velocities and their covariance, from how pose and shape moved and what is known of them now.
+
+    With G = P_va P_aa^-1: velocities move by G times the offset, P_va becomes G P_aa', P_vv loses G (P_aa - P_aa') G^T.
+    """
     first = cov.shape[0] - n
+    _multiply(cov, first, prior, n, m, gain)
+    _multiply(gain, 0, posterior, n, m, mixed)
     for i in range(n):
         for j in range(m):
-            gain[i, j] = 0.0
-        for k in range(m):
-            factor_ = cov[first + i, k]
-            for j in range(m):
-                gain[i, j] += factor_ * prior[k, j]
-        moved = 0.0
-        for j in range(m):
-            moved += gain[i, j] * offset[j]
-        velocity[i] += moved
-    # P_vv - G (P_aa - P_aa') G^T, with G P_aa = P_va; P_va' = G P_aa'.
-    for i in range(n):
-        for j in range(m):
-            mixed[i, j] = 0.0
-        for k in range(m):
-            factor_ = gain[i, k]
-            for j in range(m):
-                mixed[i, j] += factor_ * posterior[k, j]
-    for i in range(n):
+            velocity[i] += gain[i, j] * offset[j]
         for j in range(i + 1):
             total = 0.0
             for k in range(m):
                 total += (mixed[i, k] - cov[first + i, k]) * gain[j, k]
             cov[first + i, first + j] += total
             cov[first + j, first + i] = cov[first + i, first + j]
+    _store(cov, posterior, mixed, first, n, m)
+
+
+@inline
+def _store(cov, posterior, mixed, first, n, m):
     for i in range(n):
         for j in range(m):
             cov[first + i, j] = mixed[i, j]
@@ -495,30 +536,26 @@ def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, m
 
 
 @inline
-def _copy_pose(state, p, root, turns, bones, shape, back):
-    """Remember the pose and shape of a person, or put them back."""
-    for i in range(3):
-        if back:
-            state.root[p, i] = root[i]
-        else:
-            root[i] = state.root[p, i]
-    for i in range(3):
-        for j in range(3):
-            for s in range(turns.shape[0]):
-                if back:
-                    state.turns[p, s, i, j] = turns[s, i, j]
-                else:
-                    turns[s, i, j] = state.turns[p, s, i, j]
-            for s in range(bones.shape[0]):
-                if back:
-                    state.bones[p, s, i, j] = bones[s, i, j]
-                else:
-                    bones[s, i, j] = state.bones[p, s, i, j]
-    for s in range(shape.shape[0]):
-        if back:
-            state.shape[p, s] = shape[s]
-        else:
-            shape[s] = state.shape[p, s]
+def _copy(source, target):
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@inline
+def _copy_frames(source, target):
+    for s in range(target.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                target[s, i, j] = source[s, i, j]
+
+
+@step
+def _copy_pose(root, turns, bones, shape, to_root, to_turns, to_bones, to_shape):
+    """Copy a pose and a shape."""
+    _copy(root, to_root)
+    _copy_frames(turns, to_turns)
+    _copy_frames(bones, to_bones)
+    _copy(shape, to_shape)
 
 
 @inline
@@ -571,115 +608,120 @@ def update_people(
     """
     n_people, n = state.velocity.shape
     h = state.shape.shape[1]
-    n_nodes = body.parents.shape[0]
-    nodes = np.empty((n_nodes, 3))
-    jacobian = np.zeros((n_nodes, 3, n + h))
-    noise = np.empty((cameras.shape[0], body.keypoint_nodes.shape[0]))
-    prior, hessian, kept = np.empty((n + h, n + h)), np.empty((n + h, n + h)), np.empty((n + h, n + h))
-    lower = np.empty((n + h, n + h))
-    gradient, kept_gradient, change = np.empty(n + h), np.empty(n + h), np.empty(n + h)
-    offset, kept_offset = np.empty(n + h), np.empty(n + h)
-    weight, pull, packed = np.empty(6), np.empty(3), np.empty(6)
-    weighted = np.empty((3, n + h))
-    gain, mixed = np.empty((n, n + h)), np.empty((n, n + h))
-    root, shape = np.empty(3), np.empty(h)
-    turns, bones = np.empty((state.turns.shape[1], 3, 3)), np.empty((state.bones.shape[1], 3, 3))
-    stiffness = law.limit_sigma**-2.0
-    b = body
+    size, n_views, n_keypoints = n + h, cameras.shape[0], body.keypoint_nodes.shape[0]
+    room = Room(
+        nodes=np.empty((body.parents.shape[0], 3)),
+        jacobian=np.zeros((body.parents.shape[0], 3, size)),
+        noise=np.empty((n_views, n_keypoints)),
+        prior=np.empty((size, size)),
+        hessian=np.empty((size, size)),
+        kept=np.empty((size, size)),
+        lower=np.empty((size, size)),
+        gradient=np.empty(size),
+        kept_gradient=np.empty(size),
+        change=np.empty(size),
+        offset=np.empty(size),
+        kept_offset=np.empty(size),
+        weight=np.empty(6),
+        pull=np.empty(3),
+        weighted=np.empty((3, size)),
+        gain=np.empty((n, size)),
+        mixed=np.empty((n, size)),
+        root=np.empty(3),
+        turns=np.empty((state.turns.shape[1], 3, 3)),
+        bones=np.empty((state.bones.shape[1], 3, 3)),
+        shape=np.empty(h),
+    )
     for p in range(n_people):
-        m = n + h if state.free[p] != 0 else n
+        m = size if state.free[p] != 0 else n
         cov = state.covariance[p]
-        r, t, q, s = state.root[p], state.turns[p], state.bones[p], state.shape[p]
-        _copy_triangle(cov, m, lower)
-        if not factor(lower, m):
-            moved[p] = math.nan
+        moved[p] = math.nan
+        _copy_triangle(cov, m, room.lower)
+        if not factor(room.lower, m):
             continue
-        invert_factored(lower, m, prior)
-        for i in range(m):
-            offset[i] = 0.0
-        damping, before = 0.0, math.inf
-        for turn in range(iterations + 1):
-            locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, r, t, q, s, nodes)
-            differentiate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n, t, q, s, jacobian)
-            if turn == 0:
-                _gate(
-                    cameras,
-                    b,
-                    law,
-                    rows[p],
-                    labels[p],
-                    keypoints_px,
-                    confidence,
-                    nodes,
-                    jacobian,
-                    cov,
-                    packed,
-                    use[p],
-                    noise,
-                )
-            _clear(hessian, gradient, m)
-            total = _condition(prior, offset, m, hessian, gradient)
-            total += _add_views(
-                cameras,
-                b,
-                law,
-                1.0 / temper[p],
-                rows[p],
-                labels[p],
-                keypoints_px,
-                use[p],
-                noise,
-                nodes,
-                jacobian,
-                m,
-                weight,
-                pull,
-                hessian,
-                gradient,
-                weighted,
-            )
-            for limit in range(b.limits.shape[0]):
-                if b.limits[limit, 0] == _TWIST:
-                    total += _add_twist(b, limit, stiffness, t, hessian, gradient)
-                else:
-                    total += _add_limit(b, limit, stiffness, t, q, hessian, gradient)
-            if total <= before + 1e-9 * abs(before):
-                before = total
-                damping /= _GROW
-                _copy_triangle(hessian, m, kept)
-                for i in range(m):
-                    kept_gradient[i] = gradient[i]
-                    kept_offset[i] = offset[i]
-                _copy_pose(state, p, root, turns, bones, shape, False)
-            else:
-                # Too far: back, and a shorter step from there.
-                damping = max(_DAMPING, damping * _GROW)
-                _copy_pose(state, p, root, turns, bones, shape, True)
-                for i in range(m):
-                    offset[i] = kept_offset[i]
-            if turn == iterations:
-                break
-            size = _step_from(kept, kept_gradient, damping, m, lower, change)
-            move(change, r, t, q)
-            for i in range(m - n):
-                s[i] += change[n + i]
-            for i in range(m):
-                offset[i] += change[i]
-            if size < _SMALL_STEP and damping < _DAMPING:
-                break
-        cost[p] = before
-        moved[p] = _spread(cov, prior, kept, offset, n, m, state.velocity[p], lower, gain, mixed)
+        invert_factored(room.lower, m, room.prior)
+        cost[p] = _settle(
+            cameras, body, law, temper[p], iterations, rows[p], labels[p], keypoints_px, confidence, state.root[p],
+            state.turns[p], state.bones[p], state.shape[p], cov, n, m, use[p], room,
+        )  # fmt: skip
+        moved[p] = _spread(cov, n, m, state.velocity[p], room)
 
 
 @step
-def _spread(cov, prior, hessian, offset, n, m, velocity, lower, gain, mixed):
+def _linearise(cameras, body, law, calm, rows, labels, keypoints_px, use, root, turns, bones, shape, n, m, room):
+    """Normal equations of a pose and shape, into the room; what they cost."""
+    _clear(room.hessian, room.gradient, m)
+    total = _condition(room.prior, room.offset, m, room.hessian, room.gradient)
+    total += _add_views(
+        cameras, body, law, calm, rows, labels, keypoints_px, use, room.noise, room.nodes, room.jacobian, m,
+        room.weight, room.pull, room.hessian, room.gradient, room.weighted,
+    )  # fmt: skip
+    stiffness = law.limit_sigma**-2.0
+    for limit in range(body.limits.shape[0]):
+        if body.limits[limit, 0] == _TWIST:
+            total += _add_twist(body, limit, stiffness, turns, room.hessian, room.gradient)
+        else:
+            total += _add_limit(body, limit, stiffness, turns, bones, room.hessian, room.gradient)
+    return total
+
+
+@step
+def _settle(
+    cameras, body, law, temper, iterations, rows, labels, keypoints_px, confidence, root, turns, bones, shape, cov, n,
+    m, use, room,
+):  # fmt: skip
+    """Damped Gauss-Newton from the prediction; what is left, the offset and the last normal equations in the room."""
+    b = body
+    for i in range(m):
+        room.offset[i] = 0.0
+    damping, before = 0.0, math.inf
+    for turn in range(iterations + 1):
+        locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, root, turns, bones, shape, room.nodes)
+        differentiate(
+            b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n, turns, bones, shape, room.jacobian
+        )
+        if turn == 0:
+            _gate(
+                cameras, b, law, rows, labels, keypoints_px, confidence, room.nodes, room.jacobian, cov, room.weight,
+                use, room.noise,
+            )  # fmt: skip
+        total = _linearise(
+            cameras, b, law, 1.0 / temper, rows, labels, keypoints_px, use, root, turns, bones, shape, n, m, room
+        )
+        if total <= before + 1e-9 * abs(before):
+            before = total
+            damping /= _GROW
+            _copy_triangle(room.hessian, m, room.kept)
+            _copy(room.gradient, room.kept_gradient)
+            _copy(room.offset, room.kept_offset)
+            _copy_pose(root, turns, bones, shape, room.root, room.turns, room.bones, room.shape)
+        else:
+            # Too far: back, and a shorter step from there.
+            damping = max(_DAMPING, damping * _GROW)
+            _copy_pose(room.root, room.turns, room.bones, room.shape, root, turns, bones, shape)
+            _copy(room.kept_offset, room.offset)
+        if turn == iterations:
+            break
+        size = _step_from(room.kept, room.kept_gradient, damping, m, room.lower, room.change)
+        move(room.change, root, turns, bones)
+        for i in range(m - n):
+            shape[i] += room.change[n + i]
+        for i in range(m):
+            room.offset[i] += room.change[i]
+        if size < _SMALL_STEP and damping < _DAMPING:
+            break
+    return before
+
+
+@step
+def _spread(cov, n, m, velocity, room):
     """The covariance after an update and the velocities; by how much the prediction was off."""
     off = 0.0
     for i in range(m):
         for j in range(m):
-            off += offset[i] * prior[i, j] * offset[j]
-    _copy_triangle(hessian, m, lower)
-    if factor(lower, m):
-        invert_factored(lower, m, hessian)
-        _spread_to_velocities(cov, prior, hessian, offset, n, m, velocity, gain, mixed)
+            off += room.offset[i] * room.prior[i, j] * room.offset[j]
+    _copy_triangle(room.kept, m, room.lower)
+    if factor(room.lower, m):
+        invert_factored(room.lower, m, room.hessian)
+        _spread_to_velocities(cov, room.prior, room.hessian, room.offset, n, m, velocity, room.gain, room.mixed)
     return off

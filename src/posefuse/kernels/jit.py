@@ -27,6 +27,11 @@ def step(function: F) -> F:
     return _step(function, forceinline=False)
 
 
+def dense(function: F) -> F:
+    """Compile a step whose sums may be taken in any order, so that they use vector instructions."""
+    return _step(function, forceinline=False, fastmath={"contract", "reassoc"})
+
+
 def inline(function: F) -> F:
     """Compile a step that is always inlined into its callers."""
     return _step(function, forceinline=True)
@@ -37,7 +42,7 @@ def choice(function: F) -> F:
     return _step(function, forceinline=True, no_rewrites=False)
 
 
-def _step(function: F, **options: bool) -> F:
+def _step(function: F, **options: Any) -> F:
     compile_step = cast("Any", numba.njit)
     bare = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast("F", compile_step(**{**_OPTIONS, **bare, **options})(function))

@@ -12,6 +12,8 @@ import numpy as np
 
 from posefuse.kernels.jit import inline, kernel, step
 
+_NEVER = 1e9
+
 
 @inline
 def _evidence(du, dv, uu, uv, vv, nu, area, least):
@@ -116,6 +118,40 @@ def score_detections(
             scores[p, row] = total / count * min(float(count), worth) if count > 0 else -math.inf
 
 
+@inline
+def _cost_of(gain, row, j, m, least):
+    """What a row and a column cost; columns past ``m`` are the rows' own."""
+    if j >= m:
+        return -least if j - m == row else _NEVER
+    return -gain[row, j] if gain[row, j] > least else _NEVER
+
+
+@inline
+def _reach_on(gain, n, m, least, here, of_column, potential_row, potential_column, slack, way, done):
+    """The next column on the shortest path, potentials moved so that it costs nothing to go there."""
+    width = m + n
+    row = of_column[here]
+    delta = math.inf
+    following = -1
+    for j in range(width):
+        if done[j]:
+            continue
+        reduced = _cost_of(gain, row, j, m, least) - potential_row[row] - potential_column[j]
+        if reduced < slack[j]:
+            slack[j] = reduced
+            way[j] = here
+        if slack[j] < delta:
+            delta = slack[j]
+            following = j
+    for j in range(width + 1):
+        if done[j]:
+            potential_row[of_column[j]] += delta
+            potential_column[j] -= delta
+        else:
+            slack[j] -= delta
+    return following
+
+
 @step
 def assign(gain, n, m, least, of_row, of_column, potential_row, potential_column, slack, way, done):
     """The matching of ``n`` rows and ``m`` columns that gains most; what gains less than ``least`` is not matched.
@@ -143,31 +179,7 @@ def assign(gain, n, m, least, of_row, of_column, potential_row, potential_column
             way[j] = width
         while of_column[here] >= 0:
             done[here] = True
-            row = of_column[here]
-            delta = math.inf
-            following = -1
-            for j in range(width):
-                if done[j]:
-                    continue
-                if j < m:
-                    value = gain[row, j]
-                    cost = -value if value > least else 1e9
-                else:
-                    cost = -least if j - m == row else 1e9
-                reduced = cost - potential_row[row] - potential_column[j]
-                if reduced < slack[j]:
-                    slack[j] = reduced
-                    way[j] = here
-                if slack[j] < delta:
-                    delta = slack[j]
-                    following = j
-            for j in range(width + 1):
-                if done[j]:
-                    potential_row[of_column[j]] += delta
-                    potential_column[j] -= delta
-                else:
-                    slack[j] -= delta
-            here = following
+            here = _reach_on(gain, n, m, least, here, of_column, potential_row, potential_column, slack, way, done)
         while here != width:
             of_column[here] = of_column[way[here]]
             here = way[here]

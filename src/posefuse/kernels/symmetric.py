@@ -2,26 +2,27 @@
 
 import math
 
-from posefuse.kernels.jit import step
+from posefuse.kernels.jit import dense
 
 
-@step
+@dense
 def factor(matrix, n):
     """Cholesky factor of the first ``n`` rows and columns, into their lower triangle; whether they are positive."""
-    for j in range(n):
-        for k in range(j):
-            pivot = matrix[j, k]
-            for i in range(j, n):
-                matrix[i, j] -= matrix[i, k] * pivot
-        if not matrix[j, j] > 0.0:
-            return False
-        scale = 1.0 / math.sqrt(matrix[j, j])
-        for i in range(j, n):
-            matrix[i, j] *= scale
+    for i in range(n):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            if j < i:
+                matrix[i, j] = total / matrix[j, j]
+            elif total > 0.0:
+                matrix[i, i] = math.sqrt(total)
+            else:
+                return False
     return True
 
 
-@step
+@dense
 def solve_factored(lower, n, vector):
     """Solve ``L L^T x = vector`` in place."""
     for i in range(n):
@@ -35,7 +36,7 @@ def solve_factored(lower, n, vector):
             vector[k] -= lower[i, k] * vector[i]
 
 
-@step
+@dense
 def invert_factored(lower, n, inverse):
     """``(L L^T)^-1``, whole, into ``inverse``; ``lower`` is used up."""
     # L^-1 in place, a column at a time.

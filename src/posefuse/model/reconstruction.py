@@ -194,10 +194,12 @@ class Reconstruction:
     def frames(self, start: int, stop: int) -> "Reconstruction":
         """The frames ``start`` to ``stop`` (counted from 0), in memory."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
+        numbers = set(self.frame_numbers[start:stop].tolist())
         return replace(
             self,
             frame_numbers=self.frame_numbers[start:stop],
             time_s=self.time_s[start:stop],
+            events=tuple(event for event in self.events if event.number in numbers),
             layers={name: layer.frames(start, stop) for name, layer in self.layers.items()},
             tracks=None if self.tracks is None else self.tracks.frames(start, stop),
             swaps=None if self.swaps is None else self.swaps.frames(start, stop),
@@ -221,6 +223,8 @@ class Reconstruction:
             tracks=None if first.tracks is None else Tracks.concatenate([part.tracks for part in parts if part.tracks]),
             swaps=None if first.swaps is None else Swaps.concatenate([part.swaps for part in parts if part.swaps]),
             poses=None if first.poses is None else Poses.concatenate([part.poses for part in parts if part.poses]),
+            # A maker of ranges may know of events before it comes to them, and say them twice.
+            events=tuple(dict.fromkeys(event for part in parts for event in part.events)),
         )
 
     def __eq__(self, other: object) -> bool:

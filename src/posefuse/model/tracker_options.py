@@ -5,8 +5,12 @@ Metres are those of an adult human. Other bodies have them in proportion to thei
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from typing import Literal, get_args
 
-from posefuse.errors import OptionsError
+from posefuse.errors import OptionsError, choices
+
+Smoother = Literal["none", "lag", "full"]
+SMOOTHERS: tuple[Smoother, ...] = get_args(Smoother)
 
 _TIMES = 1.0 / 3.0
 """Running animals' strides quicken nearly as the square root of their size (Heglund & Taylor 1988). Most do not
@@ -99,11 +103,16 @@ class TrackerOptions:
         forget_after_s: Who is lost for longer is not looked for any more (A_delete).
         shape_settle_s: How long a body's lengths are sought before they are kept.
         max_people: No more are followed at a time.
+        smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
+        lag_s: How far behind a fixed lag is.
+        look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
+        smoother_error_memory_s: For how long detections' errors last, for the smoother.
+        bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
     """
 
-    iterations: int = 3
+    iterations: int = 2
     nu: float = 3.0
     gate: float = 60.0
     model_floor_m: float = 0.015
@@ -128,6 +137,11 @@ class TrackerOptions:
     forget_after_s: float = 30.0
     shape_settle_s: float = 4.0
     max_people: int = 50
+    smoother: Smoother = "full"
+    lag_s: float = 0.3
+    look_ahead_s: float = 2.0
+    smoother_error_memory_s: float = 0.25
+    bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
 
@@ -135,6 +149,8 @@ class TrackerOptions:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
             if getattr(self, name) < 1:
                 raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        if self.smoother not in SMOOTHERS:
+            raise OptionsError(f"No tracker.smoother is called {self.smoother!r}; there are {choices(SMOOTHERS)}.")
         for name in ("detection_share", "false_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")

@@ -49,12 +49,14 @@ class Finding:
         exchange: whether each goes on as the other.
         clear: whether that is sure.
         odds: the log odds that they are who they were taken for.
+        since_s: since when they are apart.
     """
 
     names: tuple[str, str]
     exchange: bool
     clear: bool
     odds: float
+    since_s: float
 
 
 def contacts(
@@ -73,7 +75,8 @@ def contacts(
         known: in and out, by names.
         tracks: of everybody.
         state: theirs.
-        supported, expected: shape (person, view), bool.
+        supported: shape (person, view), bool.
+        expected: shape (person, view), bool.
         time_s: of the frame.
         dt_s: since the last.
         scale: how large bodies are next to an adult human.
@@ -129,7 +132,7 @@ def audit(
         if min(len(contact.shown.get(name, ())) for name in pair) < _FRAMES:
             if time_s - contact.apart_s > _MOST_LOOK_S:
                 del known[pair]
-                found.append(Finding(pair, exchange=False, clear=False, odds=0.0))
+                found.append(Finding(pair, exchange=False, clear=False, odds=0.0, since_s=contact.apart_s))
             continue
         del known[pair]
         fresh = [begin(_some(contact.shown[name]), settings)[0] for name in pair]
@@ -137,7 +140,7 @@ def audit(
         straight = _likeness(tracks, state, p, fresh[0], settings) + _likeness(tracks, state, q, fresh[1], settings)
         crossed = _likeness(tracks, state, p, fresh[1], settings) + _likeness(tracks, state, q, fresh[0], settings)
         odds = straight - crossed
-        found.append(Finding(pair, exchange=odds < -_CLEAR, clear=abs(odds) > _CLEAR, odds=odds))
+        found.append(Finding(pair, odds < -_CLEAR, abs(odds) > _CLEAR, odds, contact.apart_s))
     return found
 
 

@@ -10,7 +10,8 @@ from posefuse.model.trees import Tree
 
 def body_of(tree: Tree) -> Body:
     """A tree as kernels take it."""
-    return Body(*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+    arrays = (*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+    return Body._make(arrays)
 
 
 def nobody(tree: Tree) -> State:
@@ -43,6 +44,12 @@ def put(state: State, person: int, other: State, of: int = 0) -> None:
     """Give a person the state of another."""
     for mine, theirs in zip(state, other, strict=True):
         mine[person] = theirs[of]
+
+
+def uncertain(n_pose: int, n_shape: int, free: bool) -> np.ndarray:
+    """Which of pose, shape and velocity, by number, are not known for certain: the shape is where it is kept."""
+    everything = np.arange(2 * n_pose + n_shape)
+    return everything if free else np.delete(everything, np.s_[n_pose : n_pose + n_shape])
 
 
 @dataclass(frozen=True)

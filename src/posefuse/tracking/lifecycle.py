@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from posefuse.kernels.articulated import State
+from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, put
 from posefuse.tracking.records import Track
@@ -37,6 +38,12 @@ def expected(sight: Sight, settings: Settings) -> np.ndarray:
     return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
 
 
+def middles(points_m: np.ndarray) -> np.ndarray:
+    """Shape (person, 3): means of the points there are, of shape (person, point, 3)."""
+    there = np.isfinite(points_m)
+    return np.where(there, points_m, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+
+
 def live_on(
     track: Track,
     supported: np.ndarray,
@@ -45,7 +52,7 @@ def live_on(
     time_s: float,
     dt_s: float,
     settings: Settings,
-) -> list[tuple[str, str]]:
+) -> list[tuple[Happening, str]]:
     """Change a person's odds and state by what the views show.
 
     Args:
@@ -70,7 +77,7 @@ def live_on(
     evidence = gain * int(supported.sum()) + missed
     track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
     track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
-    said: list[tuple[str, str]] = []
+    said: list[tuple[Happening, str]] = []
     if supported.any() and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m
     elif supported.sum() >= o.reacquire_views and track.state == TrackState.LOST:

@@ -125,24 +125,34 @@ def newborn(
         motion: how fast people move.
     """
     root, turns, bones = pose_from_points(tree, points_m, shape_m)
+    covariance = newborn_covariance(tree, shape_covariance, motion)
+    return State(
+        root[None].copy(),
+        turns[None].copy(),
+        bones[None].copy(),
+        np.array(shape_m)[None].copy(),
+        np.zeros((1, tree.n_pose)),
+        covariance[None].copy(),
+        np.ones(1, dtype=np.int64),
+    )
+
+
+def newborn_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionOptions) -> np.ndarray:
+    """What is known of somebody of whom nothing has been seen but about where they are: shape (all, all)."""
     n, h = tree.n_pose, tree.n_shape
     spread = np.concatenate(
-        [np.full(3, _ROOT_SD_M * tree.scale), np.full(3 * len(turns), _TURN_SD), np.full(2 * len(bones), _LIMB_SD)]
+        [
+            np.full(3, _ROOT_SD_M * tree.scale),
+            np.full(3 * len(tree.segments), _TURN_SD),
+            np.full(2 * len(tree.bones), _LIMB_SD),
+        ]
     )
     covariance = np.zeros((2 * n + h, 2 * n + h))
     covariance[:n, :n] = np.diag(spread**2)
     covariance[n : n + h, n : n + h] = shape_covariance
     decay, power = motion_laws(tree, motion)
     covariance[n + h :, n + h :] = np.diag(0.5 * power * decay)
-    return State(
-        root[None].copy(),
-        turns[None].copy(),
-        bones[None].copy(),
-        np.array(shape_m)[None].copy(),
-        np.zeros((1, n)),
-        covariance[None].copy(),
-        np.ones(1, dtype=np.int64),
-    )
+    return covariance
 
 
 def motion_laws(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarray]:

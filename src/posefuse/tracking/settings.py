@@ -86,6 +86,15 @@ class Settings:
         )  # fmt: skip
 
 
+def tempering(dt_s: np.ndarray, memory_s: float) -> np.ndarray:
+    """As how many independent frames so many count as one whose errors last that long, for each time between frames.
+
+    Errors whose correlation is ``r = exp(-dt / memory)`` from a frame to the next leave ``(1 - r) / (1 + r)`` of what
+    white noise would.
+    """
+    return 1.0 / np.tanh(0.5 * np.maximum(dt_s, 1e-6) / memory_s)
+
+
 def _groups(skeleton: Skeleton) -> np.ndarray:
     """Limbs by chain; pairs of no chain are one more group each."""
     group = np.full(len(skeleton), -1, dtype=np.int64)

@@ -48,6 +48,8 @@ class ArticulatedTracker:
         self.remembered: dict[str, list[Remembered]] = {}
         """Of people first believed in the last frame: their states in the frames before."""
         self.events: list[Event] = []
+        self.exchanged: list[tuple[tuple[str, str], float]] = []
+        """Who, as was found in the last frame, have been taken for each other, and since when."""
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -58,7 +60,7 @@ class ArticulatedTracker:
             DetectionsError: if the frame does not fit the cameras or the skeleton, or is not later than the last.
         """
         time_s = self._time_of(frame)
-        self.events, self.remembered = [], {}
+        self.events, self.exchanged, self.remembered = [], [], {}
         dt_s = 0.0 if np.isnan(self.time_s) else time_s - self.time_s
         self.time_s = time_s
         rows, used = self._follow(frame, dt_s)
@@ -66,6 +68,13 @@ class ArticulatedTracker:
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used)
         return self._told(frame, rows, used)
+
+    def shape_of(self, p: int) -> tuple[np.ndarray, np.ndarray]:
+        """The shape of a body and its standard deviations, shape (shape,) each, m."""
+        tree, track = self.settings.tree, self.tracks[p]
+        n, h = tree.n_pose, tree.n_shape
+        block = track.trusted[1] if track.trusted else self.state.covariance[p, n : n + h, n : n + h]
+        return self.state.shape[p].copy(), np.sqrt(np.diag(block))
 
     def _time_of(self, frame: Frame) -> float:
         views, keypoints = len(self.settings.rig), len(self.settings.skeleton)
@@ -148,10 +157,12 @@ class ArticulatedTracker:
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
         supported = used.sum(axis=2) >= self.settings.options.min_joints
-        expected = lifecycle.expected(self.sight, self.settings) & frame.recorded & ~self.watch.refused
-        self.supported, self.expected = supported, expected
+        self.supported = supported
+        self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        expected = self.expected & ~self.watch.refused
+        torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
         for p, track in enumerate(self.tracks):
-            torso = np.nanmean(self.sight.points_m[p, self.settings.core], axis=0)
+            torso = torsos[p]
             said = lifecycle.live_on(track, supported[p], expected[p], torso, self.time_s, dt_s, self.settings)
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
             lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
@@ -196,7 +207,7 @@ class ArticulatedTracker:
         n, number = len(self.settings.rig), frame.number
         active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
         keep = self._keep
-        supported, expected = self.supported[keep], lifecycle.expected(self.sight, self.settings)[keep] & frame.recorded
+        supported, expected = self.supported[keep], self.expected[keep]
         free = np.bincount(frame.view[self._free(frame, rows[keep], whole=True)], minlength=n)
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
             what = "camera refused" if refused else "camera trusted"
@@ -231,6 +242,7 @@ class ArticulatedTracker:
         other = finding.names
         if finding.exchange:
             lifecycle.exchange(self.tracks, self.state, p, q)
+            self.exchanged.append((finding.names, finding.since_s))
             why = f"its bones are those of {other[1]}, log odds {-finding.odds:.1f}"
             self.events.append(Event(number, self.time_s, other[0], "identities exchanged", why))
         elif not finding.clear:

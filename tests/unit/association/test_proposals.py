@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from posefuse.association.results import Proposals
 
 from posefuse.association.proposals import propose
-from posefuse.association.results import Proposals
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.association_options import AssociationOptions, RptOptions
 from posefuse.model.cameras import CameraRig

@@ -59,14 +59,17 @@ def test_two_creatures_are_followed(size, tree, edges):
     skeleton = parse_skeleton(MOUSE + tree, "mouse.toml") if edges else BARE
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
-    found = follow(rig, replace(scene.detections, skeleton=skeleton), Options(), Silent())
+    detections = replace(scene.detections, skeleton=skeleton)
+    found = follow(rig, detections, Options(), Silent())
+    layer, poses = found.bodies(rig, detections, 0, 60)
     active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
     assert active[5:, :2].all()
     assert not active[:, 2:].any()
-    apart = np.linalg.norm(found.points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    apart = np.linalg.norm(layer.points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
     order = apart.argmin(axis=1)
     assert sorted(order) == [0, 1]
     assert apart.min(axis=1).max() < 0.06 * size
+    np.testing.assert_allclose(np.linalg.norm(poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
 def test_live_a_skeleton_must_say_how_large_it_is():

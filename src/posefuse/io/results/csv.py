@@ -1,6 +1,6 @@
-"""Tidy CSV: a row a frame, person and keypoint. Missing numbers are empty; every number is written in full."""
+"""Tidy CSV: a row a frame, person and keypoint (or angle, or an event). Missing is empty; numbers in full."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,16 @@ import pyarrow as pa
 from pyarrow import csv
 
 from posefuse.io.files import replacing
+from posefuse.model.life import Event
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
 
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
+EVENTS, ANGLES = "events.csv", "angles.csv"
+
+Angles = Callable[[Reconstruction], tuple[Sequence[str], np.ndarray]]
+"""From a range of frames to names of joint angles and shape (frame, person, angle), degrees, NaN where unknown."""
 
 _STATUS = np.array([next((s.label for s in PointStatus if s == code), "") for code in range(256)], dtype=object)
 _SOURCE = np.array([next((s.label for s in Source if s == code), "") for code in range(256)], dtype=object)
@@ -40,11 +45,30 @@ def columns(unit: str) -> tuple[str, ...]:
 
 def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None:
     """Write one layer of consecutive ranges of frames of one reconstruction, each as it comes."""
+    _write_tables((_table(part, layer) for part in parts), path)
+
+
+def write_events(events: Iterable[Event], path: Path) -> None:
+    """Write what happened to people: ``frame, time_s, person, what, why``."""
+    rows = list(events)
+    data = [
+        pa.array([event.number for event in rows], pa.int64()),
+        pa.array([event.time_s for event in rows], pa.float64(), from_pandas=True),
+        *(pa.array([getattr(event, name) for event in rows], pa.string()) for name in ("person", "what", "why")),
+    ]
+    _write_tables([pa.table(data, names=["frame", "time_s", "person", "what", "why"])], path)
+
+
+def write_angles(parts: Iterable[Reconstruction], path: Path, angles: Angles) -> None:
+    """Write joint angles of consecutive ranges of frames: ``frame, time_s, person, angle, degrees``."""
+    _write_tables((_angles_table(part, *angles(part)) for part in parts), path)
+
+
+def _write_tables(tables: Iterable[pa.Table], path: Path) -> None:
     layout = csv.WriteOptions(quoting_style="needed", quoting_header="needed")
     with replacing(path) as temporary, ExitStack() as open_file:
         writer: Any = None  # pyarrow's stubs know no constructor of CSVWriter
-        for part in parts:
-            table = _table(part, layer)
+        for table in tables:
             if writer is None:
                 writer = csv.CSVWriter(temporary, table.schema, write_options=layout)
                 open_file.callback(writer.close)
@@ -53,30 +77,39 @@ def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None
 
 def _table(part: Reconstruction, name: LayerName) -> pa.Table:
     layer = part.layers[name]
-    points = np.asarray(layer.points_m[:])
-    frames, people, keypoints, _ = points.shape
-    per_frame = people * keypoints
-    points = points.reshape(-1, 3)
+    points = np.asarray(layer.points_m[:]).reshape(-1, 3)
     deviations = layer.sd_m.reshape(-1, 3)
-
-    def number(values: np.ndarray) -> pa.Array:
-        return pa.array(np.asarray(values, dtype=np.float64).ravel(), from_pandas=True)
-
-    def text(values: np.ndarray) -> pa.Array:
-        return pa.array(values.ravel(), pa.string())
-
-    names = np.array(part.skeleton.keypoints, dtype=object)
-    ids = np.array(part.person_ids, dtype=object)
     data = [
-        pa.array(np.repeat(part.frame_numbers, per_frame)),
-        number(np.repeat(part.time_s, per_frame)),
-        text(np.tile(np.repeat(ids, keypoints), frames)),
-        text(np.tile(names, frames * people)),
-        *(number(points[:, axis]) for axis in range(3)),
-        *(number(deviations[:, axis]) for axis in range(3)),
+        *_whose(part, part.skeleton.keypoints),
+        *(_number(points[:, axis]) for axis in range(3)),
+        *(_number(deviations[:, axis]) for axis in range(3)),
         pa.array(layer.n_views.ravel()),
-        number(np.asarray(layer.reprojection_error_px[:])),
-        text(_STATUS[np.asarray(layer.status[:])]),
-        text(_SOURCE[np.asarray(layer.source[:])]),
+        _number(np.asarray(layer.reprojection_error_px[:])),
+        _text(_STATUS[np.asarray(layer.status[:])]),
+        _text(_SOURCE[np.asarray(layer.source[:])]),
     ]
     return pa.table(data, names=list(columns(part.unit)))
+
+
+def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray) -> pa.Table:
+    data = [*_whose(part, names), _number(degrees)]
+    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees"])
+
+
+def _whose(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:
+    """The first four columns: of every frame all people, of every person all names."""
+    people, each = len(part.person_ids), len(names)
+    return [
+        pa.array(np.repeat(part.frame_numbers, people * each)),
+        _number(np.repeat(part.time_s, people * each)),
+        _text(np.tile(np.repeat(np.array(part.person_ids, dtype=object), each), part.n_frames)),
+        _text(np.tile(np.array(names, dtype=object), part.n_frames * people)),
+    ]
+
+
+def _number(values: np.ndarray) -> pa.Array:
+    return pa.array(np.asarray(values, dtype=np.float64).ravel(), from_pandas=True)
+
+
+def _text(values: np.ndarray) -> pa.Array:
+    return pa.array(values.ravel(), pa.string())

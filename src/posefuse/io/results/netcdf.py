@@ -3,6 +3,9 @@
 Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
 (time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
 themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance and skeleton (JSON) are attributes.
+Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction`` (time,
+individual, pose_bone, space), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to people
+is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
 """
 
 import json
@@ -29,6 +32,7 @@ from posefuse.io.netcdf import (
 )
 from posefuse.io.options import options_from_dict, options_to_toml
 from posefuse.model.cameras import Camera, CameraRig, LensModel
+from posefuse.model.life import Event, Poses
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
@@ -59,11 +63,14 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
     """
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         start = 0
+        events: dict[Event, None] = {}
         for part in parts:
             if start == 0:
                 _write_head(file, part)
             _append(file, part, start)
+            events |= dict.fromkeys(part.events)
             start += part.n_frames
+        _write_events(file, tuple(events))
 
 
 def read_reconstruction(path: str | Path) -> Reconstruction:
@@ -104,6 +111,8 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
                 number_of(file, "noise_spread"),
                 number_of(file, "noise_nu"),
             )
+        head["events"] = _read_events(file)
+        poses = _read_poses(file, path)
     layers = {
         layer: Layer(**{f.name: StoredArray(path, f"{layer}_{_LAYER_VARIABLES[f.name][0]}") for f in fields(Layer)})
         for layer in LAYERS
@@ -113,7 +122,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
     if "track_state" in stored:
         tracks = Tracks(person_ids, StoredArray(path, "track_detection"), StoredArray(path, "track_state"))
     swaps = Swaps(chains, StoredArray(path, "chain_swapped")) if chains else None
-    return Reconstruction(layers=layers, tracks=tracks, swaps=swaps, **head)
+    return Reconstruction(layers=layers, tracks=tracks, swaps=swaps, poses=poses, **head)
 
 
 def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
@@ -157,6 +166,8 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         add_variable(file, "chain", ("chain",), np.array(first.swaps.chains))
         axes = ("time", "individual", "view", "chain")
         add_variable(file, "chain_swapped", axes, dtype="i1", **_attributes("", "", SwapState))
+    if first.poses is not None:
+        _begin_poses(file, first.poses)
     if first.noise is not None:
         file.attrs["noise_exponent"] = float(first.noise.exponent)
         file.attrs["noise_origin"] = first.noise.origin
@@ -188,6 +199,47 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
         file.variables["track_state"][start:stop] = part.tracks.state[:]
     if part.swaps is not None:
         file.variables["chain_swapped"][start:stop] = part.swaps.state[:]
+    if part.poses is not None:
+        file.variables["pose_turn"][start:stop] = part.poses.turns[:]
+        file.variables["pose_direction"][start:stop] = part.poses.directions[:]
+
+
+def _begin_poses(file: h5netcdf.File, poses: Poses) -> None:
+    """Room for how bodies stand, and their lengths."""
+    for axis, names in (("segment", poses.segments), ("bone", poses.bones), ("length", poses.shape_names)):
+        file.dimensions[f"pose_{axis}"] = len(names)
+        add_variable(file, f"pose_{axis}", (f"pose_{axis}",), np.array(names, dtype=object))
+    add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
+    add_variable(file, "pose_direction", ("time", "individual", "pose_bone", "space"), dtype="f8", units="1")
+    for name, values in (("pose_shape", poses.shape_m), ("pose_shape_sd", poses.shape_sd_m)):
+        add_variable(file, name, ("individual", "pose_length"), np.asarray(values[:], dtype=np.float64), units="m")
+
+
+def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
+    if "pose_turn" not in file.variables:
+        return None
+    segments, bones, lengths = (strings(file.variables[f"pose_{axis}"]) for axis in ("segment", "bone", "length"))
+    shape_m, shape_sd_m = (np.asarray(file.variables[name][...]) for name in ("pose_shape", "pose_shape_sd"))
+    turns, directions = StoredArray(path, "pose_turn"), StoredArray(path, "pose_direction")
+    return Poses(segments, bones, lengths, turns, directions, shape_m, shape_sd_m)
+
+
+def _write_events(file: h5netcdf.File, events: tuple[Event, ...]) -> None:
+    if not events:
+        return
+    file.dimensions["event"] = len(events)
+    add_variable(file, "event_frame", ("event",), np.array([event.number for event in events], dtype=np.int64))
+    add_variable(file, "event_time", ("event",), np.array([event.time_s for event in events]), units="s")
+    for name in ("person", "what", "why"):
+        add_variable(file, f"event_{name}", ("event",), np.array([getattr(e, name) for e in events], dtype=object))
+
+
+def _read_events(file: h5netcdf.File) -> tuple[Event, ...]:
+    if "event_frame" not in file.variables:
+        return ()
+    numbers, times = (np.asarray(file.variables[f"event_{name}"][...]).tolist() for name in ("frame", "time"))
+    texts = (strings(file.variables[f"event_{name}"]) for name in ("person", "what", "why"))
+    return tuple(Event(*values) for values in zip(numbers, times, *texts, strict=True))  # type: ignore[arg-type]
 
 
 def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:

@@ -43,8 +43,18 @@ def write(result: Reconstruction, path: str | Path, format: str | None = None) -
             (trc if name == "trc" else c3d).write(result, person, target, layer)
 
 
-def write_folder(result: Reconstruction, folder: Path, progress: Progress | None = None) -> tuple[list[str], LayerName]:
-    """Write every output of a reconstruction but ``reconstruction.nc``: a CSV a layer, a TRC and a C3D a person.
+def write_folder(
+    result: Reconstruction, folder: Path, progress: Progress | None = None, angles: csv.Angles | None = None
+) -> tuple[list[str], LayerName]:
+    """Write every output of a reconstruction but ``reconstruction.nc``.
+
+    That is a CSV a layer, ``events.csv`` and ``angles.csv`` where there are such, a TRC and a C3D a person.
+
+    Args:
+        result: what to write.
+        folder: where.
+        progress: told how far the work is.
+        angles: finds the joint angles of fitted bodies.
 
     Returns:
         The file names, in order, and the layer that TRC and C3D hold.
@@ -55,6 +65,12 @@ def write_folder(result: Reconstruction, folder: Path, progress: Progress | None
         parts = watched(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
         csv.write(parts, folder / file_name, name)  # type: ignore[arg-type]
         files.append(file_name)
+    if result.events or result.poses is not None:
+        csv.write_events(result.events, folder / csv.EVENTS)
+        files.append(csv.EVENTS)
+    if result.poses is not None and angles is not None:
+        csv.write_angles(result.chunks(), folder / csv.ANGLES, angles)
+        files.append(csv.ANGLES)
     layer, _ = result.best_layer(result.options.layer)
     for person in result.person_ids:
         trc.write(result, person, folder / f"{person}.trc", layer, progress)

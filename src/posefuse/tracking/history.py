@@ -1,0 +1,264 @@
+"""What a tracker knew of everybody in every frame, kept in little memory, to be gone through again afterwards."""
+
+import pickle
+import tempfile
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import IO
+
+import numpy as np
+
+from posefuse.errors import DetectionsError
+from posefuse.kernels.articulated import State, predict_people
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.bodies import chosen, uncertain
+from posefuse.tracking.records import People, Person, Remembered
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.tracker import ArticulatedTracker
+
+_BLOCK_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One person in frames that follow each other without a gap, as the filter knew them.
+
+    Attributes:
+        name: of the person.
+        places: shape (frame,), int64: which frames of the history, counted from 0.
+        time_s: shape (frame,).
+        fresh: whether the filter began anew with the first frame.
+        state: a State with frames where people stand.
+        rows: shape (frame, view), int64: the detections that are theirs, -1 for none.
+        used: shape (frame, view, keypoint), bool: the keypoints that counted.
+        life: shape (frame,), int8: TENTATIVE before they were believed, ACTIVE or LOST.
+        missing_s: shape (frame,): for how long nothing had supported them.
+    """
+
+    name: str
+    places: np.ndarray
+    time_s: np.ndarray
+    fresh: bool
+    state: State
+    rows: np.ndarray
+    used: np.ndarray
+    life: np.ndarray
+    missing_s: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def frames(self, start: int, stop: int) -> "Run":
+        """The frames ``start`` to ``stop`` of the run."""
+        to = slice(start, stop)
+        return Run(
+            self.name, self.places[to], self.time_s[to], self.fresh and start == 0, State(*(s[to] for s in self.state)),
+            self.rows[to], self.used[to], self.life[to], self.missing_s[to],
+        )  # fmt: skip
+
+    def within(self, start: int, stop: int) -> "Run":
+        """The frames from ``start`` to ``stop`` of the history."""
+        first, last = np.searchsorted(self.places, (start, stop))
+        return self.frames(int(first), int(last))
+
+
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """One person in one frame; of the covariance its lower triangle, without the shape's rows where that is kept."""
+
+    place: int
+    fresh: bool
+    mean: tuple[np.ndarray, ...]
+    triangle: np.ndarray
+    rows: np.ndarray
+    used: np.ndarray
+    life: TrackState
+    missing_s: float
+
+
+@dataclass(eq=False)
+class _Block:
+    """Some seconds of entries, by person and place; in a file once nothing is added any more."""
+
+    first: int
+    entries: dict[str, dict[int, _Entry]] = field(default_factory=dict)
+    file: IO[bytes] | None = None
+
+    def spool(self) -> None:
+        """Into the file."""
+        self.file = tempfile.TemporaryFile(prefix="posefuse-")
+        pickle.dump(self.entries, self.file, protocol=pickle.HIGHEST_PROTOCOL)
+        self.entries = {}
+
+    def read(self) -> dict[str, dict[int, _Entry]]:
+        """From memory or from the file."""
+        if self.file is None:
+            return self.entries
+        self.file.seek(0)
+        return pickle.load(self.file)
+
+
+class History:
+    """Records a tracker's frames, and gives them back by ranges.
+
+    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in temporary files
+    without names, which are gone when the history is: of a body of 20 keypoints 14 kB a person and frame.
+
+    Args:
+        settings: of the tracker.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.numbers: list[int] = []
+        self.time_s: list[float] = []
+        self._blocks: list[_Block] = []
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def add(self, tracker: ArticulatedTracker, people: People) -> None:
+        """What a tracker knows after a frame, and the frames before it of those who are new.
+
+        Raises:
+            DetectionsError: if the frame is not later than the last.
+        """
+        if self.numbers and people.number <= self.numbers[-1]:
+            raise DetectionsError(
+                f"Frame {people.number} comes after frame {self.numbers[-1]}; a history takes frames in order."
+            )
+        self.numbers.append(people.number)
+        self.time_s.append(people.time_s)
+        here = len(self.numbers) - 1
+        if not self._blocks or people.time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
+            self._blocks.append(_Block(here))
+            # A block stays open for another one, since people are believed some time after they were first seen.
+            if len(self._blocks) > 2 and self._blocks[-3].file is None:
+                self._blocks[-3].spool()
+        told = {person.name: person for person in people.people}
+        for p, track in enumerate(tracker.tracks):
+            past = tracker.remembered.get(track.name)
+            fresh = past is not None
+            if past:
+                fresh = not self._add_past(track.name, past, here)
+            self._put(track.name, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
+
+    def _add_past(self, name: str, past: list[Remembered], here: int) -> bool:
+        """Put states from before somebody was believed where they belong; whether there are any.
+
+        In frames between them that showed nothing the body moves on as it would.
+        """
+        s = self.settings
+        earliest = self._blocks[-2].first if len(self._blocks) > 1 else self._blocks[-1].first
+        by_place = {self.place(each.number): each for each in past}
+        by_place = {place: each for place, each in by_place.items() if place >= earliest}
+        if not by_place:
+            return False
+        state, seen_s = chosen(by_place[min(by_place)].state, [0]), 0.0
+        views, keypoints = len(s.rig), len(s.skeleton)
+        for place in range(min(by_place), here):
+            each = by_place.get(place)
+            if each is not None:
+                state, seen_s = chosen(each.state, [0]), self.time_s[place]
+                rows, used = each.rows, np.tile(each.rows[:, None] >= 0, (1, keypoints))
+            else:
+                dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
+                predict_people(dt_s, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+                rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
+            missing_s = self.time_s[place] - seen_s
+            self._put(
+                name,
+                _Entry(
+                    place, place == min(by_place), *_packed(state), rows, used, TrackState.TENTATIVE, missing_s
+                ),
+            )  # fmt: skip
+        return True
+
+    def _put(self, name: str, entry: _Entry) -> None:
+        block = next(block for block in reversed(self._blocks) if block.first <= entry.place)
+        block.entries.setdefault(name, {})[entry.place] = entry
+
+    def place(self, number: int) -> int:
+        """Which frame, counted from 0, has a number.
+
+        Raises:
+            DetectionsError: if none has.
+        """
+        place = bisect_left(self.numbers, number)
+        if place == len(self.numbers) or self.numbers[place] != number:
+            raise DetectionsError(f"The history has no frame {number}.")
+        return place
+
+    def place_at(self, time_s: float) -> int:
+        """The first frame, counted from 0, that is later than a time."""
+        return bisect_right(self.time_s, time_s)
+
+    def release(self, stop: int) -> None:
+        """Forget all blocks that end before frame ``stop``, counted from 0."""
+        while len(self._blocks) > 1 and self._blocks[1].first <= stop:
+            block = self._blocks.pop(0)
+            if block.file is not None:
+                block.file.close()
+
+    def runs(self, start: int, stop: int) -> list[Run]:
+        """Everybody in the frames ``start`` to ``stop``, counted from 0; by name, then by time.
+
+        A person has several runs where they were not followed in between, or where the filter began anew.
+        """
+        found: dict[str, list[_Entry]] = {}
+        ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
+        for block, end in zip(self._blocks, ends, strict=True):
+            if block.first < stop and end > start:
+                for name, entries in block.read().items():
+                    inside = (entries[place] for place in sorted(entries) if start <= place < stop)
+                    found.setdefault(name, []).extend(inside)
+        return [self._run(name, part) for name, entries in found.items() for part in _unbroken(entries)]
+
+    def _run(self, name: str, entries: list[_Entry]) -> Run:
+        places = np.array([entry.place for entry in entries])
+        return Run(
+            name,
+            places,
+            np.array(self.time_s)[places] if len(places) else np.empty(0),
+            entries[0].fresh,
+            _unpacked(entries),
+            np.stack([entry.rows for entry in entries]),
+            np.stack([entry.used for entry in entries]),
+            np.array([entry.life for entry in entries], dtype=np.int8),
+            np.array([entry.missing_s for entry in entries]),
+        )
+
+
+def _entry(place: int, fresh: bool, state: State, person: Person) -> _Entry:
+    return _Entry(place, fresh, *_packed(state), person.rows, person.used, person.state, person.missing_s)
+
+
+def _unbroken(entries: list[_Entry]) -> Iterator[list[_Entry]]:
+    """Parts in which each frame follows the one before and goes on from it."""
+    first = 0
+    for i in range(1, len(entries) + 1):
+        if i == len(entries) or entries[i].fresh or entries[i].place != entries[i - 1].place + 1:
+            yield entries[first:i]
+            first = i
+
+
+def _packed(state: State) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    rows = uncertain(state.velocity.shape[1], state.shape.shape[1], bool(state.free[0]))
+    block = state.covariance[0][np.ix_(rows, rows)]
+    mean = (state.root[0], state.turns[0], state.bones[0], state.shape[0], state.velocity[0], state.free[0])
+    return tuple(np.array(each) for each in mean), block[np.tril_indices(len(rows))]
+
+
+def _unpacked(entries: list[_Entry]) -> State:
+    root, turns, bones, shape, velocity, free = (
+        np.stack(each) for each in zip(*(e.mean for e in entries), strict=True)
+    )
+    n, h = velocity.shape[1], shape.shape[1]
+    state = State(root, turns, bones, shape, velocity, np.zeros((len(entries), 2 * n + h, 2 * n + h)), free)
+    for k, entry in enumerate(entries):
+        rows = uncertain(n, h, bool(free[k]))
+        low, high = np.tril_indices(len(rows))
+        state.covariance[k][rows[low], rows[high]] = entry.triangle
+        state.covariance[k][rows[high], rows[low]] = entry.triangle
+    return state

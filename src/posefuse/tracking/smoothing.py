@@ -1,0 +1,309 @@
+"""What the whole recording says of each frame: a fixed-interval smoother over filtered bodies.
+
+Detectors' errors last for some frames. A filter that looks at a few frames only need not know for how long; a smoother
+averages over more of them, and does. So each person is filtered once more, with less said by each frame
+(:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch, Tung & Striebel (1965), on the
+error state, where differences of turns are logarithms, those of bones the least turn from one direction to the other,
+and corrections are applied as the filter applies its own. See docs/methods.md, "Smoothing people".
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.kernels.articulated import State, foresee_people, predict_people
+from posefuse.kernels.smoothing import carry_back
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.bodies import Sight, chosen, uncertain
+from posefuse.tracking.history import History, Run
+from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.tempering import first_with, tell_again, what_was_said
+
+_CHUNK = 64
+"""Frames whose covariances are worked on at a time: few enough for the processor's cache."""
+_FACE_VALUE = 0.3
+"""Which share of what a frame says, its errors taken as its own, is known beyond what the smoother believes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """One person over consecutive frames.
+
+    Attributes:
+        root_m: shape (frame, 3).
+        turns: shape (frame, segment, 3, 3): world from segment.
+        bones: shape (frame, bone, 3, 3): the third axis is the bone's direction.
+        shape_m: shape (frame, shape).
+        shape_sd_m: shape (frame, shape): 0 where the shape is kept.
+        velocity: shape (frame, pose).
+        points_m: shape (frame, keypoint, 3), NaN where the body has no such point.
+        covariance_m2: shape (frame, keypoint, 6): xx xy xz yy yz zz.
+    """
+
+    root_m: np.ndarray
+    turns: np.ndarray
+    bones: np.ndarray
+    shape_m: np.ndarray
+    shape_sd_m: np.ndarray
+    velocity: np.ndarray
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.root_m)
+
+    @property
+    def directions(self) -> np.ndarray:
+        """Shape (frame, bone, 3): unit vectors from a bone's near end to its far end."""
+        return self.bones[..., 2]
+
+    def frames(self, start: int, stop: int) -> "Smoothed":
+        """The frames ``start`` to ``stop``."""
+        return Smoothed(**{name: each[start:stop] for name, each in vars(self).items()})
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedPerson:
+    """One person over the consecutive frames ``places`` of a history, counted from 0.
+
+    Attributes:
+        name: of the person.
+        places: shape (frame,), int64.
+        body: how they stand there.
+        run: as the filter knew them there.
+    """
+
+    name: str
+    places: np.ndarray
+    body: Smoothed
+    run: Run
+
+
+class PeopleSmoother:
+    """Smooths a history from its first frame on, some frames at a time, each of them once.
+
+    Args:
+        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and the
+            one before them.
+    """
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+        self.settings = history.settings
+        self.done = 0
+        """The first frame, counted from 0, that has not been given."""
+        self._windows: dict[str, _Window] = {}
+
+    def take(self, stop: int) -> list[SmoothedPerson]:
+        """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
+
+        What the history knows of the ``look_ahead_s`` after them is made use of, or of the ``lag_s`` after each of them.
+        Frames in which somebody has been lost for longer than ``bridge_s`` are left out. A person has several parts
+        where the filter began anew, and with a fixed lag.
+        """
+        options = self.settings.options
+        found = []
+        while self.done < stop:
+            if options.smoother == "lag":
+                found += self._take(self.done + 1, options.lag_s)
+            else:
+                found += self._take(stop, options.look_ahead_s if options.smoother == "full" else 0.0)
+        return found
+
+    def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
+        history, start = self.history, self.done
+        until = max(stop, history.place_at(history.time_s[stop - 1] + ahead_s))
+        found, windows = [], {}
+        for run in history.runs(max(start - 1, 0), until):
+            for part in _bridged(run, self.settings.options.bridge_s):
+                body, window = self._smooth(part, start, stop)
+                if len(body):
+                    keep = part.within(start, stop)
+                    found.append(SmoothedPerson(run.name, keep.places, body, keep))
+                if window is not None:
+                    windows[run.name] = window
+        self._windows, self.done = windows, stop
+        return found
+
+    def _smooth(self, part: Run, start: int, stop: int) -> tuple[Smoothed, "_Window | None"]:
+        """One person's frames from ``start`` to ``stop``, and what to begin with after them."""
+        first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
+        if self.settings.options.smoother == "none":
+            return _described(part.state, None, self.settings).frames(first, last), None
+        window = _refiltered(part, self._windows.get(part.name), self.settings)
+        body = _smoothed(window, part.time_s, self.settings).frames(first, last)
+        return body, window.after(last - 1) if last else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """One person filtered again in some consecutive frames.
+
+    Attributes:
+        root_m: shape (frame, 3): as first filtered, to know the frames by.
+        state: a State with frames where people stand: as filtered again.
+        information: shape (frame, pose + shape, pose + shape): what each frame says, errors taken as its own.
+    """
+
+    root_m: np.ndarray
+    state: State
+    information: np.ndarray
+
+    def after(self, start: int) -> "_Window":
+        """The frames from ``start`` on."""
+        return _Window(self.root_m[start:], State(*(each[start:] for each in self.state)), self.information[start:])
+
+
+def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window:
+    """A person filtered again, from frames on for which that is known."""
+    told, wanted = _tempered(part, settings)
+    share = np.minimum(told / wanted, 1.0)
+    n = 0
+    if known is not None and not part.fresh:
+        n = min(len(part), len(known.root_m))
+        other = np.flatnonzero((known.root_m[:n] != part.state.root[:n]).any(axis=1))
+        n = int(other[0]) if len(other) else n
+    if n == 0:
+        size = settings.tree.n_pose + settings.tree.n_shape
+        known = _Window(
+            part.state.root[:1], first_with(chosen(part.state, [0]), share[0], settings), np.zeros((1, size, size))
+        )
+        n = 1
+    assert known is not None
+    rest = part.frames(n - 1, len(part))
+    dt_s = np.diff(rest.time_s)
+    said = what_was_said(rest.frames(0, len(rest) - 1).state, dt_s, rest.frames(1, len(rest)).state, settings)
+    again = tell_again(rest.state, rest.time_s, said, share[n - 1 :], chosen(known.state, [n - 1]), settings)
+    return _Window(
+        part.state.root,
+        State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True))),
+        np.concatenate([known.information[:n], told[n:, None, None] * said.curvature]),
+    )
+
+
+def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """By how much frames were tempered for the filter, and are to be for the smoother, shape (frame,) both."""
+    dt_s = np.diff(part.time_s, prepend=2.0 * part.time_s[0] - part.time_s[min(1, len(part) - 1)])
+    tentative = part.life == TrackState.TENTATIVE
+    # Nobody who is only just believed is tempered: the frames that made them so, and the first after those.
+    begun = tentative | np.append(part.fresh, tentative[:-1])
+    told = np.where(begun, 1.0, tempering(dt_s, settings.options.error_memory_s))
+    return told, tempering(dt_s, settings.options.smoother_error_memory_s)
+
+
+def smooth_run(part: Run, settings: Settings) -> Smoothed:
+    """Smooth one person over consecutive frames by all of them."""
+    return _smoothed(_refiltered(part, None, settings), part.time_s, settings)
+
+
+def _smoothed(window: _Window, time_s: np.ndarray, settings: Settings) -> Smoothed:
+    return _described(smooth_states(window.state, time_s, settings), window.information, settings)
+
+
+def smooth_states(filtered: State, time_s: np.ndarray, settings: Settings) -> State:
+    """Rauch, Tung and Striebel's smoother over one person's filtered states.
+
+    Args:
+        filtered: a State with frames where people stand; it is left as it is.
+        time_s: shape (frame,), ascending.
+        settings: of the tracker whose states they are.
+
+    Returns:
+        A State likewise.
+    """
+    out = chosen(filtered, np.arange(len(time_s)))
+    for start, stop in _chunks(filtered.free, len(time_s) - 1):
+        _smooth_chunk(out, time_s, start, stop, settings)
+    return out
+
+
+def _smooth_chunk(state: State, time_s: np.ndarray, start: int, stop: int, settings: Settings) -> None:
+    """Smooth the frames ``start`` to ``stop``, in place, by frame ``stop``, which is smoothed."""
+    dt_s = np.diff(time_s[start : stop + 1])
+    predicted = chosen(state, np.arange(start, stop))
+    # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
+    nowhere = np.full(len(settings.most), np.inf)
+    predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
+    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[start]))
+    means = State(*(each[start : stop + 1] for each in state))
+    gains, rest = _gains(means.covariance[:-1], predicted.covariance, rows, dt_s, settings)
+    room = np.empty((2, state.covariance.shape[1]))
+    carry_back(gains, rows, predicted, means, room[0], room[1])
+    _carry_covariance_back(gains, rest, rows, means.covariance)
+
+
+def _bridged(run: Run, bridge_s: float) -> list[Run]:
+    """The parts of a run in which nobody is lost for longer than that."""
+    near = np.append(np.append(False, run.missing_s <= bridge_s), False)
+    edges = np.flatnonzero(near[1:] != near[:-1])
+    return [run.frames(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
+    """Short ranges of frames before ``stop``, last first, in each of which the shape is sought all along or kept."""
+    while stop > 0:
+        start = max(0, stop - _CHUNK)
+        other = np.flatnonzero(free[start:stop] != free[stop - 1])
+        start = start + int(other[-1]) + 1 if len(other) else start
+        yield start, stop
+        stop = start
+
+
+def _gains(
+    covariance: np.ndarray, predicted: np.ndarray, rows: np.ndarray, dt_s: np.ndarray, settings: Settings
+) -> tuple[np.ndarray, np.ndarray]:
+    """The smoother's gains, and what later frames can never tell, each of shape (frame, row, row).
+
+    With C = P F^T the covariance of a state and its successor as foretold, and P' that of the latter, the gain is
+    G = C P'^-1 and the rest P - G C^T.
+    """
+    n = settings.tree.n_pose
+    fade = np.exp(-dt_s[:, None] / settings.decay_s)
+    reach = settings.decay_s * (1.0 - fade)
+    block = covariance[:, rows[:, None], rows]
+    mixed = block.copy()
+    mixed[:, :n] += reach[:, :, None] * block[:, -n:]
+    mixed[:, -n:] *= fade[:, :, None]
+    gains = np.linalg.solve(predicted[:, rows[:, None], rows], mixed).transpose(0, 2, 1)
+    rest = block - gains @ mixed
+    return np.ascontiguousarray(gains), 0.5 * (rest + rest.transpose(0, 2, 1))
+
+
+def _carry_covariance_back(gains: np.ndarray, rest: np.ndarray, rows: np.ndarray, covariance: np.ndarray) -> None:
+    """Covariances of frames by those after them, the last of which is smoothed: shape (frame + 1, all, all)."""
+    at = np.ix_(rows, rows)
+    late = covariance[-1][at]
+    for k in range(len(gains) - 1, -1, -1):
+        late = rest[k] + gains[k] @ late @ gains[k].T
+        covariance[k][at] = late
+
+
+def _described(state: State, information: np.ndarray | None, settings: Settings) -> Smoothed:
+    """Where the keypoints of states are.
+
+    The smoother took errors for noise that is white, and as strong as they are in the long run; within the few frames
+    over which it averages they are less. So a share of what a frame says at face value is known besides.
+
+    Args:
+        state: a State with frames where people stand.
+        information: shape (frame, pose + shape, pose + shape): what each frame says at face value; None where nothing
+            was tempered for smoothing.
+        settings: of the tracker whose states they are.
+    """
+    frames, n, h = len(state.root), settings.tree.n_pose, settings.tree.n_shape
+    sight = Sight.room(frames, 0, len(settings.skeleton))
+    shape_sd_m = np.zeros((frames, h))
+    for start in range(0, frames, _CHUNK):
+        to = slice(start, min(start + _CHUNK, frames))
+        covariance = state.covariance[to].copy()
+        if information is not None:
+            known = np.eye(n + h) + _FACE_VALUE * information[to] @ covariance[:, : n + h, : n + h]
+            covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(known)
+        part = State(*(each[to] for each in state))._replace(covariance=covariance)
+        foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
+        variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
+        shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
+    return Smoothed(
+        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m, sight.covariance_m2
+    )  # fmt: skip

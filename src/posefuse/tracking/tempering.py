@@ -1,0 +1,173 @@
+"""The same filter run over again with less said by each frame, from its states alone.
+
+What a frame said of a body is what the filter learned there: with P' and P the covariances of pose and shape before and
+after the update, m' and m the means, the logarithm of the likelihood has the curvature P^-1 - P'^-1 and at m the
+gradient P'^-1 (m - m'). Both times a factor are what errors that last longer leave of it. No detections are needed, and
+each costs a few products of small matrices. See docs/methods.md, "Smoothing people".
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.kernels.articulated import State, predict_people
+from posefuse.kernels.smoothing import apply_changes, compare_states
+from posefuse.tracking.bodies import chosen, put, uncertain
+from posefuse.tracking.posing import newborn_covariance
+from posefuse.tracking.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What frames said of pose and shape, in the axes of the states they led to.
+
+    Attributes:
+        curvature: shape (frame, pose + shape, pose + shape): of the negative log likelihood; 0 for a kept shape.
+        gradient: shape (frame, pose + shape): of the log likelihood, at the state.
+    """
+
+    curvature: np.ndarray
+    gradient: np.ndarray
+
+
+def ahead(state: State, dt_s: np.ndarray, settings: Settings) -> State:
+    """States so much later, as if nothing had been seen; in place."""
+    walk = settings.options.motion.shape_walk
+    predict_people(dt_s, settings.decay_s, settings.power, settings.most, walk, state)
+    return state
+
+
+def what_was_said(before: State, dt_s: np.ndarray, after: State, settings: Settings) -> Said:
+    """What frames said, from one person's filtered states in the frames before them and in them.
+
+    Args:
+        before: a State with frames where people stand.
+        dt_s: shape (frame,): from the one to the other.
+        after: a State likewise.
+        settings: of the tracker whose states they are.
+    """
+    frames, n, h = len(dt_s), settings.tree.n_pose, settings.tree.n_shape
+    foretold = ahead(chosen(before, np.arange(frames)), dt_s, settings)
+    change = np.empty((frames, 2 * n + h))
+    compare_states(foretold, after, change)
+    said = Said(np.zeros((frames, n + h, n + h)), np.zeros((frames, n + h)))
+    free = (before.free != 0) & (after.free != 0)
+    for these, m in ((np.flatnonzero(free), n + h), (np.flatnonzero(~free), n)):
+        known = np.linalg.inv(foretold.covariance[these, :m, :m])
+        said.curvature[these, :m, :m] = np.linalg.inv(after.covariance[these, :m, :m]) - known
+        said.gradient[these, :m] = (known @ change[these, :m, None])[..., 0]
+    return said
+
+
+def tell_again(
+    filtered: State, time_s: np.ndarray, said: Said, share: np.ndarray, first: State, settings: Settings
+) -> State:
+    """Filter one person over consecutive frames again, with another share of what each frame said.
+
+    Args:
+        filtered: a State with frames where people stand; it is left as it is.
+        time_s: shape (frame,), ascending.
+        said: by the frames after the first.
+        share: shape (frame,): which of what the filter was told is told now.
+        first: a State of one person, in the first frame, that knows of the share already.
+        settings: of the tracker whose states they are.
+    """
+    out = chosen(filtered, np.arange(len(time_s)))
+    put(out, 0, first)
+    now = first
+    for k in range(1, len(time_s)):
+        now = next_with(
+            now, time_s[k] - time_s[k - 1], chosen(filtered, [k]), said.curvature[k - 1], said.gradient[k - 1],
+            share[k], settings,
+        )  # fmt: skip
+        put(out, k, now)
+    return out
+
+
+def first_with(state: State, share: float, settings: Settings) -> State:
+    """One person's first state, had only that share of its frame been told to a filter that knew nothing."""
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    rows = uncertain(n, h, bool(state.free[0]))
+    m = len(rows) - n
+    at, pose = np.ix_(rows, rows), rows[:m]
+    nothing = newborn_covariance(settings.tree, settings.tree.shape_covariance, settings.options.motion)
+    state = chosen(state, [0])
+    block = state.covariance[0][at]
+    prior = np.linalg.inv(nothing[np.ix_(pose, pose)])
+    wider = np.linalg.inv((1.0 - share) * prior + share * np.linalg.inv(block[:m, :m]))
+    gain = np.linalg.solve(block[:m, :m], block[:m])
+    state.covariance[0][at] = block + gain.T @ (wider - block[:m, :m]) @ gain
+    return state
+
+
+def next_with(
+    state: State,
+    dt_s: float,
+    told: State,
+    curvature: np.ndarray,
+    gradient: np.ndarray,
+    share: float,
+    settings: Settings,
+) -> State:
+    """One person's next state where another share of what a frame said is told.
+
+    Args:
+        state: of the frame before; it is left as it is.
+        dt_s: since then.
+        told: what the filter found in this frame.
+        curvature: shape (pose + shape, pose + shape): what the frame said, see :class:`Said`.
+        gradient: shape (pose + shape,): likewise.
+        share: which of what the filter was told; with 1 it finds what it found.
+        settings: of the tracker whose states they are.
+    """
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    now = ahead(chosen(state, [0]), np.array([dt_s]), settings)
+    was_free, is_free = bool(state.free[0]), bool(told.free[0])
+    if was_free and not is_free:
+        _keep_shape(now, told.shape[0])
+    rows = uncertain(n, h, was_free and is_free)
+    _learn(now, told, share * curvature, share * gradient, rows, len(rows) - n)
+    if is_free and not was_free:
+        _reopen_shape(now, told)
+    return now
+
+
+def _learn(now: State, told: State, curvature: np.ndarray, gradient: np.ndarray, rows: np.ndarray, m: int) -> None:
+    """Change a state, in place, by what is said about the state ``told``."""
+    change = np.empty((1, now.covariance.shape[1]))
+    compare_states(now, told, change)
+    at = np.ix_(rows, rows)
+    covariance = now.covariance[0][at]
+    curvature, pull = curvature[:m, :m], gradient[:m] + curvature[:m, :m] @ change[0, :m]
+    # (1 / curvature + P)^-1, where the curvature need not have an inverse.
+    inner = np.linalg.solve(np.eye(m) + curvature @ covariance[:m, :m], curvature)
+    inner = 0.5 * (inner + inner.T)
+    step = np.zeros((1, now.covariance.shape[1]))
+    step[0, rows] = covariance[:, :m] @ (pull - inner @ (covariance[:m, :m] @ pull))
+    apply_changes(step, now)
+    left = covariance - covariance[:, :m] @ inner @ covariance[:m]
+    # What rounding makes unsymmetric would grow from frame to frame.
+    now.covariance[0][at] = 0.5 * (left + left.T)
+
+
+def _keep_shape(state: State, shape_m: np.ndarray) -> None:
+    """Make the shape of one person, in place, certain."""
+    n, h = state.velocity.shape[1], state.shape.shape[1]
+    shape = slice(n, n + h)
+    covariance = state.covariance[0]
+    gain = np.linalg.solve(covariance[shape, shape], covariance[shape])
+    apply_changes(((shape_m - state.shape[0]) @ gain)[None], state)
+    covariance -= gain.T @ covariance[shape, shape] @ gain
+    covariance[shape] = 0.0
+    covariance[:, shape] = 0.0
+    state.shape[0] = shape_m
+    state.free[0] = 0
+
+
+def _reopen_shape(state: State, told: State) -> None:
+    """Make the shape of one person, in place, as uncertain as it was made."""
+    n, h = state.velocity.shape[1], state.shape.shape[1]
+    shape = slice(n, n + h)
+    state.shape[0] = told.shape[0]
+    state.covariance[0, shape, shape] = told.covariance[0, shape, shape]
+    state.free[0] = told.free[0]

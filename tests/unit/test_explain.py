@@ -1,0 +1,155 @@
+"""Explaining a frame: every detection is told of once, with whose it is and how far off that person is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError, ResultError
+from posefuse.evaluation.sightings import count_misses
+from posefuse.explain import explain
+from posefuse.model.life import Event
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import ViewStatus
+from posefuse.model.tracks import TrackState
+from posefuse.synthetic.crowds import Kind
+from tests.people import crowd, followed
+
+AWAY = 20
+"""A frame in which the last person is away."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return crowd(seconds=2.0)
+
+
+@pytest.fixture(scope="module")
+def result(scene) -> Reconstruction:
+    return replace(followed(scene), swaps=None)
+
+
+def test_every_detection_is_told_of_once_with_its_owner(scene, result):
+    for number in (5, AWAY, 49):
+        told = explain(result, number, scene.detections)
+        cells = scene.detections.offsets[number * 5 : number * 5 + 6]
+        for v, view in enumerate(told.views):
+            assert [each.number for each in view.sightings] == list(range(cells[v + 1] - cells[v]))
+            for each in view.sightings:
+                p = -1 if each.person is None else result.person_ids.index(each.person)
+                assert p == -1 or result.tracks.detection[number, p, v] == each.number
+                assert (p == -1) == (each.number not in result.tracks.detection[number, :, v])
+                seen = np.isfinite(scene.detections.keypoints_px[cells[v] + each.number, :, 0]).sum()
+                assert each.n_keypoints == seen
+
+
+def test_the_errors_are_distances_to_the_projected_person(scene, result):
+    told = explain(result, 10, scene.detections)
+    one = next(each for each in told.views[2].sightings if each.person == "person_1")
+    points = result.layers["model"].points_m[10, 0]
+    row = scene.detections.offsets[10 * 5 + 2] + one.number
+    off = np.linalg.norm(result.rig.cameras[2].project(points)[0] - scene.detections.keypoints_px[row], axis=-1)
+    assert one.error_px["model"] == pytest.approx(np.nanmedian(off), rel=1e-5)
+
+
+def test_why_a_detection_is_nobodys(scene, result):
+    """The simulation knows which detections are of nobody and which are somebody seen twice."""
+    reasons: dict[Kind, list[str]] = {}
+    for number in range(result.n_frames):
+        for v, view in enumerate(explain(result, number, scene.detections).views):
+            for each in view.sightings:
+                if each.person is None:
+                    row = scene.detections.offsets[number * 5 + v] + each.number
+                    reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
+    assert all("nobody stands there" in why or "is followed" in why for why in reasons[Kind.FALSE])
+    assert reasons[Kind.DUPLICATE]
+    assert all("seen twice" in why for why in reasons[Kind.DUPLICATE])
+
+
+def test_somebody_who_was_not_given_a_detection_is_told_where_it_is(scene, result):
+    detection = np.array(result.tracks.detection)
+    number = int(detection[10, 0, 2])
+    detection[10, 0, 2] = -1
+    odd = replace(result, tracks=replace(result.tracks, detection=detection))
+    view = explain(odd, 10, scene.detections).views[2]
+    assert view.unseen["person_1"] == f"should be seen; detected there: number {number} (nobody)"
+    assert view.sightings[number].why.startswith("near person_1 (active), who was not given it")
+    nothing = replace(odd, tracks=replace(odd.tracks, detection=np.full_like(detection, -1)))
+    assert "not known without the 2D keypoints" in explain(nothing, 10).views[2].unseen["person_1"]
+
+
+def test_without_keypoints_it_tells_what_the_result_knows(scene, result):
+    told, whole = explain(result, 10), explain(result, 10, scene.detections)
+    assert (told.complete, whole.complete) == (False, True)
+    for mine, theirs in zip(told.views, whole.views, strict=True):
+        theirs_owned = [each for each in theirs.sightings if each.person is not None]
+        assert [(e.number, e.person, e.n_used) for e in mine.sightings] == [
+            (e.number, e.person, e.n_used) for e in theirs_owned
+        ]
+        assert all(each.n_keypoints is None for each in mine.sightings)
+
+
+def test_people_and_their_states(result):
+    told = explain(result, 10)
+    assert [(p.name, p.state, p.since) for p in told.people][:2] == [
+        ("person_1", TrackState.ACTIVE, 3), ("person_2", TrackState.ACTIVE, 3),
+    ]  # fmt: skip
+    assert "person_4" not in [person.name for person in explain(result, AWAY).people]
+    layer = told.people[0].layers[1]
+    assert (layer.layer, layer.n_points, layer.sd_mm) == ("model", 20, pytest.approx(10))
+
+
+def test_one_person(scene, result):
+    told = explain(result, 10, scene.detections, "person_2")
+    assert [person.name for person in told.people] == ["person_2"]
+    assert {each.person for view in told.views for each in view.sightings} <= {"person_2", None}
+    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera refused", "b"))
+    assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
+
+
+def test_events_of_the_second_before_and_after(result):
+    events = tuple(Event(f, f / 25, "person_1", "lost", "x") for f in (0, 3, 40, 55, 58))
+    assert [event.number for event in explain(replace(result, events=events), 30).events] == [40, 55]
+
+
+def test_what_it_refuses(scene, result):
+    with pytest.raises(ResultError, match="No frame 77 in this result, whose frames are 0 to 49. Give one of them"):
+        explain(result, 77)
+    with pytest.raises(ResultError, match="Nobody is called 'person_9'"):
+        explain(result, 7, None, "person_9")
+    with pytest.raises(ResultError, match="not made from detections"):
+        explain(replace(result, tracks=None), 7)
+    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9: the result was made from others"):
+        explain(result, 30, scene.detections.frames(0, 10))
+    detection = np.array(result.tracks.detection)
+    detection[7, 0, 1] = 12
+    wrong = replace(result, tracks=replace(result.tracks, detection=detection))
+    with pytest.raises(DetectionsError, match=r"Camera cam_1 has \d detections .* was given number 12"):
+        explain(wrong, 7, scene.detections)
+
+
+class TestMisses:
+    def test_known_by_hand(self, result):
+        misses = count_misses(result.chunks(7), "model")
+        state, detection = np.asarray(result.tracks.state), np.asarray(result.tracks.detection)
+        active = state == TrackState.ACTIVE
+        # The room is made so that every camera sees all of it.
+        np.testing.assert_array_equal(misses.expected, np.repeat(active.sum(axis=0)[:, None], 5, axis=1))
+        missed = ((detection < 0) & active[..., None]).sum(axis=0)
+        np.testing.assert_array_equal(misses.missed, missed)
+        assert missed.sum() > 0
+
+    def test_who_is_out_of_the_image_or_not_recorded_is_not_missed(self, result):
+        layer = result.layers["model"]
+        far = replace(layer, points_m=np.asarray(layer.points_m) + np.array([0, 0, 50.0]))
+        assert count_misses([replace(result, layers={"model": far})], "model").expected.sum() == 0
+        status = np.array(layer.view_status)
+        status[:, :, :, 2] = ViewStatus.NOT_RECORDED
+        dark = replace(layer, view_status=status)
+        expected = count_misses([replace(result, layers={"model": dark})], "model").expected
+        assert expected[:, 2].sum() == 0
+        assert (expected[:, 1] > 0).all()
+        assert np.isnan(count_misses([replace(result, layers={"model": dark})], "model").share[:, 2]).all()
+
+    def test_nothing_tracked(self, result):
+        assert count_misses([replace(result, tracks=None)], "model") is None
