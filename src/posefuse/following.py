@@ -22,7 +22,7 @@ from posefuse.survey import known_noise
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.smoothing import smooth_people
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
@@ -30,7 +30,7 @@ _PX_AT_1000 = 4.5
 _EXPONENT = 1.0
 _SAMPLED_FRAMES = 60
 _ROUNDS = 3
-_EXPECTED_SIGMA = 1.12
+_EXPECTED_SIGMA = 1.22
 """The median distance, in sigmas, of detections of the assumed law from the points that most views agree on."""
 _FACTORS = (0.2, 5.0)
 
@@ -138,15 +138,22 @@ class Followed:
         """Whose detections are whose in a range of frames."""
         return self.tracks.frames(start, stop)
 
-    def bodies(self, rig: CameraRig, detections: Detections, start: int, stop: int) -> tuple[Layer, Poses]:
+    def smoother(self) -> PeopleSmoother:
+        """Goes through the recording once, from the first frame on."""
+        return PeopleSmoother(self.history)
+
+    def bodies(
+        self, rig: CameraRig, detections: Detections, start: int, people: list[SmoothedPerson]
+    ) -> tuple[Layer, Poses]:
         """The model layer of a range of frames, and how bodies stood.
 
         Args:
             rig: the cameras.
             detections: of those frames.
-            start: the first frame, counted from 0 in the recording.
-            stop: the frame after the last.
+            start: the first of them, counted from 0 in the recording.
+            people: of those frames, from the smoother.
         """
+        stop = start + detections.n_frames
         tree, names = self.history.settings.tree, self.tracks.person_ids
         shape = (stop - start, len(names))
         keypoints, views = len(detections.skeleton), len(rig)
@@ -155,7 +162,7 @@ class Followed:
         bridged = np.zeros(shape, dtype=bool)
         turns = np.full((*shape, len(tree.segments), 3, 3), np.nan)
         directions = np.full((*shape, len(tree.bones), 3), np.nan)
-        for person in smooth_people(self.history, start, stop, self.history.settings):
+        for person in people:
             here = person.places >= start
             seen = self._is_alive(person.name, person.places) & here
             f = person.places[seen] - start

@@ -26,6 +26,7 @@ from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
 from posefuse.tracking.records import People
+from posefuse.tracking.smoothing import PeopleSmoother
 from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
@@ -98,6 +99,8 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
     """
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
+    if options.rate_hz is not None and detections.rate_hz is None:
+        detections = detections.with_rate(options.rate_hz)
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     options = settle_people(options, detections, len(rig))
@@ -135,12 +138,20 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
     n_frames = plan.detections.n_frames
-    parts = (measure(plan, start, stop) for start, stop in ranges(n_frames, size))
+    smoother = plan.subjects.smoother() if isinstance(plan.subjects, Followed) else None
+    parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
     yield from watched(parts, n_frames, "triangulating", progress)
 
 
-def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
-    """The measured layer of the frames ``start`` to ``stop``."""
+def measure(plan: Plan, start: int, stop: int, smoother: PeopleSmoother | None = None) -> Reconstruction:
+    """What is known of the frames ``start`` to ``stop``: points as measured, and bodies where people were followed.
+
+    Args:
+        plan: what is settled.
+        start: the first frame, counted from 0.
+        stop: the frame after the last.
+        smoother: of the followed people, if it is to give bodies; it has given those up to ``start``.
+    """
     # Sides are decided over time: some of what comes before and after is looked at too.
     around = _context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
@@ -151,8 +162,9 @@ def measure(plan: Plan, start: int, stop: int) -> Reconstruction:
     layers = {"measured": layer.frames(start - first, stop - first)}
     poses, events = None, ()
     if isinstance(plan.subjects, Followed):
-        layers["model"], poses = plan.subjects.bodies(plan.rig, detections, start, stop)
         events = plan.subjects.events
+        if smoother is not None:
+            layers["model"], poses = plan.subjects.bodies(plan.rig, detections, start, smoother.take(stop))
     recorded = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
     count = recorded.sum(axis=1)

@@ -132,13 +132,16 @@ def describe(result: Reconstruction) -> None:
         note(f"note: {remark}")
     if result.unit == "px":
         note("note: one camera: coordinates are px in its image plane, no place in the world; C3D cannot hold them.")
-    say(f"{percent(there / max(summary.n_points, 1))} of the points have coordinates (layer {name})")
+    whose = "" if len(result.person_ids) == 1 else " of people who are followed"
+    say(f"{percent(there / max(summary.n_points, 1))} of the points{whose} have coordinates (layer {name})")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
     for code, n in missing:
         say(f"missing: {n} points, {PointStatus(code).sentence}")
-    if not there:
+    if len(result.person_ids) != 1 or result.events:
+        describe_people(result, name)
+    if not there and summary.n_points:
         totals = zip(summary.view_status_counts.sum(axis=0), ViewStatus, strict=True)
         _, cause = max((int(n), code) for n, code in totals if code not in USED_CODES)
         warn(f"no point has coordinates. Most observations: {cause.sentence}.")
@@ -150,3 +153,29 @@ def describe(result: Reconstruction) -> None:
         swaps = [] if swapped is None else [percent(summary.swapped_in(v))]
         rows.append([camera, percent(summary.used[v]), *numbers, *swaps])
     table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)
+
+
+def describe_people(result: Reconstruction, layer: LayerName) -> None:
+    """Say who was there when, and what happened to them."""
+    from posefuse.model.tracks import TrackState
+    from posefuse.report.people import events_in_words, lives, span_of
+
+    if not result.person_ids:
+        warn("nobody was found.")
+    if result.events:
+        note(f"events: {events_in_words(result.events)}")
+    uncertain = [event for event in result.events if event.what in ("identity uncertain", "camera refused")]
+    for event in uncertain:
+        note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
+    everybody = lives(result.chunks(), layer)
+    if not everybody:
+        return
+    timed = bool(np.isfinite(result.time_s).all())
+    rows = []
+    for life in everybody:
+        span = max(life.last - life.first + 1, 1)
+        shares = [percent(life.frames[state] / span) for state in (TrackState.ACTIVE, TrackState.LOST)]
+        numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
+        rows.append([life.name, *span_of(result, life), *shares, *numbers])
+    unit = "s" if timed else "frame"
+    table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], rows)

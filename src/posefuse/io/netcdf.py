@@ -25,14 +25,16 @@ class StoredArray:
     def __init__(self, path: Path, name: str) -> None:
         self._path = path
         self._name = name
-        with h5netcdf.File(path, "r") as file:
-            variable = file.variables[name]
+        with h5py.File(path, "r") as file:
+            variable: Any = file[name]
             self.shape: tuple[int, ...] = tuple(variable.shape)
             self.dtype: np.dtype[Any] = np.dtype(variable.dtype)
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        with h5netcdf.File(self._path, "r") as file:
-            return np.asarray(file.variables[self._name][key])
+        # Past the netCDF library, which looks at every variable of the file before it opens one.
+        with h5py.File(self._path, "r") as file:
+            variable: Any = file[self._name]
+            return np.asarray(variable[key])
 
     def __len__(self) -> int:
         return self.shape[0]

@@ -13,7 +13,20 @@ import numpy as np
 
 from posefuse.kernels.bodies import differentiate, locate, move
 from posefuse.kernels.jit import dense, inline, kernel, step
-from posefuse.kernels.lens import CX, CY, FX, FY, LENS, OK, PINHOLE, ROTATION, SKEW, project_jacobian, project_point, to_camera
+from posefuse.kernels.lens import (
+    CX,
+    CY,
+    FX,
+    FY,
+    LENS,
+    OK,
+    PINHOLE,
+    ROTATION,
+    SKEW,
+    project_jacobian,
+    project_point,
+    to_camera,
+)
 from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
 
 Body = namedtuple(

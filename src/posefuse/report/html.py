@@ -13,16 +13,21 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from posefuse.evaluation.accuracy import Accuracy
+from posefuse.evaluation.sightings import count_misses
 from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.progress import Progress, Silent, watched
+from posefuse.report.people import events_in_words, life_lines, lives, people_section
 from posefuse.report.summary import Summary, summarise
 from posefuse.report.swaps import swap_table, time_line
 
 SHOWN_FRAMES = 1500
 """A longer recording is thinned to about this many frames for display, and the page says so."""
+
+_SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
+_PEOPLE_HINT = "One colour a person, names above their heads"
 
 _VIEW_CODES = (
     ViewStatus.USED,
@@ -55,13 +60,18 @@ def render_report(
         "scene": _scene(result, layer, truth, stride),
         "charts": _charts(result, summary),
         "swaps": time_line(result.chunks(), result.n_frames),
+        "lives": life_lines(result),
     }
+    several = len(result.person_ids) != 1
+    misses = count_misses(result.chunks(), layer) if several else None
     return Template(_asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
         css=_asset("report.css"),
         plotly=get_plotlyjs(),
         script=_asset("report.js"),
         data=_safe_json(data),
+        sides=_PEOPLE_HINT if several else _SIDES_HINT,
+        people=people_section(result, lives(result.chunks(), layer), misses),
         words=_words(result, summary, accuracy, stride),
         accuracy=_accuracy_table(accuracy),
         cameras=_camera_table(result, summary),
@@ -82,15 +92,15 @@ def _safe_json(data: Any) -> str:
 
 
 def _scene(result: Reconstruction, layer: LayerName, truth: Reconstruction | None, stride: int) -> dict[str, Any]:
-    people = [
-        {"name": person, "points": _packed(result, layer, i, stride)} for i, person in enumerate(result.person_ids)
-    ]
+    packed = _packed(result, layer, stride)
+    people = [{"name": name, "points": points} for name, points in zip(result.person_ids, packed, strict=True)]
     scene: dict[str, Any] = {
         "people": people,
         "keypoints": list(result.skeleton.keypoints),
         "edges": result.skeleton.edge_indices.tolist(),
         "sides": [_side(name) for name in result.skeleton.keypoints],
         "frames": result.frame_numbers[::stride].tolist(),
+        "stride": stride,
         "rate": (result.rate_hz or 30.0) / stride,
         "up": (result.rig.up_axis or "") if result.unit == "m" else "-y",
         "unit": result.unit,
@@ -103,19 +113,20 @@ def _scene(result: Reconstruction, layer: LayerName, truth: Reconstruction | Non
         and truth.skeleton.keypoints == result.skeleton.keypoints
     ):
         truth_layer, _ = truth.best_layer()
-        scene["truth"] = _packed(truth, truth_layer, 0, stride)
+        scene["truth"] = _packed(truth, truth_layer, stride)
     return scene
 
 
-def _packed(result: Reconstruction, layer: LayerName, person: int, stride: int) -> str:
-    """Shown frames of a person as base64 of float32 (frame, keypoint, 3); NaN stays NaN."""
+def _packed(result: Reconstruction, layer: LayerName, stride: int) -> list[str]:
+    """Shown frames of each person as base64 of float32 (frame, keypoint, 3); NaN stays NaN."""
     shown = []
     first = 0
     for part in result.chunks():
-        points = np.asarray(part.layers[layer].points_m[:])[:, person]
+        points = np.asarray(part.layers[layer].points_m[:])
         shown.append(points[(-first) % stride :: stride])
         first += part.n_frames
-    return base64.b64encode(np.concatenate(shown).astype("<f4").tobytes()).decode("ascii")
+    by_person = np.concatenate(shown).astype("<f4").swapaxes(0, 1)
+    return [base64.b64encode(points.tobytes()).decode("ascii") for points in by_person]
 
 
 def _side(name: str) -> str:
@@ -175,10 +186,11 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
     there = summary.n_points - sum(n for code, n in summary.status_counts.items() if not code.has_point)
     cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
+    whose = "" if len(result.person_ids) == 1 else "of people, while they are followed, "
     sentences = [
         f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
         f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
-        f"{100 * there / max(summary.n_points, 1):.1f} % of the points have coordinates.",
+        f"{100 * there / max(summary.n_points, 1):.1f} % of the points {whose}have coordinates.",
     ]
     if summary.error_px.count:
         sentences.append(
@@ -199,6 +211,8 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
         sentences.append("Which way is up is unknown, so nothing was rotated on export; --up says it.")
     if result.unit != "m":
         sentences.append("One camera: this is its image plane in pixels, not a place in the world.")
+    if result.events and len(result.person_ids) != 1:
+        sentences.append(f"Events: {events_in_words(result.events)}.")
     missing = [(n, code) for code, n in summary.status_counts.items() if not code.has_point]
     for n, code in sorted(missing, reverse=True)[:3]:
         sentences.append(f"{n} points are missing: {PointStatus(code).sentence}.")

@@ -9,6 +9,7 @@ from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, ViewStatus, is_used
 from posefuse.model.swaps import SwapState
+from posefuse.model.tracks import TrackState
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Summary:
 
     Attributes:
         layer: which.
-        n_points: keypoints of all people and frames.
+        n_points: keypoints of all people and frames, but for frames in which a person is absent.
         status_counts: how many points have each status.
         view_status_counts: shape (view, ViewStatus): how many observations of each view.
         error_px: of all used observations.
@@ -71,9 +72,10 @@ def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         status = np.asarray(layer.status[:])
         view_status = np.asarray(layer.view_status[:])
         used = is_used(view_status)
-        errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan).reshape(-1, *used.shape[2:]))
-        statuses.append(status.reshape(-1, status.shape[-1]))
-        view_statuses.append(view_status.reshape(-1, *view_status.shape[2:]))
+        there = _there(part, status)
+        errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan)[there])
+        statuses.append(status[there])
+        view_statuses.append(view_status[there])
         deviations.append(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)).ravel())
         if part.swaps is not None:
             swaps.append(np.asarray(part.swaps.state[:]))
@@ -89,10 +91,17 @@ def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         error_px=spread(error),
         error_px_by_view=tuple(spread(error[..., v]) for v in range(error.shape[-1])),
         error_px_by_keypoint=tuple(spread(error[:, k]) for k in range(error.shape[1])),
-        missing_by_keypoint=(status >= PointStatus.NOT_SEEN).mean(axis=0),
+        missing_by_keypoint=(status >= PointStatus.NOT_SEEN).sum(axis=0) / max(len(status), 1),
         sd_mm=spread(np.concatenate(deviations)),
         swapped=swapped_share(np.concatenate(swaps)) if swaps else None,
     )
+
+
+def _there(part: Reconstruction, status: np.ndarray) -> np.ndarray:
+    """Shape (frame, person), bool: who is not absent."""
+    if part.tracks is None:
+        return np.ones(status.shape[:2], dtype=bool)
+    return np.asarray(part.tracks.state[:]) != TrackState.ABSENT
 
 
 def swapped_share(state: np.ndarray) -> np.ndarray:

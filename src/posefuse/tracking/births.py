@@ -61,7 +61,7 @@ def put_right(state: State, seen: Evidence, settings: Settings, iterations: int,
 
 
 def error_sigma(state: State, seen: Evidence, settings: Settings) -> float:
-    """The median distance, in sigmas, between where keypoints are seen and where the body has them; inf where none is."""
+    """The median distance, in sigmas, of where keypoints are seen from where the body has them; inf where none is."""
     views, keypoints = seen.confidence.shape
     sight = Sight.room(1, views, keypoints)
     foresee_people(settings.cameras, settings.body, state, *sight.arrays)

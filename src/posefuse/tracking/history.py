@@ -2,6 +2,7 @@
 
 import pickle
 import tempfile
+import weakref
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -87,7 +88,8 @@ class _Block:
 
     def spool(self) -> None:
         """Into the file."""
-        self.file = tempfile.TemporaryFile(prefix="posefuse-")
+        self.file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the block is)
+        weakref.finalize(self, self.file.close)
         pickle.dump(self.entries, self.file, protocol=pickle.HIGHEST_PROTOCOL)
         self.entries = {}
 

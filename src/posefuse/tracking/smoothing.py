@@ -2,9 +2,9 @@
 
 Detectors' errors last for some frames. A filter that looks at a few frames only need not know for how long; a smoother
 averages over more of them, and does. So each person is filtered once more, with less said by each frame
-(:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch, Tung & Striebel (1965), on the
-error state, where differences of turns are logarithms, those of bones the least turn from one direction to the other,
-and corrections are applied as the filter applies its own. See docs/methods.md, "Smoothing people".
+(:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch, Tung & Striebel (1965), on
+the error state, where differences of turns are logarithms, those of bones the least turn from one direction to the
+other, and corrections are applied as the filter applies its own. See docs/methods.md, "Smoothing people".
 """
 
 from collections.abc import Iterator
@@ -84,8 +84,8 @@ class PeopleSmoother:
     """Smooths a history from its first frame on, some frames at a time, each of them once.
 
     Args:
-        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and the
-            one before them.
+        history: of a tracker; its options say how to smooth. Of it are needed the frames that are still to come, and
+            the one before them.
     """
 
     def __init__(self, history: History) -> None:
@@ -98,18 +98,27 @@ class PeopleSmoother:
     def take(self, stop: int) -> list[SmoothedPerson]:
         """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
 
-        What the history knows of the ``look_ahead_s`` after them is made use of, or of the ``lag_s`` after each of them.
-        Frames in which somebody has been lost for longer than ``bridge_s`` are left out. A person has several parts
-        where the filter began anew, and with a fixed lag.
+        What the history knows of the ``look_ahead_s`` after them is made use of (and of ``shape_settle_s`` more while
+        somebody's shape is sought), or of the ``lag_s`` after each of them. Frames in which somebody has been lost for
+        longer than ``bridge_s`` are left out. A person has several parts where the filter began anew, and with a fixed
+        lag.
         """
         options = self.settings.options
         found = []
         while self.done < stop:
-            if options.smoother == "lag":
+            if options.smoother == "full":
+                found += self._take(stop, self._look_ahead_s(stop))
+            elif options.smoother == "lag":
                 found += self._take(self.done + 1, options.lag_s)
             else:
-                found += self._take(stop, options.look_ahead_s if options.smoother == "full" else 0.0)
+                found += self._take(stop, 0.0)
         return found
+
+    def _look_ahead_s(self, stop: int) -> float:
+        """How far what follows tells anything: while somebody's shape is sought, until it is kept."""
+        options = self.settings.options
+        sought = any(run.state.free.any() for run in self.history.runs(stop - 1, stop))
+        return options.look_ahead_s + (options.shape_settle_s if sought else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
         history, start = self.history, self.done
@@ -305,5 +314,6 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
         shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
     return Smoothed(
-        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m, sight.covariance_m2
+        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m,
+        sight.covariance_m2,
     )  # fmt: skip

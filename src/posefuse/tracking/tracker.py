@@ -85,7 +85,10 @@ class ArticulatedTracker:
             )
         known = frame.time_s[np.isfinite(frame.time_s) & frame.recorded]
         if not len(known):
-            raise DetectionsError(f"Frame {frame.number} has no time: a tracker needs one to say how far people move.")
+            raise DetectionsError(
+                f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate "
+                "(--rate-hz, Options.rate_hz) or times."
+            )
         time_s = float(known.mean())
         if time_s <= self.time_s:
             raise DetectionsError(

@@ -176,7 +176,10 @@ def _camera_factors(fit: LinearFit) -> np.ndarray:
     pairs = used.sum(axis=0)
     if pairs.min() < _FEWEST_POINTS:
         return np.ones(len(pairs))
-    own = np.log(np.nanmedian(np.where(used, squares / (left[0::2] + left[1::2]), np.nan), axis=0))
+    # Cameras are compared on the same points: where each sees other people, those would look like another noise.
+    logs = np.log(np.where(used, squares / (left[0::2] + left[1::2]), np.nan))
+    logs = logs[used.sum(axis=1) > 1]
+    own = np.nanmedian(logs - np.nanmean(logs, axis=1, keepdims=True), axis=0)
     own -= own.mean()
     kept = max(0.0, 1.0 - _CHANCE * float((1.0 / pairs).mean()) / max(own.var(ddof=1), 1e-12))
     return np.clip(np.exp(0.5 * kept * own), _LEAST_FACTOR, _MOST_FACTOR)

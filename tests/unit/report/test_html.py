@@ -73,10 +73,10 @@ def test_long_recordings_are_thinned_and_said_to_be(monkeypatch, result):
 
 
 def test_thinning_does_not_depend_on_ranges(monkeypatch, result):
-    whole = html._packed(result, "measured", 0, 7)
+    whole = html._packed(result, "measured", 7)
     usual = type(result).chunks
     monkeypatch.setattr(type(result), "chunks", lambda self, size=10: usual(self, 10))
-    assert html._packed(result, "measured", 0, 7) == whole
+    assert html._packed(result, "measured", 7) == whole
 
 
 def test_names_from_files_cannot_run(result):

@@ -1,5 +1,6 @@
 """Write results in any format."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from posefuse.errors import ResultError, choices, suggestion
@@ -71,11 +72,13 @@ def write_folder(
     if result.poses is not None and angles is not None:
         csv.write_angles(result.chunks(), folder / csv.ANGLES, angles)
         files.append(csv.ANGLES)
-    layer, _ = result.best_layer(result.options.layer)
+    layer, points = result.best_layer(result.options.layer)
+    # Each person's files go through the frames: nothing is read that they do not hold.
+    bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
     for person in result.person_ids:
-        trc.write(result, person, folder / f"{person}.trc", layer, progress)
+        trc.write(bare, person, folder / f"{person}.trc", layer, progress)
         files.append(f"{person}.trc")
         if result.unit == "m":
-            c3d.write(result, person, folder / f"{person}.c3d", layer, progress)
+            c3d.write(bare, person, folder / f"{person}.c3d", layer, progress)
             files.append(f"{person}.c3d")
     return files, layer

@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  const { scene, charts, swaps } = JSON.parse(document.getElementById("data").textContent);
+  const { scene, charts, swaps, lives } = JSON.parse(document.getElementById("data").textContent);
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const unpack = (text) => {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -8,10 +8,12 @@
   };
   const K = scene.keypoints.length;
   const people = scene.people.map((person) => ({ name: person.name, points: unpack(person.points) }));
-  const truth = scene.truth ? unpack(scene.truth) : null;
+  const truth = scene.truth ? scene.truth.map(unpack) : null;
   const nFrames = scene.frames.length;
   const element = (id) => document.getElementById(id);
   const colours = { left: css("--left"), right: css("--right"), middle: css("--middle") };
+  const several = people.length !== 1;
+  const colourOf = (i) => css(`--person-${i % 10}`);
   const font = { color: css("--ink"), family: "system-ui, sans-serif" };
 
   // Bones of one frame as a broken line: three coordinates and a gap for each edge.
@@ -47,9 +49,31 @@
     if (draw) { moving.push({ index: traces.length, draw }); [trace.x, trace.y, trace.z] = draw(0); }
     traces.push(trace);
   }
-  if (truth) add({ ...line(css("--truth"), 4), name: "truth" }, (f) => bones(truth, f));
-  const truthTrace = truth ? 0 : -1;
-  for (const { name, points } of people) {
+  // Names stand a hand's breadth above the highest point of each body.
+  function heads(f) {
+    const at = [[], [], []], axis = Math.max("xyz".indexOf(scene.up.replace("-", "")), 0), sense = scene.up.startsWith("-") ? -1 : 1;
+    for (const { points } of people) {
+      let best = -1;
+      for (let k = 0; k < K; k++) {
+        const value = points[(f * K + k) * 3 + axis];
+        if (Number.isFinite(value) && (best < 0 || sense * (value - points[best + axis]) > 0)) best = (f * K + k) * 3;
+      }
+      for (let i = 0; i < 3; i++) at[i].push(best < 0 ? null : points[best + i] + (i === axis ? 0.15 * sense : 0));
+    }
+    return at;
+  }
+  for (const points of truth || []) add({ ...line(css(several ? "--faint" : "--truth"), several ? 3 : 4), name: "truth" }, (f) => bones(points, f));
+  if (several) element("truth-hint").lastElementChild.style.color = css("--faint");
+  const truthTraces = (truth || []).map((_, i) => i);
+  people.forEach(({ name, points }, i) => {
+    if (!several) return;
+    add({ ...line(colourOf(i), 6), name }, (f) => bones(points, f));
+    add({ type: "scatter3d", mode: "markers", name, text: scene.keypoints.map((k) => `${name}: ${k}`), hoverinfo: "text+x+y+z",
+      marker: { size: K > 60 ? 1.5 : 2.5, color: colourOf(i) } }, (f) => dots(points, f));
+  });
+  if (several && people.length) add({ type: "scatter3d", mode: "text", text: people.map(({ name }) => name), hoverinfo: "skip",
+    textfont: { color: people.map((_, i) => colourOf(i)), size: 13 } }, heads);
+  for (const { name, points } of several ? [] : people) {
     for (const side of ["left", "right", "middle"]) add({ ...line(colours[side], 6), name }, (f) => bones(points, f, side));
     add({ type: "scatter3d", mode: "markers", name, text: scene.keypoints, hoverinfo: "text+x+y+z",
       marker: { size: K > 60 ? 1.5 : 3, color: scene.sides.map((s) => colours[s]) } }, (f) => dots(points, f));
@@ -155,11 +179,11 @@
     if (event.key === "ArrowLeft") show(frame - 1);
   });
   const showTruth = element("show-truth");
-  if (truthTrace < 0) {
+  if (!truth) {
     showTruth.parentElement.hidden = true;
     element("truth-hint").hidden = true;
   }
-  showTruth.addEventListener("change", () => Plotly.restyle(plot, { visible: showTruth.checked }, [truthTrace]));
+  showTruth.addEventListener("change", () => Plotly.restyle(plot, { visible: showTruth.checked }, truthTraces));
   const fit = element("fit");
   if (!scene.cameras.length) fit.hidden = true;
   fit.addEventListener("click", () => {
@@ -190,6 +214,43 @@
       colorbar: { title: { text: "swapped" }, tickformat: ".0%", thickness: 10 } }],
     { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: swaps.unit } },
       yaxis: { autorange: "reversed", automargin: true } }, config);
+  }
+  if (lives && lives.rows.length && lives.people) drawLives();
+  function drawLives() {
+    const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
+    const times = lives.time, drawn = [];
+    const styles = { active: { width: 10 }, tentative: { width: 3 }, lost: { width: 3, dash: "2px,3px" } };
+    lives.runs.forEach((runs, p) => {
+      for (const [state, style] of Object.entries(styles)) {
+        const x = [], y = [];
+        for (const [of, from, to] of runs) if (of === state) { x.push(times[from], times[to], null); y.push(p, p, null); }
+        if (x.length) drawn.push({ type: "scatter", mode: "lines", x, y, hoverinfo: "skip", showlegend: false,
+          line: { color: colourOf(p), ...style } });
+      }
+    });
+    const symbols = { "born": "triangle-up", "lost": "triangle-down-open", "found": "diamond", "returned": "diamond",
+      "forgotten": "x-thin-open", "identity uncertain": "star", "identities exchanged": "star-diamond",
+      "limb set anew": "circle-open", "camera refused": "square" };
+    const kinds = Object.keys(symbols).filter((kind) => lives.events.some((event) => event[2] === kind));
+    for (const kind of kinds) {
+      const of = lives.events.filter((event) => event[2] === kind);
+      drawn.push({ type: "scatter", mode: "markers", name: kind, showlegend: true, x: of.map((event) => times[event[0]]),
+        y: of.map((event) => event[1] - 0.32), customdata: of.map((event) => event[0]), hoverinfo: "text",
+        hovertext: of.map(([, row, what, why, number]) => plain(`${lives.rows[row]}, frame ${number}: ${what}${why ? ": " + why : ""}`)
+          .replace(/(.{50,70}?) /g, "$1<br>")),
+        marker: { symbol: symbols[kind], size: 9, color: css("--ink"), line: { width: 1.5, color: css("--ink") } } });
+    }
+    const plot = element("lives"), n = lives.rows.length;
+    plot.style.height = `${80 + (n > 20 ? 18 : 30) * n}px`;
+    Plotly.newPlot(plot, drawn, { ...base, margin: { l: 120, r: 10, t: 30, b: 40 }, hovermode: "closest",
+      showlegend: kinds.length > 0, legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 },
+      xaxis: { ...grid, title: { text: lives.unit }, range: [times[0], times[times.length - 1]] },
+      yaxis: { ...grid, range: [n - 0.5, -0.75], tickvals: lives.rows.map((_, i) => i),
+        ticktext: lives.rows.map(plain),
+        ticks: "outside", ticklen: 8, tickcolor: "rgba(0,0,0,0)", automargin: true } }, config);
+    plot.on("plotly_click", ({ points }) => {
+      if (points[0].customdata !== undefined) show(Math.round(points[0].customdata / scene.stride));
+    });
   }
   element("keypoint-errors").style.height = `${120 + 18 * K}px`;
   const across = (values, name, colour) => ({ type: "bar", orientation: "h", y: charts.keypoints, x: values, name, marker: { color: colour } });

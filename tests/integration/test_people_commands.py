@@ -1,0 +1,110 @@
+"""Results of many people on the command line: edit, explain and report, from files to files."""
+
+import os
+from dataclasses import replace
+
+import pytest
+
+import posefuse
+from posefuse.edits import apply_edits
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.io.results import netcdf
+from tests.people import crowd, followed
+
+EDITS = """
+[[edit]]
+do = "rename"
+person = "person_1"
+to = "anna"
+
+[[edit]]
+do = "drop"
+person = "person_2"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A result, and the recording it is of."""
+    scene = crowd(people=10, seconds=1.0)
+    (tmp_path / "recording").mkdir()
+    native.write(scene.detections, tmp_path / "recording" / "keypoints.nc")
+    anipose.write(scene.rig, tmp_path / "recording" / "calibration.toml")
+    result = followed(scene)
+    result = replace(result, provenance=replace(result.provenance, inputs={}))
+    (tmp_path / "result").mkdir()
+    netcdf.write(result.chunks(), tmp_path / "result" / "reconstruction.nc")
+    return tmp_path
+
+
+def test_edit(run, folder):
+    (folder / "edits.toml").write_text(EDITS)
+    before = (folder / "result" / "reconstruction.nc").read_bytes()
+    code, said, wrong = run("edit", folder / "result", folder / "edits.toml")
+    assert (code, wrong) == (0, "")
+    assert (folder / "result" / "reconstruction.nc").read_bytes() == before
+    out = folder / "result_edited"
+    names = {entry.name for entry in out.iterdir()}
+    assert {"reconstruction.nc", "model.csv", "events.csv", "anna.trc", "person_10.c3d", "report.html"} <= names
+    assert "person_2.trc" not in names
+    assert "note: Edited: person_1 renamed anna." in said
+    assert all(len(line) <= 80 for line in said.splitlines() if "Wrote" not in line)
+    edited = posefuse.read_reconstruction(out / "reconstruction.nc")
+    expected = apply_edits(posefuse.read_reconstruction(folder / "result/reconstruction.nc"),
+                           posefuse.read_edits(folder / "edits.toml"))  # fmt: skip
+    assert replace(edited, provenance=expected.provenance) == expected
+    assert edited.provenance.notes == expected.provenance.notes
+    assert list(edited.provenance.inputs) == ["edits.toml"]
+    assert str(folder).encode() not in (out / "reconstruction.nc").read_bytes()
+
+
+def test_edits_that_cannot_be_done_leave_nothing_behind(run, folder):
+    (folder / "edits.toml").write_text(EDITS.replace("person_2", "person_22"))
+    before = sorted(folder.rglob("*"))
+    code, _, said = run("edit", folder / "result", folder / "edits.toml")
+    assert code == 1
+    assert "Edit 2 (drop): Nobody is called 'person_22' here. Did you mean" in said
+    assert sorted(folder.rglob("*")) == before
+    code, _, said = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "result")
+    assert code == 1
+    assert "is the result itself" in said
+
+
+def test_edits_are_done_again_by_reconstruct(run, recording, tmp_path):
+    (tmp_path / "edits.toml").write_text('[[edit]]\ndo = "rename"\nperson = "person_1"\nto = "anna"\n')
+    assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
+    assert run("edit", tmp_path / "plain", tmp_path / "edits.toml", "-o", tmp_path / "edited")[0] == 0
+    assert run("reconstruct", recording, "-o", tmp_path / "again", "--edits", tmp_path / "edits.toml")[0] == 0
+    for name in ("reconstruction.nc", "keypoints.csv", "anna.trc", "report.html"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "edited" / name).read_bytes(), name
+    assert sorted(os.listdir(tmp_path / "again")) == sorted(os.listdir(tmp_path / "edited"))
+
+
+def test_explain(run, folder):
+    code, said, wrong = run("explain", folder / "result", "--frame", 12, "--recording", folder / "recording")
+    assert (code, wrong) == (0, "")
+    for words in ("frame 12, 0.480 s", "person_3  active since", "cam_4: ", "nobody"):
+        assert words in said
+    assert all(len(line) <= 80 for line in said.splitlines())
+    keypoints = folder / "recording" / "keypoints.nc"
+    code, said, _ = run("explain", folder / "result", "--frame", 12, "--person", "person_3", "--keypoints", keypoints)
+    assert code == 0
+    assert "person_3, layer model:" in said
+    assert "person_5" not in said.split("cam_0")[0]
+    code, said, _ = run("explain", folder / "result", "--frame", 12)
+    assert code == 0
+    assert "The 2D keypoints are not known here" in said
+    code, _, said = run("explain", folder / "result", "--frame", 99)
+    assert code == 1
+    assert "whose frames are 0 to 24" in said
+
+
+def test_explain_notices_other_keypoints(run, folder):
+    path = folder / "result" / "reconstruction.nc"
+    known = posefuse.read_reconstruction(path)
+    known = replace(known, provenance=replace(known.provenance, inputs={"keypoints.nc": "0" * 64}))
+    netcdf.write(list(known.chunks()), folder / "result2.nc")
+    code, _, said = run("explain", folder / "result2.nc", "--frame", 3, "--recording", folder / "recording")
+    assert code == 0
+    assert "keypoints.nc has changed since the result was made" in said

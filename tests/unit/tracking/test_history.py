@@ -1,0 +1,154 @@
+"""The history gives back what a tracker knew, and smoothing it in blocks is smoothing it at once."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError
+from posefuse.kernels.articulated import State
+from posefuse.model.tracks import TrackState
+from posefuse.tracking import history as history_module
+from posefuse.tracking.bodies import chosen, joined, nobody
+from posefuse.tracking.history import History
+from posefuse.tracking.records import People, Person, Remembered
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
+from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
+
+__all__ = ["settings"]
+VIEWS, KEYPOINTS = 3, len(SKELETON)
+
+
+def person(name: str, life: TrackState, missing_s: float) -> Person:
+    rows = np.arange(VIEWS)
+    used = np.ones((VIEWS, KEYPOINTS), dtype=bool)
+    return Person(name, life, np.empty((KEYPOINTS, 3)), np.empty((KEYPOINTS, 6)), rows, used, 1.0, missing_s)
+
+
+def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None) -> None:
+    """Add a frame in which these people stand so, of whom some are remembered, some lost for that long."""
+    everybody = nobody(history.settings.tree)
+    for state in states.values():
+        everybody = joined(everybody, state)
+    lost = lost or {}
+    told = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
+    tracker = SimpleNamespace(tracks=[SimpleNamespace(name=n) for n in states], state=everybody, remembered=past or {})
+    history.add(tracker, People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ()))  # type: ignore[arg-type]
+
+
+def history_of(settings: Settings, states: State, lost=None) -> History:
+    history = History(settings)
+    for k in range(len(states.root)):
+        past = {"person_1": []} if k == 0 else {}
+        tell(history, k, {"person_1": chosen(states, [k])}, past, {"person_1": lost[k]} if lost and k in lost else {})
+    return history
+
+
+def taken(history: History, stops: list[int]) -> list[SmoothedPerson]:
+    smoother = PeopleSmoother(history)
+    return [part for stop in stops for part in smoother.take(stop)]
+
+
+def test_what_is_recorded_comes_back(settings, rng, monkeypatch):
+    monkeypatch.setattr(history_module, "_BLOCK_S", 0.3)
+    states = filtered(settings, 40, rng, kept_from=18)
+    history = history_of(settings, states)
+    (run,) = history.runs(0, 40)
+    close(run.state, states, 0.0)
+    assert run.fresh
+    np.testing.assert_array_equal(run.places, np.arange(40))
+    np.testing.assert_allclose(run.time_s, times(40))
+    (part,) = history.runs(7, 21)
+    close(part.state, chosen(states, np.arange(7, 21)), 0.0)
+    assert not part.fresh
+    assert history.place(10 + 2 * 7) == 7
+
+
+def test_frames_come_in_order_and_are_found_by_number(settings, rng):
+    history = history_of(settings, filtered(settings, 3, rng))
+    with pytest.raises(DetectionsError, match="in order"):
+        tell(history, 1, {})
+    with pytest.raises(DetectionsError, match="no frame 11"):
+        history.place(11)
+
+
+def test_people_are_remembered_from_before_they_were_believed(settings, rng):
+    states = filtered(settings, 10, rng)
+    history = History(settings)
+    for k in range(6):
+        tell(history, k, {})
+    past = [Remembered(10 + 2 * k, DT_S * k, chosen(states, [k]), np.arange(VIEWS)) for k in (2, 3, 5)]
+    tell(history, 6, {"person_1": chosen(states, [6])}, {"person_1": past})
+    (run,) = history.runs(0, 7)
+    np.testing.assert_array_equal(run.places, np.arange(2, 7))
+    np.testing.assert_array_equal(run.life, [TrackState.TENTATIVE] * 4 + [TrackState.ACTIVE])
+    np.testing.assert_allclose(run.missing_s, [0.0, 0.0, DT_S, 0.0, 0.0], atol=1e-12)
+    assert run.fresh
+    assert (run.rows[2] == -1).all()
+    close(chosen(run.state, [0, 1, 3]), chosen(states, [2, 3, 5]), 0.0)
+    # In the frame without evidence they are where they were going.
+    np.testing.assert_allclose(run.state.root[2], run.state.root[1], atol=0.2)
+    assert np.trace(run.state.covariance[2]) > np.trace(run.state.covariance[1])
+
+
+def test_a_run_ends_where_the_filter_begins_anew_or_nobody_is_followed(settings, rng):
+    states = filtered(settings, 12, rng)
+    history = History(settings)
+    for k in range(12):
+        past = {"person_1": []} if k in (0, 5) else {}
+        tell(history, k, {} if k == 8 else {"person_1": chosen(states, [k])}, past)
+    assert [run.places.tolist() for run in history.runs(0, 12)] == [[0, 1, 2, 3, 4], [5, 6, 7], [9, 10, 11]]
+
+
+@pytest.mark.parametrize("stops", [[60, 120], [7, 30, 31, 95, 120]])
+def test_blocks_are_the_whole(settings, rng, stops):
+    """To 1e-6 m where a look-ahead of 2 s is all that a block knows of what follows."""
+    history = history_of(settings, filtered(settings, 120, rng, kept_from=70))
+    (whole,) = taken(history, [120])
+    parts = taken(history, stops)
+    for name in ("root_m", "points_m", "shape_m", "directions", "shape_sd_m"):
+        got = np.concatenate([getattr(part.body, name) for part in parts])
+        np.testing.assert_allclose(got, getattr(whole.body, name), atol=1e-6, err_msg=name)
+    got = np.concatenate([part.body.covariance_m2 for part in parts])
+    np.testing.assert_allclose(got, whole.body.covariance_m2, atol=1e-8)
+
+
+def test_a_lag_of_everything_is_the_full_smoother(settings, rng):
+    states = filtered(settings, 30, rng)
+    full = taken(history_of(settings, states), [30])
+    options = replace(settings.options, smoother="lag", lag_s=10.0)
+    lag = taken(history_of(replace(settings, options=options), states), [30])
+    assert len(lag) == 30
+    np.testing.assert_allclose(np.concatenate([part.body.points_m for part in lag]), full[0].body.points_m, atol=1e-9)
+
+
+def test_no_smoother_is_the_filter(settings, rng):
+    states = filtered(settings, 30, rng)
+    options = replace(settings.options, smoother="none")
+    (part,) = taken(history_of(replace(settings, options=options), states), [30])
+    np.testing.assert_array_equal(part.body.root_m, states.root)
+
+
+def test_who_is_lost_for_long_is_left_out_who_is_not_is_bridged(settings, rng):
+    states = filtered(settings, 40, rng)
+    lost = {k: (k - 10) * 0.2 for k in range(10, 30)}
+    long = taken(history_of(settings, states, lost), [40])
+    assert [(part.places[0], part.places[-1]) for part in long] == [(0, 20), (30, 39)]
+    short = taken(history_of(settings, states, {k: 0.1 for k in range(10, 30)}), [40])
+    assert [len(part.places) for part in short] == [40]
+
+
+def test_what_is_released_is_gone_and_the_rest_goes_on(settings, rng, monkeypatch):
+    monkeypatch.setattr(history_module, "_BLOCK_S", 0.3)
+    states = filtered(settings, 60, rng)
+    kept = taken(history_of(settings, states), [30, 60])
+    history = history_of(settings, states)
+    smoother = PeopleSmoother(history)
+    first = smoother.take(30)
+    history.release(29)
+    assert history.runs(0, 10) == []
+    second = smoother.take(60)
+    for mine, theirs in zip([*first, *second], kept, strict=True):
+        np.testing.assert_array_equal(mine.body.points_m, theirs.body.points_m)

@@ -1,0 +1,238 @@
+"""The smoother against dense textbook formulas, and the laws of working in pieces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.articulated import State
+from posefuse.kernels.smoothing import apply_changes, compare_states
+from posefuse.model.noise import NoiseModel
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.bodies import chosen, joined, nobody, uncertain
+from posefuse.tracking.history import Run
+from posefuse.tracking.posing import newborn
+from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.smoothing import smooth_run, smooth_states
+from posefuse.tracking.tempering import ahead, first_with, tell_again, what_was_said
+
+SKELETON = shipped_skeleton("body_20")
+TREE = SKELETON.tree
+assert TREE is not None
+N, H = TREE.n_pose, TREE.n_shape
+DT_S = 0.04
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    rig = build_rig("ring", 3)
+    return Settings.of(rig, SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
+
+
+def standing(settings: Settings) -> State:
+    points = np.array([(0.0, 0.0, 1.0)] * len(SKELETON)) + np.linspace(0.0, 0.3, 3 * len(SKELETON)).reshape(-1, 3)
+    return newborn(
+        settings.tree, points, settings.tree.shape_m, settings.tree.shape_covariance, settings.options.motion
+    )
+
+
+def observed(state: State, change: np.ndarray, variance: np.ndarray) -> None:
+    """A textbook update, in place, of pose and shape seen directly, off by ``change`` from where they are."""
+    m = N + H if state.free[0] else N
+    rows = uncertain(N, H, bool(state.free[0]))
+    at = np.ix_(rows, rows)
+    covariance = state.covariance[0][at]
+    gain = covariance[:, :m] @ np.linalg.inv(covariance[:m, :m] + np.diag(variance[:m]))
+    step = np.zeros((1, 2 * N + H))
+    step[0, rows] = gain @ change[:m]
+    apply_changes(step, state)
+    left = covariance - gain @ covariance[:m]
+    state.covariance[0][at] = 0.5 * (left + left.T)
+
+
+def keep_shape(state: State) -> None:
+    state.free[0] = 0
+    state.covariance[0, N : N + H] = 0.0
+    state.covariance[0, :, N : N + H] = 0.0
+
+
+def filtered(
+    settings: Settings, frames: int, rng: np.random.Generator, kept_from: int = 10**6, turn: float = 0.02
+) -> State:
+    """A person's filtered states, seen in all but a few frames."""
+    now, out = standing(settings), nobody(settings.tree)
+    variance = np.full(N + H, turn**2)
+    for k in range(frames):
+        if k:
+            ahead(now, np.array([DT_S]), settings)
+        if not 20 <= k < 25:
+            observed(now, rng.normal(0.0, turn, N + H), variance)
+        if k == kept_from:
+            keep_shape(now)
+        out = joined(out, now)
+    return out
+
+
+def times(frames: int) -> np.ndarray:
+    return DT_S * np.arange(frames)
+
+
+def close(one: State, other: State, atol: float) -> None:
+    for name, mine, theirs in zip(State._fields, one, other, strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=atol, err_msg=name)
+
+
+def test_comparing_undoes_applying(settings, rng):
+    start = chosen(standing(settings), [0, 0, 0])
+    change = rng.normal(0.0, 0.5, (3, 2 * N + H))
+    end = chosen(start, [0, 1, 2])
+    apply_changes(change, end)
+    found = np.empty_like(change)
+    compare_states(start, end, found)
+    np.testing.assert_allclose(found, change, atol=1e-12)
+    compare_states(end, start, found)
+    np.testing.assert_allclose(found, -change, atol=1e-12)
+
+
+def test_root_and_lengths_are_the_textbook_smoother(settings, rng):
+    """Of a body that stands still but for its root the state is linear: all of it at once, dense."""
+    frames = 12
+    f = np.eye(2 * N + H)
+    fade = np.exp(-DT_S / settings.decay_s)
+    f[:N, N + H :] = np.diag(settings.decay_s * (1.0 - fade))
+    f[N + H :, N + H :] = np.diag(fade)
+    linear = np.r_[0:3, N : N + H, N + H : N + H + 3]
+    at = np.ix_(linear, linear)
+    states = filtered(settings, frames, rng)
+    smooth = smooth_states(states, times(frames), settings)
+    mean = np.concatenate([states.root, states.shape, states.velocity[:, :3]], axis=1)
+    covariance = states.covariance[:, linear[:, None], linear]
+    for k in range(frames - 2, -1, -1):
+        q = ahead(chosen(states, [k]), np.array([DT_S]), settings).covariance[0][at] - (
+            f[at] @ covariance0(states, k, at) @ f[at].T
+        )
+        foretold = f[at] @ covariance0(states, k, at) @ f[at].T + q
+        gain = covariance0(states, k, at) @ f[at].T @ np.linalg.inv(foretold)
+        mean[k] = mean[k] + gain @ (mean[k + 1] - f[at] @ mean[k])
+        covariance[k] = covariance0(states, k, at) + gain @ (covariance[k + 1] - foretold) @ gain.T
+    np.testing.assert_allclose(smooth.root, mean[:, :3], atol=1e-9)
+    np.testing.assert_allclose(smooth.shape, mean[:, 3 : 3 + H], atol=1e-9)
+    np.testing.assert_allclose(smooth.velocity[:, :3], mean[:, 3 + H :], atol=1e-8)
+    np.testing.assert_allclose(smooth.covariance[:, linear[:, None], linear], covariance, atol=1e-9)
+
+
+def covariance0(states: State, k: int, at) -> np.ndarray:
+    return states.covariance[k][at]
+
+
+def test_smoothing_knows_more_than_filtering(settings, rng):
+    states = filtered(settings, 40, rng, kept_from=30)
+    smooth = smooth_states(states, times(40), settings)
+    before = np.diagonal(states.covariance, axis1=1, axis2=2)
+    after = np.diagonal(smooth.covariance, axis1=1, axis2=2)
+    assert (after <= before * (1.0 + 1e-9) + 1e-15).all()
+    assert (after[:30, :N] < before[:30, :N]).all()
+    assert np.linalg.eigvalsh(smooth.covariance[5]).min() > -1e-12
+    close(chosen(smooth, [39]), chosen(states, [39]), 0.0)
+
+
+def test_without_anything_later_nothing_changes(settings, rng):
+    """Frames foretold from the last one seen teach nothing of it."""
+    seen = filtered(settings, 12, rng)
+    states, now = seen, chosen(seen, [11])
+    for _ in range(6):
+        ahead(now, np.array([DT_S]), settings)
+        states = joined(states, now)
+    smooth = smooth_states(states, times(18), settings)
+    assert (np.diagonal(now.covariance[0])[:N] < settings.most).all()
+    close(State(*(each[:12] for each in smooth)), smooth_states(seen, times(12), settings), 1e-8)
+    close(State(*(each[12:] for each in smooth)), State(*(each[12:] for each in states)), 1e-8)
+
+
+def test_the_shape_kept_is_the_shape_all_along(settings, rng):
+    states = filtered(settings, 20, rng, kept_from=12)
+    smooth = smooth_states(states, times(20), settings)
+    assert np.abs(states.shape[0] - states.shape[-1]).max() > 1e-3
+    # It wanders by so little in this time.
+    np.testing.assert_allclose(smooth.shape, np.tile(states.shape[-1], (20, 1)), atol=1e-4)
+
+
+def told_again(states: State, share: np.ndarray, settings: Settings) -> State:
+    t = times(len(share))
+    said = what_was_said(
+        State(*(each[:-1] for each in states)), np.diff(t), State(*(each[1:] for each in states)), settings
+    )
+    return tell_again(states, t, said, share, first_with(chosen(states, [0]), share[0], settings), settings)
+
+
+def test_told_all_of_it_again_the_filter_finds_what_it_found(settings, rng):
+    states = filtered(settings, 40, rng, turn=0.005)
+    close(told_again(states, np.ones(40), settings), states, 1e-5)
+
+
+def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
+    """Half of what is said is said by twice the variance: the same observations, once in the filter, once after it."""
+    frames = 15
+    rng = np.random.default_rng(4)
+    target = np.zeros(N + H)
+    target[:3] = rng.normal(0.0, 0.05, 3)
+    runs = []
+    for factor in (1.0, 2.0):
+        now, out = standing(settings), nobody(settings.tree)
+        fixed = chosen(now, [0])
+        for k in range(frames):
+            if k:
+                ahead(now, np.array([DT_S]), settings)
+            change = np.empty((1, 2 * N + H))
+            compare_states(now, fixed, change)
+            observed(now, change[0, : N + H] + target * np.sin(0.3 * k), np.full(N + H, factor * 0.02**2))
+            out = joined(out, now)
+        runs.append(out)
+    again = told_again(runs[0], np.full(frames, 0.5), settings)
+    np.testing.assert_allclose(again.covariance, runs[1].covariance, atol=1e-8)
+    np.testing.assert_allclose(again.root[5:], runs[1].root[5:], atol=3e-3)
+
+
+def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
+    frames = len(states.root)
+    return Run(
+        "person_1", np.arange(frames), times(frames), True, states, np.zeros((frames, 3), dtype=np.int64),
+        np.zeros((frames, 3, len(SKELETON)), dtype=bool), np.full(frames, life, dtype=np.int8), np.zeros(frames),
+    )  # fmt: skip
+
+
+def test_white_errors_need_no_tempering(settings, rng):
+    """As long a memory in the filter as in the smoother: nothing is told again, the means are the plain smoother's."""
+    options = replace(settings.options, smoother_error_memory_s=settings.options.error_memory_s)
+    states = filtered(settings, 30, rng, turn=0.005)
+    run = replace(run_of(states), fresh=False)
+    smooth = smooth_run(run, replace(settings, options=options))
+    plain = smooth_states(states, times(30), settings)
+    np.testing.assert_allclose(smooth.root_m, plain.root, atol=1e-6)
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.04])
+def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
+    """The variance of a mean over much time is that of so many times fewer independent errors."""
+    correlation = np.exp(-dt_s / 0.25)
+    n = 200_000
+    variance = (1.0 + 2.0 * np.sum(correlation ** np.arange(1, 10_000))) / n
+    assert tempering(np.array([dt_s]), 0.25)[0] / n == pytest.approx(variance, rel=1e-6)
+
+
+def test_missing_frames_are_wider(settings, rng):
+    smooth = smooth_run(run_of(filtered(settings, 45, rng)), settings)
+    spread = smooth.covariance_m2[:, :, [0, 3, 5]].sum(axis=-1)
+    assert (spread[22] > spread[15]).all()
+    assert (spread[22] > spread[30]).all()
+    assert np.isfinite(smooth.points_m).all()
+
+
+def test_what_is_smoothed_is_left_as_it_is(settings, rng):
+    states = filtered(settings, 10, rng)
+    kept = chosen(states, np.arange(10))
+    smooth_run(run_of(states), settings)
+    close(states, kept, 0.0)
