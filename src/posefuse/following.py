@@ -255,8 +255,6 @@ def follow(rig: CameraRig, detections: Detections, options: Options, progress: P
     """
     noise = rough_noise(rig, detections, options)
     tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
-
-    tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
     book = _Book(History(tracker.settings))
     progress.start("following people", detections.n_frames)
     for chunk in detections.chunks():

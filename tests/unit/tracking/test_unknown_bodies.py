@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from posefuse.errors import SkeletonError
-from posefuse.following import follow, tracker_of, usual_noise
+from posefuse.following import tracker_of, usual_noise
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import Options
 from posefuse.model.skeletons import Skeleton, parse_skeleton
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.progress import Silent
+from posefuse.pipeline import reconstruct
 from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
@@ -60,16 +60,17 @@ def test_two_creatures_are_followed(size, tree, edges):
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
     detections = replace(scene.detections, skeleton=skeleton)
-    found = follow(rig, detections, Options(), Silent())
-    layer, poses = found.bodies(rig, detections, 0, 60)
+    found = reconstruct(rig, detections, Options(people="many"))
+    assert found.tracks is not None
+    assert found.poses is not None
     active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
     assert active[5:, :2].all()
     assert not active[:, 2:].any()
-    apart = np.linalg.norm(layer.points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    apart = np.linalg.norm(found.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
     order = apart.argmin(axis=1)
     assert sorted(order) == [0, 1]
     assert apart.min(axis=1).max() < 0.06 * size
-    np.testing.assert_allclose(np.linalg.norm(poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(found.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
 def test_live_a_skeleton_must_say_how_large_it_is():
