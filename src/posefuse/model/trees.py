@@ -150,7 +150,7 @@ class Tree:
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, ...]:
-        """For kernels: parents, movers, is_bone, places, shape, sign, column starts, columns."""
+        """For kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns."""
         nodes = self.nodes
         starts, columns = _columns(self)
         return (

@@ -15,7 +15,7 @@ _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
 _DEFINITION_M = 0.01
 _LASTING = 4.0
-"""Detections' errors last longer than the filter looks back: lengths are so much less certain (variance) than it says."""
+"""Detections' errors last longer than the filter looks back: lengths vary by so much more (variance) than it says."""
 _CLEAR = 1.0
 
 

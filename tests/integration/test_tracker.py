@@ -1,0 +1,275 @@
+"""What holds of following people in any scene: the same again, wherever the world is, however fast it is filmed."""
+
+import pickle
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from posefuse import Options
+from posefuse.errors import DetectionsError
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
+from posefuse.model.life import Event
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.pipeline import Tracker
+from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.options import CLEAN
+from posefuse.tracking.records import People, Person
+
+SECONDS, PEOPLE = 4.0, 3
+
+
+@pytest.fixture(scope="module")
+def scene() -> CrowdScene:
+    """Three people and all that a detector does wrong, 100 frames."""
+    return simulate_crowd(CrowdOptions(people=PEOPLE, duration_s=SECONDS, seed=1))
+
+
+@pytest.fixture(scope="module")
+def told(scene: CrowdScene) -> list[People]:
+    return run(scene.rig, frames_of(scene.detections))
+
+
+def frames_of(detections: Detections) -> list[Frame]:
+    return [Frame.of(detections, i) for i in range(detections.n_frames)]
+
+
+def run(rig: CameraRig, frames: Iterable[Frame], options: TrackerOptions | None = None) -> list[People]:
+    tracker = Tracker(rig, "body_20", Options(tracker=options or TrackerOptions()))
+    return [tracker.update(frame) for frame in frames]
+
+
+def events_of(told: Sequence[People]) -> list[Event]:
+    return [event for people in told for event in people.events]
+
+
+def known(people: People, state: TrackState = TrackState.ACTIVE) -> dict[str, Person]:
+    return {person.name: person for person in people.people if person.state == state}
+
+
+def same_people(told: Sequence[People], others: Sequence[People], within_m: float) -> None:
+    """The same names in the same states, no point farther off than so much."""
+    for one, other in zip(told, others, strict=True):
+        assert [(p.name, p.state) for p in one.people] == [(p.name, p.state) for p in other.people]
+        for mine, theirs in zip(one.people, other.people, strict=True):
+            np.testing.assert_allclose(mine.points_m, theirs.points_m, rtol=0, atol=within_m)
+
+
+def reordered(frame: Frame, order: Sequence[int]) -> Frame:
+    """The views in another order: the new view ``i`` is the old ``order[i]``."""
+    rows = np.concatenate([frame.rows_of(view) for view in order]).astype(int)
+    return replace(
+        frame,
+        keypoints_px=frame.keypoints_px[rows],
+        confidence=frame.confidence[rows],
+        view=np.repeat(np.arange(len(order)), [len(frame.rows_of(view)) for view in order]),
+        track_ids=frame.track_ids[rows],
+        time_s=frame.time_s[list(order)],
+        recorded=frame.recorded[list(order)],
+    )
+
+
+def without_rows(frame: Frame, keep: np.ndarray) -> Frame:
+    return replace(
+        frame,
+        keypoints_px=frame.keypoints_px[keep],
+        confidence=frame.confidence[keep],
+        view=frame.view[keep],
+        track_ids=frame.track_ids[keep],
+    )
+
+
+def with_ghost(frame: Frame, view: int, shift_px: float) -> Frame:
+    """One more person in a view: the first it shows, moved aside."""
+    rows = frame.rows_of(view)
+    if not len(rows):
+        return frame
+    after = int(rows[-1]) + 1
+    moved = frame.keypoints_px[rows[0]] + np.array([shift_px, 0.0])
+    return replace(
+        frame,
+        keypoints_px=np.insert(frame.keypoints_px, after, moved, axis=0),
+        confidence=np.insert(frame.confidence, after, frame.confidence[rows[0]], axis=0),
+        view=np.insert(frame.view, after, view),
+        track_ids=np.insert(frame.track_ids, after, -1),
+    )
+
+
+def moved_rig(rig: CameraRig, new_from_old: np.ndarray) -> CameraRig:
+    """The cameras of the same images in other world coordinates."""
+    back = np.linalg.inv(new_from_old)
+    return replace(
+        rig, cameras=tuple(replace(c, camera_from_world=c.camera_from_world @ back) for c in rig.cameras), up_axis=None
+    )
+
+
+def test_everybody_is_found_once(scene: CrowdScene, told: list[People]) -> None:
+    truth = np.asarray(scene.truth.layers["measured"].points_m)
+    found = known(told[-1])
+    assert len(found) == PEOPLE
+    apart = [
+        np.nanmean(np.linalg.norm(truth[-1] - person.points_m, axis=-1), axis=-1).min() for person in found.values()
+    ]
+    assert max(apart) < 0.1
+    assert [e.what for e in events_of(told)].count("born") == PEOPLE
+
+
+def test_the_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[People]) -> None:
+    again = run(scene.rig, frames_of(scene.detections))
+    assert [pickle.dumps(people) for people in told] == [pickle.dumps(people) for people in again]
+
+
+def test_a_tracker_goes_on_from_its_pickle(scene: CrowdScene, told: list[People]) -> None:
+    tracker = Tracker(scene.rig, "body_20")
+    frames = frames_of(scene.detections)
+    # So early that somebody is still tentative, and again in the middle.
+    for stop, start in ((2, 0), (50, 2), (len(frames), 50)):
+        for i in range(start, stop):
+            same_people([tracker.update(frames[i])], [told[i]], 0.0)
+        tracker = pickle.loads(pickle.dumps(tracker))
+
+
+def test_the_order_of_cameras_does_not_matter(scene: CrowdScene, told: list[People]) -> None:
+    order = [3, 0, 4, 2, 1]
+    rig = replace(scene.rig, cameras=tuple(scene.rig.cameras[v] for v in order))
+    others = run(rig, [reordered(frame, order) for frame in frames_of(scene.detections)])
+    same_people(told, others, 1e-6)
+    for one, other in zip(told, others, strict=True):
+        for mine, theirs in zip(one.people, other.people, strict=True):
+            np.testing.assert_array_equal(mine.used[order], theirs.used)
+
+
+def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> None:
+    turn = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix()
+    move = np.array([12.0, -7.0, 3.0])
+    new_from_old = np.eye(4)
+    new_from_old[:3, :3], new_from_old[:3, 3] = turn, move
+    others = run(moved_rig(scene.rig, new_from_old), frames_of(scene.detections))
+    expected = [
+        replace(people, people=tuple(replace(p, points_m=p.points_m @ turn.T + move) for p in people.people))
+        for people in told
+    ]
+    same_people(expected, others, 2e-3)
+
+
+def test_four_times_the_frames_give_the_same_lives() -> None:
+    """One of two people leaves at 10.7 s and is back at 15.7 s; who is named first does not matter."""
+    slow, fast = lives(25.0), lives(100.0)
+    assert [[what for what, _ in life] for life in slow] == [[what for what, _ in life] for life in fast]
+    assert [what for what, _ in slow[0]] == ["born"]
+    assert [what for what, _ in slow[1]] in (["born", "lost", "returned"], ["born", "lost", "found"])
+    for one, other in zip(slow, fast, strict=True):
+        np.testing.assert_allclose([at_s for _, at_s in one], [at_s for _, at_s in other], rtol=0, atol=0.1)
+
+
+def lives(rate_hz: float) -> list[list[tuple[str, float]]]:
+    """What happened to each person and when, the least eventful life first."""
+    options = CrowdOptions("leave", duration_s=22.0, rate_hz=rate_hz, seed=0, detector=CLEAN, faults=NO_FAULTS)
+    made = simulate_crowd(options)
+    told = run(made.rig, frames_of(made.detections)[int(9.5 * rate_hz) : int(17.0 * rate_hz)])
+    found: dict[str, list[tuple[str, float]]] = {}
+    for event in events_of(told):
+        found.setdefault(event.person, []).append((event.what, event.time_s))
+    return sorted(found.values(), key=len)
+
+
+def test_an_empty_frame_is_a_miss_for_all(scene: CrowdScene) -> None:
+    frames = frames_of(scene.detections)
+    tracker = Tracker(scene.rig, "body_20")
+    before = [tracker.update(frame) for frame in frames[:40]][-1]
+    nothing = without_rows(frames[40], np.zeros(len(frames[40].view), dtype=bool))
+    empty = tracker.update(nothing)
+    assert list(known(empty)) == list(known(before))
+    for name, person in known(empty).items():
+        assert (person.rows == -1).all()
+        assert not person.used.any()
+        assert person.log_odds < known(before)[name].log_odds
+        was = known(before)[name].covariance_m2[:, (0, 3, 5)].sum(axis=1)
+        assert np.nanmean(person.covariance_m2[:, (0, 3, 5)].sum(axis=1)) > np.nanmean(was)
+
+
+def test_nobody_to_be_seen_from_the_first_frame(scene: CrowdScene) -> None:
+    frames = frames_of(scene.detections)[:30]
+    told = run(scene.rig, [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames])
+    assert all(not people.people and not people.events for people in told)
+
+
+def test_frames_out_of_order_are_refused(scene: CrowdScene) -> None:
+    frames = frames_of(scene.detections)
+    tracker = Tracker(scene.rig, "body_20")
+    tracker.update(frames[5])
+    for i in (5, 4):
+        with pytest.raises(DetectionsError, match="Frames come in order"):
+            tracker.update(frames[i])
+    assert tracker.update(frames[6]).number == 6
+
+
+def test_frames_of_other_keypoints_or_cameras_are_refused(scene: CrowdScene) -> None:
+    frame = Frame.of(scene.detections, 0)
+    fewer = replace(frame, keypoints_px=frame.keypoints_px[:, :17], confidence=frame.confidence[:, :17])
+    with pytest.raises(DetectionsError, match="17 keypoints"):
+        Tracker(scene.rig, "body_20").update(fewer)
+    with pytest.raises(DetectionsError, match="5 views"):
+        Tracker(replace(scene.rig, cameras=scene.rig.cameras[:4]), "body_20").update(frame)
+
+
+def test_no_detection_is_in_two_people(scene: CrowdScene, told: list[People]) -> None:
+    frames = frames_of(scene.detections)
+    claimed = 0
+    for frame, people in zip(frames, told, strict=True):
+        rows = np.concatenate([person.rows[person.rows >= 0] for person in people.people] or [np.empty(0, int)])
+        assert len(rows) == len(set(rows.tolist()))
+        claimed += len(rows)
+        for person in people.people:
+            of_view = np.flatnonzero(person.rows >= 0)
+            np.testing.assert_array_equal(frame.view[person.rows[of_view]], of_view)
+            assert not person.used[person.rows < 0].any()
+    assert claimed > 0.8 * sum(len(frame.view) for frame in frames)
+
+
+def test_no_more_people_than_asked_for(scene: CrowdScene) -> None:
+    told = run(scene.rig, frames_of(scene.detections), TrackerOptions(max_people=2))
+    most = [sum(p.state != TrackState.TENTATIVE for p in people.people) for people in told]
+    assert max(most) == 2
+
+
+def test_people_are_tentative_before_they_are_active_and_active_before_they_are_lost(scene: CrowdScene) -> None:
+    """All are there for 2 s, then gone."""
+    frames = frames_of(scene.detections)
+    frames = frames[:50] + [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames[50:]]
+    told = run(scene.rig, frames)
+    born = {e.person: e.number for e in events_of(told) if e.what == "born"}
+    assert len(born) == PEOPLE
+    order = [TrackState.ACTIVE, TrackState.LOST]
+    for name, number in born.items():
+        states = [person.state for people in told for person in people.people if person.name == name]
+        assert states == sorted(states, key=order.index)
+        assert set(states) == set(order)
+        assert len(states) == len(frames) - number
+        at = known(told[number])[name].points_m
+        before = [np.nanmean(np.linalg.norm(p.points_m - at, axis=-1)) for p in told[number - 1].people]
+        tentative = [p.state == TrackState.TENTATIVE for p in told[number - 1].people]
+        assert tentative[int(np.argmin(before))]
+        assert min(before) < 0.3
+
+
+def test_what_one_view_alone_shows_is_nobody(scene: CrowdScene, told: list[People]) -> None:
+    """The same apparition in one view in all frames: no body more, and nobody's place changes for it."""
+    frames = [with_ghost(frame, 2, 400.0) for frame in frames_of(scene.detections)]
+    others = run(scene.rig, frames)
+    assert sum(len(frame.view) for frame in frames) == int(scene.detections.offsets[-1]) + len(frames)
+    for one, other in zip(told, others, strict=True):
+        assert list(known(one)) == list(known(other))
+    alone = [only_view(frame, 2) for frame in frames]
+    assert all(not people.people for people in run(scene.rig, alone))
+
+
+def only_view(frame: Frame, view: int) -> Frame:
+    """Only what one view shows."""
+    return without_rows(frame, frame.view == view)
