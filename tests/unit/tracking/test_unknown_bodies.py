@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
 from posefuse.following import tracker_of, usual_noise
+from posefuse.kernels import bodies
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.model.skeletons import Skeleton, parse_skeleton, shipped_skeleton
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.pipeline import reconstruct
@@ -17,7 +19,11 @@ from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
 from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.posing import pose_from_points
 from posefuse.tracking.unknown_bodies import measured_tree
+from tests.kernels import from_python
+
+locate = from_python(bodies.locate)
 
 MOUSE = """
 name = "mouse"
@@ -133,3 +139,18 @@ def test_options_are_a_humans():
     assert after.top_speed_m_s == pytest.approx(speed * before.top_speed_m_s)
     fading = (before.root_acceleration * before.root_decay_s, after.root_acceleration * after.root_decay_s)
     assert fading[1] == pytest.approx(speed**2 * fading[0])
+
+
+@pytest.mark.parametrize("name", ["mouse_22", "body_20"])
+def test_a_first_pose_is_where_the_points_are_whatever_the_size(name, rng):
+    tree = shipped_skeleton(name).tree
+    assert tree is not None
+    shape, has = np.asarray(tree.shape_m), tree.keypoint_nodes >= 0
+    turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
+    bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
+    nodes, again = np.empty((len(tree.nodes), 3)), np.empty((len(tree.nodes), 3))
+    locate(*tree.packed[:6], rng.normal(size=3), turns, bones, shape, nodes)
+    points = np.where(has[:, None], nodes[tree.keypoint_nodes], np.nan)
+    locate(*tree.packed[:6], *pose_from_points(tree, points, shape), shape, again)
+    off = np.linalg.norm(again[tree.keypoint_nodes[has]] - points[has], axis=-1)
+    assert off.max() < 0.05 * tree.size_m
