@@ -8,6 +8,7 @@ from posefuse.model.trees import Tree
 
 _NEIGHBOUR_WEIGHT = 0.1
 _REST_WEIGHT = 1e-3
+"""Of the pose at rest, m^2 of a human."""
 # How far a first pose may be off, of a human.
 _ROOT_SD_M, _TURN_SD, _LIMB_SD = 0.3, 0.7, 0.7
 _ROOT_MOST_M = 5.0
@@ -76,7 +77,9 @@ def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray
     own = np.array([n == 0 or tree.nodes[n].mover == 0 for n in seen])
     weights = np.where(own, 1.0, _NEIGHBOUR_WEIGHT)
     middle_of, middle = (np.average(each[seen], axis=0, weights=weights) for each in (places, known))
-    turn = _polar(_moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * np.eye(3))
+    turn = _polar(
+        _moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * tree.scale**2 * np.eye(3)
+    )
     return known[0] if np.isfinite(known[0, 0]) else middle - turn @ middle_of, turn
 
 
@@ -91,7 +94,7 @@ def _turn(
     start = known[tree.nodes[mine[0]].parent] if mine else origin
     start = start if np.isfinite(start[0]) else origin
     moments = _moments(known[mine] - start, places[mine], np.ones(len(mine))) if mine else np.zeros((3, 3))
-    return _polar(moments + max(_REST_WEIGHT, 0.02 * np.linalg.norm(moments)) * parent)
+    return _polar(moments + max(_REST_WEIGHT * tree.scale**2, 0.02 * np.linalg.norm(moments)) * parent)
 
 
 def _moments(there: np.ndarray, here: np.ndarray, weights: np.ndarray) -> np.ndarray:

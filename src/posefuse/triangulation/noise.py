@@ -24,6 +24,7 @@ _SAMPLE = 20_000
 
 _FEW = 5_200
 _PIECES, _FEW_PIECES = 10, 4
+_LEAST_FREEDOM = 1e-6
 _FEWEST_POINTS = 30
 _ASSUMED_PX_AT_1000 = 4.5
 _FINEST_PX_AT_1000 = 0.1
@@ -171,13 +172,14 @@ def _camera_factors(fit: LinearFit) -> np.ndarray:
     """
     squares = np.square(fit.residuals[1::2] - fit.residuals[0::2]).sum(axis=-1)
     left = 2.0 - np.trace(fit.shares, axis1=-2, axis2=-1)
-    # A point that is not followed by another one has not changed.
-    used = fit.used[0::2] & (squares > 0.0)
+    freedom = left[0::2] + left[1::2]
+    # A point that is not followed by another one has not changed; residuals that are not free say nothing.
+    used = fit.used[0::2] & (squares > 0.0) & (freedom > _LEAST_FREEDOM)
     pairs = used.sum(axis=0)
     if pairs.min() < _FEWEST_POINTS:
         return np.ones(len(pairs))
     # Cameras are compared on the same points: where each sees other people, those would look like another noise.
-    logs = np.log(np.where(used, squares / (left[0::2] + left[1::2]), np.nan))
+    logs = np.log(np.where(used, squares, np.nan) / np.where(used, freedom, np.nan))
     logs = logs[used.sum(axis=1) > 1]
     own = np.nanmedian(logs - np.nanmean(logs, axis=1, keepdims=True), axis=0)
     own -= own.mean()

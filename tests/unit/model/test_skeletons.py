@@ -18,7 +18,9 @@ SIZES = {
     "mediapipe_holistic_543": 543,
     "mediapipe_holistic_553": 553,
     "panoptic_19": 19,
+    "mouse_22": 22,
 }
+HUMANS = [name for name in SIZES if name != "mouse_22"]
 
 
 def test_the_shipped_skeletons_are_these():
@@ -61,7 +63,7 @@ def test_every_body_maps_to_body_20_or_says_what_lacks():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize("name", HUMANS)
 def test_the_core_of_a_body_is_its_limbs(name):
     skeleton = shipped_skeleton(name)
     joints = {f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist")}

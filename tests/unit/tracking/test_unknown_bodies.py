@@ -4,20 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
-from posefuse.following import follow, tracker_of, usual_noise
+from posefuse.following import tracker_of, usual_noise
+from posefuse.kernels import bodies
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.model.skeletons import Skeleton, parse_skeleton, shipped_skeleton
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.progress import Silent
+from posefuse.pipeline import reconstruct
 from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
 from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.posing import pose_from_points
 from posefuse.tracking.unknown_bodies import measured_tree
+from tests.kernels import from_python
+
+locate = from_python(bodies.locate)
 
 MOUSE = """
 name = "mouse"
@@ -59,16 +65,18 @@ def test_two_creatures_are_followed(size, tree, edges):
     skeleton = parse_skeleton(MOUSE + tree, "mouse.toml") if edges else BARE
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
-    found = follow(rig, replace(scene.detections, skeleton=skeleton), Options(), Silent())
+    detections = replace(scene.detections, skeleton=skeleton)
+    found = reconstruct(rig, detections, Options(people="many"))
+    assert found.tracks is not None
+    assert found.poses is not None
     active = np.asarray(found.tracks.state[:]) == TrackState.ACTIVE
     assert active[5:, :2].all()
     assert not active[:, 2:].any()
-    people = found.smoother().take(60)
-    layer, _ = found.bodies(rig, replace(scene.detections, skeleton=skeleton), 0, people)
-    apart = np.linalg.norm(np.asarray(layer.points_m)[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
+    apart = np.linalg.norm(found.layers["model"].points_m[5:, :2, None] - truth[5:, None], axis=-1).mean(axis=(0, 3))
     order = apart.argmin(axis=1)
     assert sorted(order) == [0, 1]
     assert apart.min(axis=1).max() < 0.06 * size
+    np.testing.assert_allclose(np.linalg.norm(found.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
 def test_live_a_skeleton_must_say_how_large_it_is():
@@ -131,3 +139,18 @@ def test_options_are_a_humans():
     assert after.top_speed_m_s == pytest.approx(speed * before.top_speed_m_s)
     fading = (before.root_acceleration * before.root_decay_s, after.root_acceleration * after.root_decay_s)
     assert fading[1] == pytest.approx(speed**2 * fading[0])
+
+
+@pytest.mark.parametrize("name", ["mouse_22", "body_20"])
+def test_a_first_pose_is_where_the_points_are_whatever_the_size(name, rng):
+    tree = shipped_skeleton(name).tree
+    assert tree is not None
+    shape, has = np.asarray(tree.shape_m), tree.keypoint_nodes >= 0
+    turns = Rotation.random(len(tree.segments), rng=rng).as_matrix()
+    bones = Rotation.random(len(tree.bones), rng=rng).as_matrix()
+    nodes, again = np.empty((len(tree.nodes), 3)), np.empty((len(tree.nodes), 3))
+    locate(*tree.packed[:6], rng.normal(size=3), turns, bones, shape, nodes)
+    points = np.where(has[:, None], nodes[tree.keypoint_nodes], np.nan)
+    locate(*tree.packed[:6], *pose_from_points(tree, points, shape), shape, again)
+    off = np.linalg.norm(again[tree.keypoint_nodes[has]] - points[has], axis=-1)
+    assert off.max() < 0.05 * tree.size_m

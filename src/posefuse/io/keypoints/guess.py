@@ -25,7 +25,8 @@ def guess_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> t
         SkeletonError: if no shipped skeleton has so many keypoints, or several do and the people do not tell.
     """
     candidates = [shipped_skeleton(name) for name in shipped_skeletons()]
-    fitting = [skeleton for skeleton in candidates if len(skeleton) == n_keypoints]
+    # Laboratories number an animal's keypoints as they like: how many there are says too little.
+    fitting = [s for s in candidates if len(s) == n_keypoints and (s.tree is None or s.tree.scale == 1.0)]
     if not fitting:
         known = choices((f"{s.name} ({len(s)})" for s in candidates), 20)
         raise SkeletonError(
