@@ -2,6 +2,7 @@
 
 import pickle
 import tempfile
+import weakref
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -83,6 +84,8 @@ class _Block:
     def spool(self) -> None:
         """Into the file."""
         self.file = tempfile.TemporaryFile(prefix="posefuse-")
+        # A history that nobody needs any more leaves no open file behind.
+        weakref.finalize(self, self.file.close)
         pickle.dump(self.entries, self.file, protocol=pickle.HIGHEST_PROTOCOL)
         self.entries = {}
 
