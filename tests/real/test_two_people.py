@@ -61,14 +61,16 @@ def test_both_agree_with_the_reference(follow, shared_data, layer):
     assert [ghost.ever_matched for ghost in found.ghosts] == [False]
 
 
-@pytest.mark.parametrize("frames", [600])
-def test_recorded_motion_of_one_person(shared_data, frames):
-    """A real person's way of moving, through the simulated detector with all its faults."""
+def test_recorded_motion_of_one_person(shared_data):
+    """A real person's way of moving, through the simulated detector with all its faults.
+
+    A median: the recording's right eye and ear jump by decimetres.
+    """
     motion = panoptic.one_person(shared_data("panoptic_motion").parent)
-    made = crowd_of_points(motion.points_m[:frames], motion.rig, motion.skeleton, motion.rate_hz)
+    made = crowd_of_points(motion.points_m[:600], motion.rig, motion.skeleton, motion.rate_hz)
     result = posefuse.reconstruct(made.rig, made.detections, posefuse.Options(people="many"))
     found = score_people(people_points(result, made.truth))
     assert found.clear[0].switches == 0
     assert found.recall_after_entry > 0.995
     assert max((ghost.longest for ghost in found.ghosts), default=0) <= 10
-    assert found.mpjpe_mm < 40
+    assert found.median_mm < 25

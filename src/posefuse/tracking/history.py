@@ -90,6 +90,7 @@ class _Block:
     def spool(self) -> None:
         """Into the file."""
         self.file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the block is)
+        # A history that nobody needs any more leaves no open file behind.
         weakref.finalize(self, self.file.close)
         pickle.dump(self.entries, self.file, protocol=pickle.HIGHEST_PROTOCOL)
         self.entries = {}

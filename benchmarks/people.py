@@ -1,0 +1,348 @@
+"""People followed through simulated scenes, beside the baseline: who is who, how far off, how sure, how fast.
+
+``python -m benchmarks.people [--only crowd,hug,...,equal,ablations,speed] [--seeds 20] [--baseline-seeds 3]``. Prints
+tables as docs/benchmarks.md has them. Everything is causal: each frame is scored as it was told when it was the last.
+Times are CPU times, of all threads together.
+Scenes are kept in the system's temporary folder; another version of the simulation makes them anew.
+"""
+
+import argparse
+import gc
+import hashlib
+import pickle
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import posefuse
+from benchmarks import rpt_kalman
+from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
+from posefuse.evaluation.people import PeoplePoints, PeopleScores, score_people
+from posefuse.following import tracker_of, usual_noise
+from posefuse.model.frames import Frame
+from posefuse.model.life import Event
+from posefuse.model.options import Options
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.tracking.records import People
+from posefuse.tracking.tracker import ArticulatedTracker
+
+_GATE_M = 0.5
+_END_S = 1.0
+_WARM_FRAMES = 50
+_WIDE = 25.0
+_MANY_PASSES = 6
+_NAMES = (*SCENARIOS, "equal")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One scene followed.
+
+    Attributes:
+        scores: of people who are active.
+        right: whether each true person is called at the end what they were called first.
+        events: all.
+        refused: names of cameras that were.
+        moved: the name of the camera that moved, or None.
+        frame_s: shape (frame,): how long each frame took.
+    """
+
+    scores: PeopleScores
+    right: bool
+    events: tuple[Event, ...]
+    refused: tuple[str, ...]
+    moved: str | None
+    frame_s: np.ndarray
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether identities are right, and the camera that moved is the only one refused."""
+        return self.right and set(self.refused) == ({self.moved} if self.moved else set())
+
+
+def scene_of(options: CrowdOptions) -> CrowdScene:
+    """A scene, simulated once."""
+    sources = sorted((Path(posefuse.__file__).parent / "synthetic").glob("*.py"))
+    version = hashlib.sha256(b"".join(path.read_bytes() for path in sources) + repr(options).encode()).hexdigest()[:16]
+    file = Path(tempfile.gettempdir()) / "posefuse-benchmarks" / f"{options.scenario}-{options.seed}-{version}.pkl"
+    if file.exists():
+        return pickle.loads(file.read_bytes())
+    scene = simulate_crowd(options)
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(pickle.dumps(scene))
+    return scene
+
+
+def scenario_of(name: str, seed: int) -> CrowdOptions:
+    """By name; ``equal`` is a hug of two people whose bones tell them not apart."""
+    if name == "equal":
+        return CrowdOptions("hug", seed=seed, equal_statures=True)
+    return CrowdOptions(next(each for each in SCENARIOS if each == name), seed=seed)
+
+
+def tracker_for(scene: CrowdScene, options: TrackerOptions, *, shape_spread: float = 1.0) -> ArticulatedTracker:
+    """A live tracker, as the public one makes it.
+
+    Args:
+        scene: what is followed.
+        options: of the tracker.
+        shape_spread: by how much more (variance) people differ in their bones than is believed.
+    """
+    chosen = Options(tracker=options)
+    tracker = tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
+    tree = tracker.settings.tree
+    wide = replace(tree, shape_covariance=shape_spread * tree.shape_covariance)
+    tracker.settings = replace(tracker.settings, tree=wide)
+    return tracker
+
+
+def follow(scene: CrowdScene, tracker: ArticulatedTracker) -> Run:
+    """Follow everybody, frame by frame."""
+    told: list[People] = []
+    spent = np.empty(scene.detections.n_frames)
+    for i in range(len(spent)):
+        frame = Frame.of(scene.detections, i)
+        start = time.process_time()
+        told.append(tracker.update(frame))
+        spent[i] = time.process_time() - start
+    events = tuple(event for people in told for event in people.events)
+    data = _points(scene, told)
+    bumped = [span.view for span in scene.spans if span.what == "bumped" and span.view is not None]
+    return Run(
+        score_people(data),
+        is_right(data),
+        events,
+        tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
+        scene.rig.names[bumped[0]] if bumped else None,
+        spent,
+    )
+
+
+def _points(scene: CrowdScene, told: Sequence[People]) -> PeoplePoints:
+    active = [{p.name: p for p in people.people if p.state == TrackState.ACTIVE} for people in told]
+    names = tuple(dict.fromkeys(name for people in active for name in people))
+    shape = (len(told), len(names), len(scene.detections.skeleton))
+    points, covariance = np.full((*shape, 3), np.nan), np.full((*shape, 6), np.nan)
+    for f, people in enumerate(active):
+        for name, person in people.items():
+            points[f, names.index(name)], covariance[f, names.index(name)] = person.points_m, person.covariance_m2
+    truth = scene.truth
+    return PeoplePoints(
+        truth.skeleton, points, np.asarray(truth.layers["measured"].points_m), np.asarray(truth.time_s),
+        unpack_covariance(covariance), names, truth.person_ids,
+    )  # fmt: skip
+
+
+def is_right(data: PeoplePoints) -> bool:
+    """Whether each true person is called in their last second what they were called first.
+
+    Raises:
+        ValueError: if the data have no times.
+    """
+    if data.time_s is None:
+        raise ValueError("Identities at the end need the times of frames; these points have none.")
+    here, found = is_here(data.truth_m), is_here(data.points_m)
+    person = matches_of(mean_distances_m(data.points_m, data.truth_m), found, here, _GATE_M).person
+    for t in range(person.shape[1]):
+        last_s = data.time_s[here[:, t]][-1]
+        at_end = person[here[:, t] & (data.time_s > last_s - _END_S), t]
+        named = person[person[:, t] >= 0, t]
+        if not len(named) or np.bincount(at_end + 1).argmax() != named[0] + 1:
+            return False
+    return True
+
+
+def baseline(scene: CrowdScene) -> PeopleScores:
+    """The same scene by pairs, nearest poses and a Kalman filter per keypoint."""
+    noise = usual_noise(scene.rig, Options())
+    names, points = rpt_kalman.follow(scene.rig, scene.detections, noise)
+    truth = scene.truth
+    known = np.asarray(truth.layers["measured"].points_m)
+    return score_people(
+        PeoplePoints(
+            truth.skeleton, points, known, np.asarray(truth.time_s), person_ids=names, truth_ids=truth.person_ids
+        )
+    )
+
+
+def _ghost(scores: PeopleScores) -> int:
+    return max((ghost.longest for ghost in scores.ghosts), default=0)
+
+
+HEAD = (
+    "| scene | seeds | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| inside 68 / 95 % region | NEES | jitter ratio | ms/frame | baseline: MPJPE, mm | switches |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
+    """A line of the table: median (worst) of the seeds."""
+    scores = [run.scores for run in runs]
+    covered = [[100 * getattr(each.nees, field) for each in scores] for field in ("covered_68", "covered_95")]
+    beside = ["-", "-"]
+    if others:
+        ours, theirs = (np.mean([each.mpjpe_mm for each in of]) for of in (scores[: len(others)], others))
+        beside = [
+            f"{theirs:.1f}, ours {100 * (ours / theirs - 1):+.0f} %",
+            _median_worst([float(each.clear[0].switches) for each in others], "{:.0f}"),
+        ]
+    cells = [
+        name,
+        str(len(runs)),
+        f"{sum(run.is_fine for run in runs)} of {len(runs)}",
+        _median_worst([float(each.clear[0].switches) for each in scores], "{:.0f}"),
+        _median_worst([float(each.clear[0].fragments) for each in scores], "{:.0f}"),
+        _median_worst([100 * each.recall_after_entry for each in scores], "{:.2f}", least=True),
+        _median_worst([float(_ghost(each)) for each in scores], "{:.0f}"),
+        _median_worst([each.mpjpe_mm for each in scores], "{:.1f}"),
+        " / ".join(_median_worst(each, "{:.0f}", least=True) for each in covered),
+        _median_worst([each.nees.mean for each in scores], "{:.1f}"),
+        _median_worst([each.jitter.ratio for each in scores], "{:.2f}"),
+        f"{1e3 * np.median([np.median(run.frame_s) for run in runs]):.2f}",
+        *beside,
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _median_worst(values: Sequence[float], form: str, *, least: bool = False) -> str:
+    worst = min(values) if least else max(values)
+    return f"{form.format(float(np.median(values)))} ({form.format(worst)})"
+
+
+def scenes(names: Sequence[str], seeds: int, baseline_seeds: int) -> None:
+    """Print the table of scenes."""
+    lines = [HEAD]
+    for name in names:
+        runs, others = [], []
+        for seed in range(seeds):
+            _say(f"{name}, seed {seed}")
+            scene = scene_of(scenario_of(name, seed))
+            runs.append(follow(scene, tracker_for(scene, TrackerOptions())))
+            if seed < baseline_seeds:
+                others.append(baseline(scene))
+        lines.append(row(name, runs, others))
+        lines += _remarks(name, runs)
+    _say("")
+    print("\n".join(line for line in lines if line.startswith("|")))
+    print("\n".join(line for line in lines if not line.startswith("|")))
+
+
+def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
+    """What a table does not say: which seeds are wrong, and what was said of identities and cameras."""
+    said = [f"{name}: not right are the seeds {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
+    if name in ("hug", "equal"):
+        for what in ("identity uncertain", "identities exchanged"):
+            n = sum(any(event.what == what for event in run.events) for run in runs)
+            said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
+    if any(run.moved for run in runs):
+        named = sum(run.refused == (run.moved,) for run in runs)
+        said.append(f"{name}: the camera that moved, and only it, is refused in {named} of {len(runs)}")
+    elif any(run.refused for run in runs):
+        said.append(f"{name}: cameras that stand still are refused in {sum(bool(run.refused) for run in runs)}")
+    return said
+
+
+ABLATIONS = {
+    "as it is": TrackerOptions(),
+    "weights not robust (nu 1e6)": TrackerOptions(nu=1e6),
+    "no gates (gate 1e12)": TrackerOptions(gate=1e12),
+    "noise believed white (error_memory_s 1e-6)": TrackerOptions(error_memory_s=1e-6),
+    "no swaps (swap_log_odds -1e6)": TrackerOptions(swap_log_odds=-1e6, swap_stay_log_odds=-1e6),
+    "bones hardly known (variance x 25)": TrackerOptions(),
+}
+
+
+def ablations() -> None:
+    """Print what each part is worth on two scenes."""
+    print("| | scene | identities right | switches | recall, % | MPJPE, mm | inside 68 / 95 % region | NEES |")
+    print("|---|---|---|---|---|---|---|---|")
+    for what, options in ABLATIONS.items():
+        for name, seed in (("crowd", 0), ("hug", 1)):
+            _say(f"{what}, {name} {seed}")
+            scene = scene_of(scenario_of(name, seed))
+            spread = _WIDE if what.startswith("bones") else 1.0
+            run = follow(scene, tracker_for(scene, options, shape_spread=spread))
+            s = run.scores
+            _say("")
+            print(
+                f"| {what} | {name} {seed} | {'yes' if run.is_fine else 'no'} | {s.clear[0].switches} | "
+                f"{100 * s.recall_after_entry:.2f} | {s.mpjpe_mm:.1f} | {100 * s.nees.covered_68:.0f} / "
+                f"{100 * s.nees.covered_95:.0f} | {s.nees.mean:.1f} |"
+            )
+
+
+SPEEDS = {
+    "4 people, 5 cameras, 20 keypoints": CrowdOptions("crowd", seed=0),
+    "10 people, 8 cameras, 20 keypoints": CrowdOptions("ten", seed=0),
+    "1 person, 5 cameras, 133 keypoints": CrowdOptions(
+        "crowd", people=1, duration_s=20.0, seed=0, skeleton="coco_wholebody_133"
+    ),
+}
+
+
+def speed() -> None:
+    """Print how long a frame takes, and what a tracker holds after many of them."""
+    print("| without the measured layer | median, ms | mean | p99 | frames |\n|---|---|---|---|---|")
+    for what, options in SPEEDS.items():
+        scene = scene_of(options)
+        follow(scene, tracker_for(scene, TrackerOptions()))
+        spent = 1e3 * follow(scene, tracker_for(scene, TrackerOptions())).frame_s[_WARM_FRAMES:]
+        p99 = np.quantile(spent, 0.99)
+        print(f"| {what} | {np.median(spent):.2f} | {spent.mean():.2f} | {p99:.2f} | {len(spent)} |", flush=True)
+    held = held_kb(scene_of(SPEEDS["4 people, 5 cameras, 20 keypoints"]), _MANY_PASSES)
+    print(f"held after each of {_MANY_PASSES} passes of 60 s, KB: {', '.join(f'{kb:.0f}' for kb in held)}")
+
+
+def held_kb(scene: CrowdScene, passes: int) -> list[float]:
+    """What is held beside the scene after each pass of one tracker, the scene being shown again and again."""
+    tracker = tracker_for(scene, TrackerOptions())
+    length_s = scene.detections.n_frames / (scene.detections.rate_hz or 25.0)
+    tracemalloc.start()
+    held = []
+    for n in range(passes):
+        for i in range(scene.detections.n_frames):
+            frame = Frame.of(scene.detections, i)
+            tracker.update(replace(frame, time_s=frame.time_s + n * length_s, number=frame.number + n * 1_000_000))
+        gc.collect()
+        held.append(tracemalloc.get_traced_memory()[0] / 1024)
+    tracemalloc.stop()
+    return held
+
+
+def _say(what: str) -> None:
+    print(f"\r{what:60}", end="" if what else "\r", file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    """Print all tables, or those asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default=",".join((*_NAMES, "ablations", "speed")))
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--baseline-seeds", type=int, default=3)
+    chosen = parser.parse_args()
+    only = chosen.only.split(",")
+    unknown = sorted(set(only) - {*_NAMES, "ablations", "speed"})
+    if unknown:
+        parser.error(f"no {unknown}; there are {', '.join((*_NAMES, 'ablations', 'speed'))}")
+    names = [name for name in _NAMES if name in only]
+    if names:
+        scenes(names, chosen.seeds, chosen.baseline_seeds)
+    if "ablations" in only:
+        ablations()
+    if "speed" in only:
+        speed()
+
+
+if __name__ == "__main__":
+    main()
