@@ -5,7 +5,17 @@ import numpy as np
 import posefuse
 
 scene = posefuse.simulate_crowd(posefuse.CrowdOptions(scenario="crowd", people=3, duration_s=4.0, seed=1))
-tracker = posefuse.Tracker(scene.rig, scene.detections.skeleton)
+skeleton = scene.detections.skeleton
+tracker = posefuse.Tracker(scene.rig, skeleton)
+
+
+def say_where(person: posefuse.Person) -> None:
+    """Print where somebody's nose is, and how well that is known."""
+    nose = skeleton.index("nose")
+    x, y, z = person.points_m[nose]
+    sd_mm = 1000 * np.sqrt(person.covariance_m2[nose, [0, 3, 5]].sum())
+    print(f"         {person.name}: nose at {x:.2f} {y:.2f} {z:.2f} m, known to {sd_mm:.0f} mm")
+
 
 for number in range(scene.detections.n_frames):
     shown = posefuse.Frame.of(scene.detections, number)
@@ -17,10 +27,6 @@ for number in range(scene.detections.n_frames):
     people = tracker.update(frame)
     for event in people.events:
         print(f"{event.time_s:5.2f} s  {event.person} {event.what}: {event.why}")
-
-nose = scene.detections.skeleton.index("nose")
-for person in people.people:
-    if person.state == posefuse.TrackState.ACTIVE:
-        x, y, z = person.points_m[nose]
-        sd_mm = 1000 * np.sqrt(person.covariance_m2[nose, [0, 3, 5]].sum())
-        print(f"{person.name}: nose at {x:.2f} {y:.2f} {z:.2f} m, known to {sd_mm:.0f} mm")
+    for person in people.people:
+        if number % 50 == 49 and person.state == posefuse.TrackState.ACTIVE:
+            say_where(person)

@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from posefuse.synthetic.crowds import simulate_crowd as simulate_crowd
     from posefuse.synthetic.options import SceneOptions as SceneOptions
     from posefuse.synthetic.scenes import simulate as simulate
+    from posefuse.tracking.records import People as People
+    from posefuse.tracking.records import Person as Person
 
 _PLACES = {
     "edits": ("apply_edits",),
@@ -78,6 +80,7 @@ _PLACES = {
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
+    "tracking.records": ("People", "Person"),
 }
 _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -61,7 +61,7 @@ def test_who_is_followed_is_not_forgotten():
     assert forgotten([track], body, 100.0, settings) == {}
 
 
-@pytest.mark.parametrize(("x_m", "inside"), [(0.0, True), (3.0, True), (9.0, False)])
+@pytest.mark.parametrize(("x_m", "inside"), [(0.0, True), (3.0, True), (30.0, False)])
 def test_inside_is_where_two_views_overlap(x_m, inside):
     settings = settings_with(outside_s=1.0)
     track, body = somebody(settings, TrackState.LOST)
