@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
     from posefuse.model.detections import Detections as Detections
+    from posefuse.model.frames import Frame as Frame
     from posefuse.model.noise import NoiseModel as NoiseModel
     from posefuse.model.options import NoiseOptions as NoiseOptions
     from posefuse.model.options import Options as Options
@@ -38,7 +39,10 @@ if TYPE_CHECKING:
     from posefuse.model.status import PointStatus as PointStatus
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
+    from posefuse.model.tracker_options import TrackerOptions as TrackerOptions
     from posefuse.model.tracks import Tracks as Tracks
+    from posefuse.model.tracks import TrackState as TrackState
+    from posefuse.pipeline import Tracker as Tracker
     from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
     from posefuse.pipeline import triangulate as triangulate
@@ -48,6 +52,8 @@ if TYPE_CHECKING:
     from posefuse.synthetic.crowds import simulate_crowd as simulate_crowd
     from posefuse.synthetic.options import SceneOptions as SceneOptions
     from posefuse.synthetic.scenes import simulate as simulate
+    from posefuse.tracking.records import People as People
+    from posefuse.tracking.records import Person as Person
 
 _PLACES = {
     "edits": ("apply_edits",),
@@ -61,17 +67,20 @@ _PLACES = {
     "io.results.write": ("write",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
+    "model.frames": ("Frame",),
     "model.noise": ("NoiseModel",),
     "model.options": ("NoiseOptions", "Options", "TriangulationOptions"),
     "model.reconstruction": ("Layer", "Reconstruction"),
     "model.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
-    "model.tracks": ("Tracks",),
-    "pipeline": ("calibrate_noise", "reconstruct", "triangulate"),
+    "model.tracker_options": ("TrackerOptions",),
+    "model.tracks": ("TrackState", "Tracks"),
+    "pipeline": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
     "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
+    "tracking.records": ("People", "Person"),
 }
 _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
 

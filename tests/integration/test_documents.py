@@ -41,6 +41,18 @@ def test_every_option_is_documented() -> None:
     assert {name for name in listed if name not in names} == set()
 
 
+def test_options_that_replace_symbols_exist() -> None:
+    methods = (ROOT / "docs" / "methods.md").read_text()
+    table = methods.split("### Symbols of the specification")[1].split("\n## ")[0]
+    names = set(option_names(Options(), ""))
+    told = {
+        name for row in re.findall(r"(?m)^\| [^|]+ \| ([^|]+) \|", table) for name in re.findall(r"`([a-z_.]+)`", row)
+    }
+    assert len(told) > 30
+    elsewhere = {"plausible_m", "spread", "size_spread", "noise"}
+    assert {name for name in told if not {name, f"tracker.{name}"} & names} == elsewhere
+
+
 def option_names(record: object, prefix: str) -> Iterator[str]:
     for field in fields(record):  # type: ignore[arg-type]
         value = getattr(record, field.name)

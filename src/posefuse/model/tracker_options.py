@@ -101,6 +101,10 @@ class TrackerOptions:
         reacquire_views: A lost person is found again where so many views see them (V_reacq).
         reacquire_log_odds: Or where a new person is this much likelier to be them than to be new (tau_reacq).
         forget_after_s: Who is lost for longer is not looked for any more (A_delete).
+        forget_beyond_m: Nor who is lost and may be anywhere within more than this (tau_P, on the root's standard
+            deviation, x, y and z together; it ends at 8.7); None leaves it to the time.
+        outside_s: Nor who is lost and has for longer been where no two views overlap, nor within 0.5 m of it (G); None
+            lets people come back.
         shape_settle_s: How long a body's lengths are sought before they are kept.
         max_people: No more are followed at a time.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
@@ -135,6 +139,8 @@ class TrackerOptions:
     reacquire_views: int = 2
     reacquire_log_odds: float = 0.0
     forget_after_s: float = 30.0
+    forget_beyond_m: float | None = None
+    outside_s: float | None = None
     shape_settle_s: float = 4.0
     max_people: int = 50
     smoother: Smoother = "full"
@@ -154,6 +160,10 @@ class TrackerOptions:
         for name in ("detection_share", "false_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")
+        for name in ("forget_beyond_m", "outside_s"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise OptionsError(f"tracker.{name} must be positive, or left out, got {value}.")
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, float) and not math.isfinite(value):
@@ -175,6 +185,7 @@ class TrackerOptions:
             self,
             model_floor_m=self.model_floor_m * scale,
             clutter_m=self.clutter_m * scale,
+            forget_beyond_m=None if self.forget_beyond_m is None else self.forget_beyond_m * scale,
             births=replace(births, gate_m=births.gate_m * scale, apart_m=births.apart_m * scale),
             motion=replace(
                 motion,

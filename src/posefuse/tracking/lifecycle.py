@@ -12,6 +12,8 @@ from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 
 _SEEN_SHARE = 0.5
+_BESIDE_M = 0.5
+"""Beside what a view sees, of a human: as far outside as somebody is counted as inside."""
 _MOST_HIDDEN = -1.2
 """Views that do not see somebody whom one does see count no more than this many that do."""
 
@@ -100,15 +102,40 @@ def _named(views: np.ndarray, settings: Settings) -> str:
     return ", ".join(names) if names else "no camera"
 
 
+def note_inside(tracks: list[Track], sight: Sight, time_s: float, settings: Settings) -> None:
+    """Note who is where two views overlap, or near it: their core's middle within the image or so far beside it."""
+    margin = (_BESIDE_M * settings.tree.scale * sight.size_px[:, :, settings.core])[..., None]
+    pixels = sight.pixels[:, :, settings.core]
+    inside = ((pixels >= -margin) & (pixels < settings.sizes_px[:, None] + margin)).all(axis=-1)
+    views = (inside.mean(axis=2) >= _SEEN_SHARE).sum(axis=1)
+    for p, track in enumerate(tracks):
+        if views[p] >= 2:
+            track.inside_s = time_s
+
+
 def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settings) -> dict[int, str]:
     """Who is not looked for any more, by place, and why."""
     over: dict[int, str] = {}
     for p, track in enumerate(tracks):
-        if track.state == TrackState.LOST and time_s - track.seen_s > settings.options.forget_after_s:
-            over[p] = f"lost for {time_s - track.seen_s:.1f} s"
+        why = _why_forgotten(track, state, p, time_s, settings) if track.state == TrackState.LOST else ""
+        if why:
+            over[p] = why
         elif not np.isfinite(state.root[p]).all():
             over[p] = "the state is broken"
     return over
+
+
+def _why_forgotten(track: Track, state: State, p: int, time_s: float, settings: Settings) -> str:
+    """Why somebody lost is not looked for any more, "" where they are."""
+    o = settings.options
+    if time_s - track.seen_s > o.forget_after_s:
+        return f"lost for {time_s - track.seen_s:.1f} s"
+    doubt_m = float(np.sqrt(np.trace(state.covariance[p, :3, :3])))
+    if o.forget_beyond_m is not None and doubt_m > o.forget_beyond_m:
+        return f"where they are is known to {doubt_m:.1f} m only"
+    if o.outside_s is not None and time_s - track.inside_s > o.outside_s:
+        return f"outside of what two cameras see for {time_s - track.inside_s:.1f} s"
+    return ""
 
 
 def settle_shape(track: Track, state: State, p: int, time_s: float, settings: Settings) -> None:

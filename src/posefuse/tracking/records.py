@@ -24,6 +24,7 @@ class Track:
         trusted: the shape and its covariance before they were last in doubt.
         lost_at_m: shape (3,): where they were last supported.
         settled_s: when the shape was kept.
+        inside_s: when they were last where two views overlap.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Track:
     ids: np.ndarray
     lost_at_m: np.ndarray
     settled_s: float = np.nan
+    inside_s: float = np.nan
     trusted: tuple[np.ndarray, np.ndarray] | None = None
 
 

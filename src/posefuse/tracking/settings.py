@@ -1,6 +1,6 @@
 """Everything that stays the same while a tracker runs, packed once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,6 +65,9 @@ class Settings:
                 "its TOML, or at least how large the body is, in metres, as size_m in that table; see docs/formats.md."
             )
         options = options.in_proportion(tree.scale)
+        # Half of what there is to see supports somebody, where there is little.
+        half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
+        options = replace(options, min_joints=min(options.min_joints, half))
         decay, power = motion_laws(tree, options.motion)
         # Bodies stand for the detections of either side.
         cameras = rig.packed[0]
