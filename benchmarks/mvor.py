@@ -1,8 +1,8 @@
 """Association by itself, on real single frames: MVOR, an operating room before three cameras.
 
 ``python -m benchmarks.mvor FOLDER``, the folder of recordings that tests read too, prints what an oracle makes of the
-detections: one that is told by the manual annotation which detections are of one person. An associator's proposals
-are scored against the same by :func:`score`.
+detections: one that is told by the manual annotation which detections are of one person. Then what this project's
+proposals do, and those of the baseline; an associator's proposals are scored against the same by :func:`score`.
 """
 
 import argparse
@@ -14,10 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.association.proposals import propose
 from posefuse.evaluation.matching import assign
 from posefuse.evaluation.proposals import AssociationScores, score_association
+from posefuse.following import usual_noise
+from posefuse.model.association_options import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
+from posefuse.model.options import Options
 from posefuse.model.skeletons import Skeleton, find_skeleton
 
 JOINTS = (
@@ -261,14 +266,28 @@ def score(data: Mvor, proposals_m: Sequence[np.ndarray]) -> AssociationScores:
     return score_association(joints, data.truth_m, points, views, counted, compared)
 
 
+def proposed(data: Mvor, method: ProposalMethod) -> list[np.ndarray]:
+    """By frame, joints of the people a method proposes from all detections, shape (person, 10, 3)."""
+    noise, options = usual_noise(data.rig, Options()), AssociationOptions(method=method)
+    found = []
+    for f in range(data.detections.n_frames):
+        frame = Frame.of(data.detections, f)
+        people = propose(data.rig, frame, noise, data.detections.skeleton, np.ones(len(frame.view), bool), options)
+        joints = to_joints(people.points_m, data.detections.skeleton)
+        found.append(joints[np.isfinite(joints).all(axis=-1).any(axis=-1)])
+    return found
+
+
 def main() -> None:
-    """Print what the oracle makes of it."""
+    """Print what the oracle makes of it, and what is proposed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     data = read_mvor(parser.parse_args().folder / "mvor")
     points, _ = oracle(data)
     there = [each[np.isfinite(each).all(axis=-1).any(axis=-1)] for each in points]
-    print(json.dumps(vars(score(data, there)), indent=2))
+    print(json.dumps({"oracle": vars(score(data, there))}, indent=2))
+    for method in PROPOSAL_METHODS:
+        print(json.dumps({method: vars(score(data, proposed(data, method)))}, indent=2))
 
 
 if __name__ == "__main__":

@@ -41,6 +41,16 @@ def test_an_oracle_s_error_in_mvor(operating_room, shared_data):
     assert found.false_share == 0
 
 
+def test_proposals_in_mvor(operating_room, shared_data):
+    """Nearly everybody the oracle finds, no farther off than with the oracle's detections."""
+    data = operating_room(shared_data)
+    found = mvor.score(data, mvor.proposed(data, "groups"))
+    assert found.relative_recall >= 0.95
+    assert found.error_mm_by_views[3] <= 1.1 * 60
+    assert found.error_mm_by_views[2] <= 1.1 * 83
+    assert found.false_share <= 0.05
+
+
 def test_proposals_elsewhere_are_false_in_mvor(operating_room, shared_data):
     """The same people a metre aside."""
     data = operating_room(shared_data)
