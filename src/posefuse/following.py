@@ -6,6 +6,8 @@ from functools import partial
 import numpy as np
 
 from posefuse.association.proposals import propose
+from posefuse.association.subjects import Subjects
+from posefuse.errors import OptionsError, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
@@ -33,6 +35,7 @@ _ROUNDS = 3
 _EXPECTED_SIGMA = 1.22
 """The median distance, in sigmas, of detections of the assumed law from the points that most views agree on."""
 _FACTORS = (0.2, 5.0)
+_NEVER_S = 1e9
 
 
 def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
@@ -138,6 +141,27 @@ class Followed:
         """Whose detections are whose in a range of frames."""
         return self.tracks.frames(start, stop)
 
+    @property
+    def skeleton(self) -> Skeleton:
+        """With the tree that bodies were fitted to."""
+        return self.history.settings.skeleton
+
+    def only(self, names: tuple[str, ...]) -> "Followed":
+        """The same of some of the people.
+
+        Raises:
+            OptionsError: if there is nobody of a name.
+        """
+        there = self.tracks.person_ids
+        for name in names:
+            if name not in there:
+                raise OptionsError(f"person: nobody is called {name!r}; there are {choices(there, 20)}.")
+        keep = [there.index(name) for name in names]
+        tracks = Tracks(names, np.asarray(self.tracks.detection)[:, keep], np.asarray(self.tracks.state)[:, keep])
+        cameras = self.history.settings.rig.names
+        events = tuple(event for event in self.events if event.person in (*names, *cameras))
+        return replace(self, tracks=tracks, events=events, shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep])
+
     def smoother(self) -> PeopleSmoother:
         """Goes through the recording once, from the first frame on."""
         return PeopleSmoother(self.history)
@@ -163,10 +187,9 @@ class Followed:
         turns = np.full((*shape, len(tree.segments), 3, 3), np.nan)
         directions = np.full((*shape, len(tree.bones), 3), np.nan)
         for person in people:
-            here = person.places >= start
-            seen = self._is_alive(person.name, person.places) & here
-            f = person.places[seen] - start
-            p = np.array([names.index(name) for name in self._names_at(person.name, person.places[seen])], dtype=int)
+            columns = self._columns(person.name, person.places)
+            seen = (columns >= 0) & (person.places >= start)
+            f, p = person.places[seen] - start, columns[seen]
             points[f, p], covariance[f, p] = person.body.points_m[seen], person.body.covariance_m2[seen]
             used[f, p], bridged[f, p] = person.run.used[seen], person.run.missing_s[seen] > 0.0
             turns[f, p], directions[f, p] = person.body.turns[seen], person.body.directions[seen]
@@ -175,17 +198,16 @@ class Followed:
         poses = Poses(tree.segments, tree.bones, tree.shape_names, turns, directions, self.shape_m, self.shape_sd_m)
         return layer, poses
 
-    def _names_at(self, name: str, places: np.ndarray) -> list[str]:
-        """What somebody of that name in the history is called in these frames, now that more is known."""
-        return [renamed(name, int(place), self.exchanges) for place in places]
+    def _columns(self, name: str, places: np.ndarray) -> np.ndarray:
+        """The person that somebody of that name in the history is in these frames, now that more is known.
 
-    def _is_alive(self, name: str, places: np.ndarray) -> np.ndarray:
-        """Which frames lie between the first and the last that showed them."""
+        -1 for those who are left out, and before and after the frames that showed them.
+        """
         people = self.tracks.person_ids
-        state = np.array(
-            [self.tracks.state[place, people.index(renamed(name, int(place), self.exchanges))] for place in places]
-        )
-        return np.asarray(state != TrackState.ABSENT)
+        names = [renamed(name, int(place), self.exchanges) for place in places]
+        column = np.array([people.index(each) if each in people else -1 for each in names], dtype=np.int64)
+        state = np.asarray(self.tracks.state)[places, column]
+        return np.where((column >= 0) & (state != TrackState.ABSENT), column, -1)
 
     def _absent(self, start: int, stop: int) -> np.ndarray:
         return np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT
@@ -244,6 +266,33 @@ def model_layer(
         view_status=views.astype(np.int8),
         view_error_px=errors,
     )
+
+
+def follow_subject(
+    rig: CameraRig, detections: Detections, subject: Subjects, options: Options, progress: Progress
+) -> Followed:
+    """Fit a body to the one subject of a recording: followed like many, from their detections alone.
+
+    Raises:
+        DetectionsError: if frames have no times.
+        SkeletonError: if the skeleton has no tree, and none can be measured.
+    """
+    everything = detections.frames(0, detections.n_frames)
+    theirs = subject.follow(0, detections.n_frames).rows(everything)[:, 0]
+    kept = theirs >= 0
+    rows = theirs[kept]
+    depth = None if everything.depth is None else np.asarray(everything.depth)[rows]
+    alone = replace(
+        everything,
+        offsets=np.concatenate([[0], np.cumsum(kept.ravel())]),
+        keypoints_px=np.asarray(everything.keypoints_px)[rows],
+        confidence=np.asarray(everything.confidence)[rows],
+        track_ids=np.asarray(everything.track_ids)[rows],
+        depth=depth,
+    )
+    # Whoever comes back is the subject.
+    tracker = replace(options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_NEVER_S)
+    return follow(rig, alone, replace(options, tracker=tracker), progress)
 
 
 def follow(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Followed:

@@ -13,7 +13,7 @@ from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
-from posefuse.errors import DetectionsError, MatchError, PosefuseWarning, choices
+from posefuse.errors import DetectionsError, MatchError, OptionsError, PosefuseWarning, choices
 from posefuse.following import Followed
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -43,6 +43,7 @@ class Plan:
         detections: the frames and views to reconstruct.
         options: as given, with ``pairs`` and ``min_views`` settled.
         subjects: who is followed.
+        bodies: fitted to them, or None.
         noise: of the detections.
         provenance: how the result is made.
     """
@@ -51,6 +52,7 @@ class Plan:
     detections: Detections
     options: Options
     subjects: Subjects
+    bodies: Followed | None
     noise: NoiseModel
     provenance: Provenance
 
@@ -104,18 +106,43 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     options = settle_people(options, detections, len(rig))
-    subjects: Subjects
+    subjects, bodies = who_is_followed(rig, detections, options, progress)
     if options.people == "one":
-        subjects = OneSubject.of(detections, options.pick)
         notes = (*notes, *one_subject.remarks(detections, options.pick))
-    else:
-        subjects = following.follow(rig, detections, options, progress)
     noise, findings = survey.survey(rig, detections, options, subjects, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
         notes=(*rig.notes, *detections.notes, *notes, *findings),
     )
-    return Plan(rig, detections, options, subjects, noise, provenance)
+    return Plan(rig, detections, options, subjects, bodies, noise, provenance)
+
+
+def who_is_followed(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress
+) -> tuple[Subjects, Followed | None]:
+    """Whose detections are whose, and their bodies if any are fitted.
+
+    Raises:
+        DetectionsError: if one subject is asked for and nobody said which, or frames of many have no times.
+        OptionsError: if the options keep somebody who is not there.
+        SkeletonError: if bodies are asked for and nothing tells how they move.
+    """
+    if options.people == "many":
+        many = following.follow(rig, detections, options, progress)
+        many = many.only(options.person) if options.person else many
+        return many, None if options.bodies == "none" else many
+    subject = OneSubject.of(detections, options.pick)
+    if options.bodies != "fit":
+        return subject, None
+    if len(rig) == 1:
+        raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
+    followed = following.follow_subject(rig, detections, subject, options, progress)
+    if not followed.tracks.person_ids:
+        raise DetectionsError(
+            "bodies = 'fit' found no frame in which two cameras show the subject well enough to begin. Look at the "
+            "measured points first (bodies = 'auto')."
+        )
+    return subject, followed
 
 
 def settle(plan: Plan, method: str | None = None) -> Plan:
@@ -138,7 +165,7 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
     n_frames = plan.detections.n_frames
-    smoother = plan.subjects.smoother() if isinstance(plan.subjects, Followed) else None
+    smoother = None if plan.bodies is None else plan.bodies.smoother()
     parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
     yield from watched(parts, n_frames, "triangulating", progress)
 
@@ -161,16 +188,17 @@ def measure(plan: Plan, start: int, stop: int, smoother: PeopleSmoother | None =
     detections, tracks = seen.frames(start - first, stop - first), followed.frames(start - first, stop - first)
     layers = {"measured": layer.frames(start - first, stop - first)}
     poses, events = None, ()
-    if isinstance(plan.subjects, Followed):
-        events = plan.subjects.events
-        if smoother is not None:
-            layers["model"], poses = plan.subjects.bodies(plan.rig, detections, start, smoother.take(stop))
+    known = plan.bodies or plan.subjects
+    if isinstance(known, Followed):
+        events = known.events
+    if plan.bodies is not None and smoother is not None:
+        layers["model"], poses = plan.bodies.bodies(plan.rig, detections, start, smoother.take(stop))
     recorded = detections.recorded & np.isfinite(detections.time_s)
     times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
     count = recorded.sum(axis=1)
     return Reconstruction(
         rig=plan.rig,
-        skeleton=detections.skeleton,
+        skeleton=detections.skeleton if plan.bodies is None else plan.bodies.skeleton,
         person_ids=tracks.person_ids,
         frame_numbers=detections.frame_numbers,
         time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),

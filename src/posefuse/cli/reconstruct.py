@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.reading import must_have_rate, read_inputs
 from posefuse.cli.types import CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.tracker_options import Smoother
 
 if TYPE_CHECKING:
     from posefuse.pipeline import Plan
@@ -25,15 +27,20 @@ def reconstruct(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     edits: EditsPath = None,
+    smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
+    max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
-    with the method percentile_filter also debug/percentile_filter.png.
+    where bodies are fitted model.csv, angles.csv and events.csv; with the method percentile_filter
+    debug/percentile_filter.png.
     """
     from posefuse.io.files import replacing_folder
 
+    short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
+    options = replace(options, tracker=replace(options.tracker, **short))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
     say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
@@ -78,6 +85,24 @@ def reconstruct_into(
     return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
 
 
+def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of joint angles and, shape (frame, person, angle), the angles of fitted bodies in degrees.
+
+    How the root stands in the world is not known where nobody knows which way is up.
+    """
+    from posefuse.model.cameras import up_vector
+    from posefuse.tracking.angles import joint_angles
+
+    tree = part.skeleton.tree
+    if part.poses is None or tree is None:
+        return (), np.empty((part.n_frames, len(part.person_ids), 0))
+    turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
+    names, degrees = joint_angles(tree, turns, directions, up_vector(part.rig.up_axis or "z"))
+    if part.rig.up_axis is None and tree.segments:
+        degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
+    return names, degrees
+
+
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
     """Write all that stands beside ``reconstruction.nc``, and say what came out.
 
@@ -87,7 +112,7 @@ def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[
     from posefuse.io.results.write import write_folder
     from posefuse.report.html import render_report
 
-    files, layer = write_folder(result, folder, progress)
+    files, layer = write_folder(result, folder, progress, angles_of)
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
     return [*files, "report.html"], layer

@@ -18,6 +18,13 @@ from posefuse.errors import CameraError, MatchError, choices, suggestion
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
 
+
+def up_vector(axis: UpAxis) -> tuple[float, float, float]:
+    """The unit vector along an axis."""
+    sign = -1.0 if axis.startswith("-") else 1.0
+    return tuple(sign * (axis[-1] == name) for name in "xyz")  # type: ignore[return-value]
+
+
 _ROTATION_TOLERANCE = 1e-5
 
 

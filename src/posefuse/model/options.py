@@ -14,6 +14,7 @@ from posefuse.model.side_options import SideMethod, SideOptions
 from posefuse.model.tracker_options import TrackerOptions
 
 People = Literal["auto", "one", "many"]
+Bodies = Literal["auto", "fit", "none"]
 Pick = Literal["largest", "track-id"]
 ThirdChannel = Literal["confidence", "depth"]
 LengthUnit = Literal["m", "cm", "mm"]
@@ -210,6 +211,9 @@ class Options:
     Attributes:
         people: How many there are: one subject in every view, many who come and go, or auto: many if a view ever shows
             several.
+        person: Keep only these people of many, by name (person_1); by default all.
+        bodies: Whether articulated bodies are fitted to people: to many (auto), to one subject too (fit), or to
+            nobody (none; many are followed all the same).
         pick: Which person to take where a view shows several; by default that is an error.
         skeleton: What the keypoints are, a shipped name or a TOML file; by default the one the files name or
             their number of keypoints allows.
@@ -238,6 +242,8 @@ class Options:
     """
 
     people: People = "auto"
+    person: tuple[str, ...] = ()
+    bodies: Bodies = "auto"
     pick: Pick | None = None
     skeleton: str | None = None
     rate_hz: float | None = None
@@ -267,13 +273,14 @@ class Options:
                 raise OptionsError(f"{name} must be positive, got {value}.")
         if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
             raise OptionsError(f"end_s ({self.end_s}) must come after start_s ({self.start_s}).")
-        for name in ("cameras", "exclude_camera", "camera_order"):
+        for name in ("cameras", "exclude_camera", "camera_order", "person"):
             value = getattr(self, name)
-            if isinstance(value, str) or not all(isinstance(camera, str) for camera in value):
-                raise OptionsError(f"{name} is a tuple of camera names, got {value!r}.")
+            if isinstance(value, str) or not all(isinstance(one, str) for one in value):
+                raise OptionsError(f"{name} is a tuple of names, got {value!r}.")
             object.__setattr__(self, name, tuple(value))
         for name, allowed in (
             ("people", get_args(People)),
+            ("bodies", get_args(Bodies)),
             ("up", UP_AXES),
             ("pick", get_args(Pick)),
             ("layer", get_args(LayerName)),

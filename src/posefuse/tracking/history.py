@@ -106,8 +106,8 @@ class History:
     """Records a tracker's frames, and gives them back by ranges.
 
     Frames are counted from 0 in the order they were added. What is older than a few seconds lies in temporary files
-    without names, which are gone when the history is: of a body of 20 keypoints 14 kB a person and frame, 1.2 GB an hour
-    at 25 fps.
+    without names, which are gone when the history is: of a body of 20 keypoints 14 kB a person and frame, 1.2 GB an
+    hour at 25 fps.
 
     Args:
         settings: of the tracker.

@@ -327,7 +327,7 @@ class ArticulatedTracker:
                 used[p],
                 track.log_odds,
                 self.time_s - track.seen_s,
-            )  # fmt: skip
+            )
             for p, track in enumerate(self.tracks)
         ]
         people.sort(key=lambda person: person.state != TrackState.ACTIVE)
@@ -344,7 +344,7 @@ class ArticulatedTracker:
                         np.isfinite(last.keypoints_px[..., 0]),
                         sum(e.log_odds for e in each.evidence),
                         0.0,
-                    )  # fmt: skip
+                    )
                 )
         return People(frame.number, self.time_s, tuple(people), tuple(self.events))
 

@@ -199,7 +199,7 @@ def test_limits_pull_back_where_they_are_overstepped(rng):
     rig = build_rig(n_cameras=1)
     for _ in range(3):
         articulated.update_people(
-            rig.packed[0], body_of(TREE), law, np.ones(1), 5, np.full((1, 1), -1), np.zeros((1, 1, keypoints), np.int64),
+            rig.packed[0], body_of(TREE), law, np.ones(1), 5, np.full((1, 1), -1), np.zeros((1, 1, keypoints), int),
             np.empty((0, keypoints, 2)), np.empty((0, keypoints)), state, np.empty((1, 1, keypoints), np.int64),
             np.empty(1), np.empty(1),
         )  # fmt: skip
