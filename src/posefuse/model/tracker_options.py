@@ -81,6 +81,7 @@ class TrackerOptions:
         iterations: Gauss-Newton steps a frame, at most.
         nu: Degrees of freedom of detections' errors, Student's t.
         gate: The largest squared innovation of a keypoint, in its own covariance, that counts (tau_joint).
+        limb_anew_s: A limb that most views see elsewhere for this long is sought anew.
         model_floor_m: By how much a body's points are not what the detector means by their name.
         error_memory_s: For how long detections' errors last: so much less a frame counts.
         limit_sigma: How far a joint limit is overstepped, as a sine or cosine.
@@ -119,6 +120,7 @@ class TrackerOptions:
     iterations: int = 2
     nu: float = 3.0
     gate: float = 60.0
+    limb_anew_s: float = 0.2
     model_floor_m: float = 0.015
     error_memory_s: float = 0.06
     limit_sigma: float = 0.1

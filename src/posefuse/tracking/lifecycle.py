@@ -172,3 +172,24 @@ def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)
     state.shape[[p, q]] = state.shape[[q, p]]
+
+
+def set_limb_anew(state: State, p: int, keypoint: int, settings: Settings) -> bool:
+    """Make the bones that lead to a keypoint as little known as those of somebody new; whether there are any."""
+    tree = settings.tree
+    node = int(tree.keypoint_nodes[keypoint])
+    columns: list[int] = []
+    while node > 0 and tree.nodes[node].is_bone:
+        first = 3 + 3 * len(tree.segments) + 2 * tree.nodes[node].mover
+        columns += [first, first + 1]
+        node = tree.nodes[node].parent
+    if not columns:
+        return False
+    cov, n = state.covariance[p], tree.n_pose
+    velocities = [len(cov) - n + column for column in columns]
+    for column in (*columns, *velocities):
+        cov[column], cov[:, column] = 0.0, 0.0
+    cov[columns, columns] = settings.most[columns]
+    cov[velocities, velocities] = 0.5 * settings.power[columns] * settings.decay_s[columns]
+    state.velocity[p, columns] = 0.0
+    return True

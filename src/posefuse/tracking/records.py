@@ -1,6 +1,6 @@
 """What the tracker remembers of people beside their states, and what it says of a frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Track:
         trusted: the shape and its covariance before they were last in doubt.
         lost_at_m: shape (3,): where they were last supported.
         settled_s: when the shape was kept.
+        off_s: shape (keypoint,): for how long most views have seen each keypoint elsewhere.
         inside_s: when they were last where two views overlap.
     """
 
@@ -36,6 +37,7 @@ class Track:
     ids: np.ndarray
     lost_at_m: np.ndarray
     settled_s: float = np.nan
+    off_s: np.ndarray = field(default_factory=lambda: np.zeros(1))
     inside_s: float = np.nan
     trusted: tuple[np.ndarray, np.ndarray] | None = None
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import USED, foresee_people, predict_people, update_people
+from posefuse.kernels.articulated import GATED, USED, State, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views, score_detections
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
@@ -21,6 +21,7 @@ from posefuse.tracking.settings import Settings
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
 
+_SAME_TIME_S = 1e-3
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
 
@@ -89,7 +90,8 @@ class ArticulatedTracker:
                 f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate "
                 "(--rate-hz, Options.rate_hz) or times."
             )
-        time_s = float(known.mean())
+        # Views of a frame that were taken one after the other are taken into account one after the other.
+        time_s = float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
         if time_s <= self.time_s:
             raise DetectionsError(
                 f"Frame {frame.number} is of {time_s:.4f} s, the last was of {self.time_s:.4f} s. Frames come in order."
@@ -104,23 +106,75 @@ class ArticulatedTracker:
             self.sight = Sight.room(0, views, keypoints)
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
-        predict_people(np.full(n, dt_s), s.decay_s, s.power, s.most, s.options.motion.shape_walk, self.state)
+        moments = _moments(frame)
+        before = chosen(self.state, np.arange(n)) if len(moments) > 1 else None
+        self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
         foresee_people(s.cameras, s.body, self.state, *self.sight.arrays)
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
-        use = np.empty((n, views, keypoints), dtype=np.int64)
-        temper = np.full(n, 1.0 / np.tanh(0.5 * max(dt_s, 1e-6) / s.options.error_memory_s))
-        update_people(
-            s.cameras, s.body, s.law, temper, s.options.iterations, rows, labels, frame.keypoints_px, frame.confidence,
-            self.state, use, np.empty(n), np.empty(n),
-        )  # fmt: skip
+        use = self._put_right(frame, rows, labels, before, dt_s)
+        self._set_limbs_anew(frame, use, dt_s)
         for p, track in enumerate(self.tracks):
             for v in np.flatnonzero(rows[p] >= 0):
                 track.swapped[v] = swapped[p, rows[p, v]]
                 track.ids[v] = frame.track_ids[rows[p, v]]
         return rows, use == USED
+
+    def _move_on(self, state: State, dt_s: float) -> None:
+        s = self.settings
+        dt = np.full(len(state.root), max(dt_s, 0.0))
+        predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+
+    def _put_right(
+        self, frame: Frame, rows: np.ndarray, labels: np.ndarray, before: State | None, dt_s: float
+    ) -> np.ndarray:
+        """Update all states; what became of each keypoint, shape (track, view, keypoint).
+
+        Args:
+            frame: what the views show.
+            rows: shape (track, view).
+            labels: shape (track, view, keypoint).
+            before: states at the time of the last frame, if views differ in time.
+            dt_s: since then.
+        """
+        s, n = self.settings, len(self.tracks)
+        temper = np.full(n, 1.0 / np.tanh(0.5 * max(dt_s, 1e-6) / s.options.error_memory_s))
+        use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
+
+        def update(rows: np.ndarray, use: np.ndarray) -> None:
+            update_people(
+                s.cameras, s.body, s.law, temper, s.options.iterations, rows, labels, frame.keypoints_px,
+                frame.confidence, self.state, use, np.empty(n), np.empty(n),
+            )  # fmt: skip
+
+        if before is None:
+            update(rows, use)
+            return use
+        self.state, now_s = before, self.time_s - dt_s
+        for time_s, views in _moments(frame):
+            self._move_on(self.state, time_s - now_s)
+            now_s = max(now_s, time_s)
+            part = np.empty_like(use)
+            update(np.where(views, rows, -1), part)
+            use[:, views] = part[:, views]
+        return use
+
+    def _set_limbs_anew(self, frame: Frame, use: np.ndarray, dt_s: float) -> None:
+        """Limbs that most views have seen elsewhere for some time are as good as unknown."""
+        gated, used = (use == GATED).sum(axis=1), (use == USED).sum(axis=1)
+        off = (gated >= 2) & (gated > used)
+        for p, track in enumerate(self.tracks):
+            track.off_s = np.where(off[p], track.off_s + dt_s, 0.0)
+            if track.off_s.max(initial=0.0) < self.settings.options.limb_anew_s:
+                continue
+            k = int(track.off_s.argmax())
+            track.off_s[:] = 0.0
+            if lifecycle.set_limb_anew(self.state, p, k, self.settings):
+                name = self.settings.skeleton.keypoints[k]
+                why = f"{gated[p, k]} cameras see the {name} elsewhere"
+                self.events.append(Event(frame.number, self.time_s, track.name, "limb set anew", why))
 
     def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Rows (track, view), and whose sides are exchanged (track, row, group)."""
@@ -363,3 +417,13 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
         if len(matched):
             most = 2 * swapped[p, matched].sum(axis=0) >= len(matched)
             swapped[p, :, most] = 0
+
+
+def _moments(frame: Frame) -> list[tuple[float, np.ndarray]]:
+    """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first."""
+    known = frame.recorded & np.isfinite(frame.time_s)
+    times = np.where(known, frame.time_s, np.min(frame.time_s[known], initial=np.inf))
+    if np.ptp(times) < _SAME_TIME_S:
+        return [(float(times.max()), np.ones(len(times), dtype=bool))]
+    rounded = np.round(times / _SAME_TIME_S)
+    return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]
