@@ -94,6 +94,7 @@ class TrackerOptions:
         swap_stay_log_odds: The same if they were in the frame before.
         min_joints: A view supports a person with at least so many keypoints.
         lost_after_s: A person without support for this long is lost (M_lost).
+        weak_after_s: One whom a single view alone has shown for this long is where others see that view's detection.
         lost_log_odds: Or if it has become this unlikely that they are there (tau_lost).
         most_log_odds: No person is more certain than this.
         evidence_time_s: What views show and do not show counts whole over this time.
@@ -133,6 +134,7 @@ class TrackerOptions:
     swap_stay_log_odds: float = 1.5
     min_joints: int = 4
     lost_after_s: float = 0.36
+    weak_after_s: float = 0.2
     lost_log_odds: float = -2.0
     most_log_odds: float = 6.0
     evidence_time_s: float = 1.0

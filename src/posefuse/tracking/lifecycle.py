@@ -79,6 +79,8 @@ def live_on(
     evidence = gain * int(supported.sum()) + missed
     track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
     track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
+    if supported.sum() > 1:
+        track.firm_s = time_s
     said: list[tuple[Happening, str]] = []
     if supported.any() and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m

@@ -19,6 +19,7 @@ class Track:
         log_odds: that they are there.
         born_s: when they were first believed.
         seen_s: when they were last supported.
+        firm_s: when two views last supported them: one alone does not fix how far away somebody is.
         swapped: shape (view, group), int8: whose sides were exchanged last.
         ids: shape (view,), int64: the detector's identity of the last match, -1 for none.
         trusted: the shape and its covariance before they were last in doubt.
@@ -37,6 +38,7 @@ class Track:
     ids: np.ndarray
     lost_at_m: np.ndarray
     settled_s: float = np.nan
+    firm_s: float = -np.inf
     off_s: np.ndarray = field(default_factory=lambda: np.zeros(1))
     inside_s: float = np.nan
     trusted: tuple[np.ndarray, np.ndarray] | None = None

@@ -239,7 +239,8 @@ class ArticulatedTracker:
     def _bear(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Who is new: proposals from free detections, tentative people, and those of them who are believed now."""
         rows, used = rows[self._keep], used[self._keep]
-        free = self._free(frame, rows)
+        free, held = self._free(frame, rows), self._held_by_one_view(rows)
+        free[list(held)] = True
         found = self._found(frame, free)
         new = continue_with(self.tentative, found, self.time_s, self.settings)
         for each in new:
@@ -248,7 +249,7 @@ class ArticulatedTracker:
         staying = []
         for each in self.tentative:
             if is_believable(each, self.time_s, self.settings):
-                born = self._believe(each, frame.number)
+                born = self._believe(each, frame.number, held)
                 if born is not None:
                     p, counted = born
                     if p < len(rows):
@@ -260,6 +261,18 @@ class ArticulatedTracker:
                 staying.append(each)
         self.tentative = staying
         return rows, used
+
+    def _held_by_one_view(self, rows: np.ndarray) -> dict[int, int]:
+        """Detections to the people whom nothing else has shown for some time, by place.
+
+        How far away those are is hardly known. Where others see the person of that detection elsewhere, they are there.
+        """
+        held = {}
+        for p, track in enumerate(self.tracks):
+            mine = rows[p][rows[p] >= 0]
+            if len(mine) == 1 and self.time_s - track.firm_s > self.settings.options.weak_after_s:
+                held[int(mine[0])] = p
+        return held
 
     def _tell_apart(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Which cameras still stand where they stood, and who is who after people were too near to tell."""
@@ -331,10 +344,15 @@ class ArticulatedTracker:
             found.append(evidence_of(frame, self.time_s, proposals, i, s.skeleton.mirror))
         return found
 
-    def _believe(self, each: Tentative, number: int) -> tuple[int, np.ndarray] | None:
+    def _believe(self, each: Tentative, number: int, held: dict[int, int]) -> tuple[int, np.ndarray] | None:
         """Begin to follow somebody, under a new name or that of somebody lost; their place, and what counted.
 
         None where no body fits what was seen.
+
+        Args:
+            each: the one who is believed.
+            number: of the frame.
+            held: from :meth:`_held_by_one_view`.
         """
         s = self.settings
         state, past, error = begin(each.evidence, s)
@@ -342,7 +360,11 @@ class ArticulatedTracker:
             return None
         seen = each.evidence[-1]
         counted = np.isfinite(seen.keypoints_px[..., 0])
-        found = who_returns(self.tracks, self.state, state, seen.torso_m, self.time_s, s)
+        theirs = [held[int(row)] for row in seen.rows if int(row) in held]
+        if theirs:
+            found = theirs[0], "others see them again, whom one camera had kept", ""
+        else:
+            found = who_returns(self.tracks, self.state, state, seen.torso_m, self.time_s, s)
         if found is not None:
             p, why, uncertain = found
             track = self.tracks[p]
@@ -362,7 +384,8 @@ class ArticulatedTracker:
             self.events.append(
                 Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
             )
-        track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, self.time_s, seen.torso_m
+        track.state, track.lost_at_m = TrackState.ACTIVE, seen.torso_m
+        track.seen_s = track.firm_s = self.time_s
         track.log_odds = s.options.most_log_odds / 2
         self.remembered[track.name] = past
         return p, counted
