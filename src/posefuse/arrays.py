@@ -9,6 +9,7 @@ or HDF5 variable. Then ``noun.frames(start, stop)`` brings a range into memory, 
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -74,3 +75,14 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, float) and isinstance(b, float) and math.isnan(a):
         return math.isnan(b)
     return bool(a == b)
+
+
+class Rebuilt:
+    """Dataclasses that pickle as their fields, and are made anew from them: checked, and their arrays frozen again.
+
+    A frozen array comes out of a pickle writable, which kernels take for another type: compiled anew, and with other
+    rounding.
+    """
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        return type(self), tuple(getattr(self, each.name) for each in fields(self))  # type: ignore[arg-type]

@@ -292,7 +292,7 @@ class TestBadInput:
         frame["people"].append(frame["people"][0])
         path.write_text(json.dumps(frame))
         words = ["View 'cam_2_json' shows 2 people in frame 7", "--pick largest"]
-        refused("reconstruct", recording, "-o", tmp_path / "o", "--rate-hz", "30", words=words)
+        refused("reconstruct", recording, "-o", tmp_path / "o", "--people", "one", "--rate-hz", "30", words=words)
 
     def test_a_skeleton_of_other_keypoints(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
@@ -311,7 +311,7 @@ class TestBadInput:
             (["--pick", "tallest"], ["tallest"]),
             (["--min-vews", "3"], ["--min-vews"]),
             (["--rate-hz", "fast"], ["fast"]),
-            (["--people", "many"], ["many"]),
+            (["--people", "some"], ["some"]),
         ],
     )
     def test_wrong_flags(self, arguments, words, refused, recording, tmp_path):

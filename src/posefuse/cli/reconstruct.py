@@ -94,7 +94,7 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
     from posefuse.tracking.angles import joint_angles
 
     tree = part.skeleton.tree
-    if part.poses is None or tree is None:
+    if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != (tree.segments, tree.bones):
         return (), np.empty((part.n_frames, len(part.person_ids), 0))
     turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
     names, degrees = joint_angles(tree, turns, directions, up_vector(part.rig.up_axis or "z"))

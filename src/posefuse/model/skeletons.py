@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.model.trees import Tree, parse_tree, shared_body, tree_of_size
 
@@ -35,7 +35,7 @@ _KEYS = (
 
 
 @dataclass(frozen=True)
-class Skeleton:
+class Skeleton(Rebuilt):
     """Keypoint names and their relations.
 
     Attributes:

@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.arrays import frozen
+from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
 _TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
@@ -103,7 +103,7 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class Tree(Rebuilt):
     """A kinematic tree with the shape of a body.
 
     The pose has 3 numbers for where the root is, 3 for each segment's turn, 2 for each bone's direction, in this order;

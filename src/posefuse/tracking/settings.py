@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.arrays import Rebuilt
 from posefuse.errors import SkeletonError
 from posefuse.kernels.articulated import Body, Law
 from posefuse.model.cameras import CameraRig
@@ -16,7 +17,7 @@ from posefuse.tracking.posing import motion_laws, widest
 
 
 @dataclass(frozen=True, eq=False)
-class Settings:
+class Settings(Rebuilt):
     """What a tracker works with.
 
     Attributes:
@@ -50,6 +51,11 @@ class Settings:
     group_of: np.ndarray
     n_groups: int
     core: np.ndarray
+
+    def __post_init__(self) -> None:
+        # Frozen arrays, also of settings that were pickled: for kernels writable ones are another type.
+        object.__setattr__(self, "cameras", self.rig.packed[0])
+        object.__setattr__(self, "body", body_of(self.tree))
 
     @classmethod
     def of(cls, rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: TrackerOptions) -> "Settings":

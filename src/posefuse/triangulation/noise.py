@@ -178,10 +178,14 @@ def _camera_factors(fit: LinearFit) -> np.ndarray:
     pairs = used.sum(axis=0)
     if pairs.min() < _FEWEST_POINTS:
         return np.ones(len(pairs))
-    # Cameras are compared on the same points: where each sees other people, those would look like another noise.
+    # Each by itself, and on the same points: where each sees other people, those would look like another noise. Cameras
+    # differ as far as both say so.
     logs = np.log(np.where(used, squares, np.nan) / np.where(used, freedom, np.nan))
+    alone = np.nanmedian(logs, axis=0)
     logs = logs[used.sum(axis=1) > 1]
-    own = np.nanmedian(logs - np.nanmean(logs, axis=1, keepdims=True), axis=0)
+    together = np.nanmedian(logs - np.nanmean(logs, axis=1, keepdims=True), axis=0)
+    alone, together = alone - alone.mean(), together - together.mean()
+    own = np.where(alone * together > 0.0, np.sign(alone) * np.minimum(np.abs(alone), np.abs(together)), 0.0)
     own -= own.mean()
     kept = max(0.0, 1.0 - _CHANCE * float((1.0 / pairs).mean()) / max(own.var(ddof=1), 1e-12))
     return np.clip(np.exp(0.5 * kept * own), _LEAST_FACTOR, _MOST_FACTOR)
