@@ -249,7 +249,7 @@ def model_layer(
         there = rows[:, :, v] >= 0
         seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
         errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
-    counted = np.moveaxis(used, 2, 3) & np.isfinite(points_m[..., :1])
+    counted = np.moveaxis(used, 2, 3) & np.isfinite(errors)
     status = np.where(np.isfinite(points_m[..., 0]), PointStatus.OK, PointStatus.NOT_SEEN)
     status[absent] = PointStatus.ABSENT
     views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
