@@ -131,7 +131,8 @@ def test_a_tracker_goes_on_from_its_pickle(scene: CrowdScene, told: list[People]
     # So early that somebody is still tentative, and again in the middle.
     for stop, start in ((2, 0), (50, 2), (len(frames), 50)):
         for i in range(start, stop):
-            same_people([tracker.update(frames[i])], [told[i]], 0.0)
+            # Not to the last bit: with a cold cache and two test processes it has differed by a rounding error.
+            same_people([tracker.update(frames[i])], [told[i]], 1e-9)
         tracker = pickle.loads(pickle.dumps(tracker))
 
 
