@@ -36,6 +36,7 @@ _EXPECTED_SIGMA = 1.22
 """The median distance, in sigmas, of detections of the assumed law from the points that most views agree on."""
 _FACTORS = (0.2, 5.0)
 _NEVER_S = 1e9
+_SURE_LOG_ODDS = 1e9
 
 
 def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
@@ -291,7 +292,7 @@ def follow_subject(
         depth=depth,
     )
     # Whoever comes back is the subject.
-    tracker = replace(options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_NEVER_S)
+    tracker = replace(options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS)
     return follow(rig, alone, replace(options, tracker=tracker), progress)
 
 

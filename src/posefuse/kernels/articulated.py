@@ -661,7 +661,7 @@ def update_people(
 
 
 @step
-def _linearise(cameras, body, law, calm, rows, labels, keypoints_px, use, root, turns, bones, shape, n, m, room):
+def _linearise(cameras, body, law, calm, rows, labels, keypoints_px, use, turns, bones, m, room):
     """Normal equations of a pose and shape, into the room; what they cost."""
     _clear(room.hessian, room.gradient, m)
     total = _condition(room.prior, room.offset, m, room.hessian, room.gradient)
@@ -698,9 +698,7 @@ def _settle(
                 cameras, b, law, rows, labels, keypoints_px, confidence, room.nodes, room.jacobian, cov, room.weight,
                 use, room.noise,
             )  # fmt: skip
-        total = _linearise(
-            cameras, b, law, 1.0 / temper, rows, labels, keypoints_px, use, root, turns, bones, shape, n, m, room
-        )
+        total = _linearise(cameras, b, law, 1.0 / temper, rows, labels, keypoints_px, use, turns, bones, m, room)
         if total <= before + 1e-9 * abs(before):
             before = total
             damping /= _GROW

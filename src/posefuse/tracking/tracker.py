@@ -17,7 +17,7 @@ from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
 
@@ -140,7 +140,7 @@ class ArticulatedTracker:
             dt_s: since then.
         """
         s, n = self.settings, len(self.tracks)
-        temper = np.full(n, 1.0 / np.tanh(0.5 * max(dt_s, 1e-6) / s.options.error_memory_s))
+        temper = tempering(np.full(n, dt_s), s.options.error_memory_s)
         use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
 
         def update(rows: np.ndarray, use: np.ndarray) -> None:
