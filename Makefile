@@ -13,7 +13,7 @@ test: .venv/.installed-dev
 	NUMBA_DISABLE_JIT=1 $(PYTEST) -n 2 -m no_jit
 
 test-long: .venv/.installed-dev
-	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 tests/laws
+	POSEFUSE_EXAMPLES_FACTOR=40 $(PYTEST) -n 2 -m hypothesis
 	$(PYTEST) -n 2 -m long
 
 check: lint types borders

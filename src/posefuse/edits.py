@@ -121,8 +121,9 @@ def _merged(casting: _Casting, edit: Merge, numbers: np.ndarray, states: np.ndar
     neither = (rank == 0).all(axis=0)
     last = np.maximum.accumulate(np.where(neither, -1, np.arange(len(neither))))
     take_second = np.where(last >= 0, take_second[last], False)
+    taken, other = np.where(take_second, second, first), np.where(take_second, first, second)
     source = casting.source.copy()
-    source[:, stays] = np.where(take_second, second, first)
+    source[:, stays] = np.where(taken == _NOBODY, other, taken)
     return _Casting(_without(casting.names, goes), np.delete(source, goes, axis=1))
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.association.proposals import propose
@@ -18,6 +18,7 @@ from posefuse.model.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.rigs import build_rig
+from tests.laws import examples
 
 SKELETON = find_skeleton("coco_17")
 GROUPS = AssociationOptions()
@@ -69,7 +70,7 @@ def who_is_who(proposals: Proposals, who: np.ndarray) -> list[set[int]]:
 
 
 class TestGroups:
-    @settings(max_examples=15, deadline=None)
+    @examples(15)
     @given(n=st.integers(1, 6), cameras=st.integers(3, 8), seed=st.integers(0, 1000))
     def test_every_person_is_one_group_of_all_their_detections(self, n, cameras, seed):
         rig, truth = rig_of(cameras), people(n, seed)

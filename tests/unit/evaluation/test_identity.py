@@ -18,6 +18,7 @@ from posefuse.evaluation.identity import (
     since_entry_s,
 )
 from posefuse.evaluation.matching import assign, is_here, match_frames, match_identities, mean_distances_m
+from tests.laws import examples
 
 FRAMES = 20
 
@@ -214,6 +215,7 @@ def test_as_the_published_code_has_it():
     assert identity.idf1 == pytest.approx(0.47107438016528924, abs=1e-12)
 
 
+@examples(100)
 @given(st.integers(0, 10_000))
 def test_neither_the_order_of_people_nor_the_world_s_axes_matter(seed):
     rng = np.random.default_rng(seed)

@@ -1,11 +1,12 @@
 """Matching detections to people."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from posefuse.kernels.matching import match_views
+from tests.laws import examples
 
 
 def best_gain(scores: np.ndarray, least: float) -> float:
@@ -16,7 +17,7 @@ def best_gain(scores: np.ndarray, least: float) -> float:
     return float(gain[linear_sum_assignment(gain, maximize=True)].sum())
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.integers(1, 6), st.integers(0, 7), st.integers(0, 5), st.integers(0, 10**6))
 def test_matching_gains_as_much_as_can_be(people, first, second, seed):
     rng = np.random.default_rng(seed)

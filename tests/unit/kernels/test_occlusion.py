@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.kernels.occlusion import hide_behind_capsules
+from tests.laws import examples
 
 EYE = np.zeros(3)
 
@@ -52,6 +53,7 @@ coordinate = st.floats(-2.0, 2.0)
 place = st.tuples(coordinate, coordinate, coordinate)
 
 
+@examples(100)
 @given(place, place, place, st.floats(0.05, 0.8))
 def test_sampled_distances_agree(point, start, end, radius):
     point, start, end = (np.array(p) for p in (point, start, end))
