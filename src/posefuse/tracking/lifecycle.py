@@ -20,17 +20,7 @@ _MOST_HIDDEN = -1.2
 
 def newcomer(name: str, time_s: float, settings: Settings) -> Track:
     """Somebody just believed."""
-    views = len(settings.rig)
-    return Track(
-        name,
-        TrackState.ACTIVE,
-        settings.options.most_log_odds / 2,
-        time_s,
-        time_s,
-        np.zeros((views, settings.n_groups), dtype=np.int8),
-        np.full(views, -1, dtype=np.int64),
-        np.zeros(3),
-    )
+    return Track(name, TrackState.ACTIVE, settings.options.most_log_odds / 2, time_s, time_s, np.zeros(3))
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
@@ -72,19 +62,20 @@ def live_on(
     o = settings.options
     gain = math.log(o.detection_share / o.false_share)
     loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
-    missed = loss * int((should_see & ~supported).sum())
-    if supported.any():
+    n_views, n_missed = np.count_nonzero(supported), np.count_nonzero(should_see & ~supported)
+    missed = loss * n_missed
+    if n_views:
         # What hides somebody from one view often hides them from others too.
         missed = max(missed, _MOST_HIDDEN * gain)
-    evidence = gain * int(supported.sum()) + missed
+    evidence = gain * n_views + missed
     track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
     track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
-    if supported.sum() > 1:
+    if n_views > 1:
         track.firm_s = time_s
     said: list[tuple[Happening, str]] = []
-    if supported.any() and track.state == TrackState.ACTIVE:
+    if n_views and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m
-    elif supported.sum() >= o.reacquire_views and track.state == TrackState.LOST:
+    elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
         said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
         track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
         track.log_odds = max(track.log_odds, o.most_log_odds / 2)
@@ -94,8 +85,8 @@ def live_on(
             said.append(("lost", f"seen by no camera for {time_s - track.seen_s:.2f} s"))
         elif track.log_odds < o.lost_log_odds:
             track.state = TrackState.LOST
-            missed = _named(should_see & ~supported, settings)
-            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {missed}"))
+            others = _named(should_see & ~supported, settings)
+            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {others}"))
     return said
 
 
@@ -118,11 +109,12 @@ def note_inside(tracks: list[Track], sight: Sight, time_s: float, settings: Sett
 def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settings) -> dict[int, str]:
     """Who is not looked for any more, by place, and why."""
     over: dict[int, str] = {}
+    sound = np.isfinite(state.root).all(axis=1)
     for p, track in enumerate(tracks):
         why = _why_forgotten(track, state, p, time_s, settings) if track.state == TrackState.LOST else ""
         if why:
             over[p] = why
-        elif not np.isfinite(state.root[p]).all():
+        elif not sound[p]:
             over[p] = "the state is broken"
     return over
 
@@ -163,8 +155,6 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
         state.free[p] = 0
         state.covariance[p, n : n + h] = 0.0
         state.covariance[p, :, n : n + h] = 0.0
-    track.swapped[:] = 0
-    track.ids[:] = -1
 
 
 def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:

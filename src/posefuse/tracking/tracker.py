@@ -15,7 +15,7 @@ from posefuse.tracking import audits, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
-from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
@@ -42,6 +42,7 @@ class ArticulatedTracker:
         self.propose = propose
         self.tracks: list[Track] = []
         self.state = nobody(settings.tree)
+        self.lately = self._unknown(0)
         self.tentative: list[Tentative] = []
         self.time_s = float("nan")
         self.names = 0
@@ -116,11 +117,14 @@ class ArticulatedTracker:
         labels = self.labels = self._labels(rows, swapped)
         use = self._put_right(frame, rows, labels, before, dt_s)
         self._set_limbs_anew(frame, use, dt_s)
-        for p, track in enumerate(self.tracks):
-            for v in np.flatnonzero(rows[p] >= 0):
-                track.swapped[v] = swapped[p, rows[p, v]]
-                track.ids[v] = frame.track_ids[rows[p, v]]
+        p, v = np.nonzero(rows >= 0)
+        self.lately.swapped[p, v] = swapped[p, rows[p, v]]
+        self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
         return rows, use == USED
+
+    def _unknown(self, tracks: int) -> Lately:
+        s = self.settings
+        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton))
 
     def _move_on(self, state: State, dt_s: float) -> None:
         s = self.settings
@@ -164,17 +168,15 @@ class ArticulatedTracker:
     def _set_limbs_anew(self, frame: Frame, use: np.ndarray, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are as good as unknown."""
         gated, used = (use == GATED).sum(axis=1), (use == USED).sum(axis=1)
-        off = (gated >= 2) & (gated > used)
-        for p, track in enumerate(self.tracks):
-            track.off_s = np.where(off[p], track.off_s + dt_s, 0.0)
-            if track.off_s.max(initial=0.0) < self.settings.options.limb_anew_s:
-                continue
-            k = int(track.off_s.argmax())
-            track.off_s[:] = 0.0
-            if lifecycle.set_limb_anew(self.state, p, k, self.settings):
+        off_s = self.lately.off_s
+        off_s[:] = np.where((gated >= 2) & (gated > used), off_s + dt_s, 0.0)
+        for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
+            k = int(off_s[p].argmax())
+            off_s[p] = 0.0
+            if lifecycle.set_limb_anew(self.state, int(p), k, self.settings):
                 name = self.settings.skeleton.keypoints[k]
                 why = f"{gated[p, k]} cameras see the {name} elsewhere"
-                self.events.append(Event(frame.number, self.time_s, track.name, "limb set anew", why))
+                self.events.append(Event(frame.number, self.time_s, self.tracks[p].name, "limb set anew", why))
 
     def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Rows (track, view), and whose sides are exchanged (track, row, group)."""
@@ -183,11 +185,11 @@ class ArticulatedTracker:
         swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
         score_detections(
             self.sight.pixels, self.sight.spread, self.sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
-            s.skeleton.mirror, s.group_of, s.n_groups, s.law, np.stack([t.swapped for t in self.tracks]),
+            s.skeleton.mirror, s.group_of, s.n_groups, s.law, self.lately.swapped,
             o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
             swapped,
         )  # fmt: skip
-        ids = np.stack([t.ids for t in self.tracks])[:, frame.view]
+        ids = self.lately.ids[:, frame.view]
         scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
         rows = np.empty((n, len(s.rig)), dtype=np.int64)
         match_views(scores, frame.view, len(s.rig), o.match_evidence, rows)
@@ -202,14 +204,10 @@ class ArticulatedTracker:
                 rows[p] = -1
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
+        """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
         s = self.settings
-        labels = np.tile(np.arange(len(s.skeleton)), (*rows.shape, 1))
-        for p, v in zip(*np.nonzero(rows >= 0), strict=True):
-            turned = swapped[p, rows[p, v]]
-            if turned.any():
-                of = (s.group_of >= 0) & (turned[s.group_of] != 0)
-                labels[p, v, of] = s.skeleton.mirror[of]
-        return labels
+        turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
+        return np.where(turned, s.skeleton.mirror, np.arange(len(s.skeleton)))
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
@@ -231,7 +229,7 @@ class ArticulatedTracker:
         if over:
             keep = [p for p in range(len(self.tracks)) if p not in over]
             self.tracks = [self.tracks[p] for p in keep]
-            self.state = chosen(self.state, keep)
+            self.state, self.lately = chosen(self.state, keep), self.lately.chosen(keep)
             self._keep = keep
         else:
             self._keep = list(range(len(self.tracks)))
@@ -301,12 +299,18 @@ class ArticulatedTracker:
         for v in np.flatnonzero(rows >= 0):
             order = self.labels[self._keep[p], v]
             pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
-        sight = Sight.room(len(self.tracks), *shape)
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        sight = self._placed()
         points, covariance = sight.points_m[p], sight.covariance_m2[p]
         return Evidence(
             self.time_s, frame.number, pixels, trust, rows, points, covariance, self.state.root[p].copy(), 0.0, 1.0
         )
+
+    def _placed(self) -> Sight:
+        """Where everybody is, seen by no view."""
+        s = self.settings
+        sight = Sight.room(len(self.tracks), 0, len(s.skeleton))
+        foresee_people(s.cameras[:0], s.body, self.state, *sight.arrays)
+        return sight
 
     def _conclude(self, finding: audits.Finding, number: int) -> None:
         place = {track.name: p for p, track in enumerate(self.tracks)}
@@ -334,6 +338,9 @@ class ArticulatedTracker:
         """What the free detections propose, but for people who are followed already."""
         s = self.settings
         active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
+        views = frame.view[free]
+        if not len(views) or views[0] == views[-1]:
+            return []
         known = self.sight.points_m[self._keep][active]
         proposals = self.propose(frame, free)
         found = []
@@ -369,6 +376,8 @@ class ArticulatedTracker:
             p, why, uncertain = found
             track = self.tracks[p]
             lifecycle.take_back(track, self.state, p, state, s)
+            for mine, unknown in zip(self.lately, self._unknown(1), strict=True):
+                mine[p] = unknown[0]
             self.events.append(Event(number, self.time_s, track.name, "returned", why))
             if uncertain:
                 self.events.append(Event(number, self.time_s, track.name, "identity uncertain", uncertain))
@@ -378,7 +387,7 @@ class ArticulatedTracker:
             self.names += 1
             track = lifecycle.newcomer(f"person_{self.names}", self.time_s, s)
             self.tracks.append(track)
-            self.state = joined(self.state, state)
+            self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
             views = f"{seen.n_views} cameras"
             self.events.append(
@@ -391,9 +400,7 @@ class ArticulatedTracker:
         return p, counted
 
     def _told(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> People:
-        s, n = self.settings, len(self.tracks)
-        sight = Sight.room(n, len(s.rig), len(s.skeleton))
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        sight = self._placed()
         people = [
             Person(
                 track.name,
@@ -433,20 +440,26 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
         rows: shape (track, view).
         swapped: shape (track, row, group), in and out.
     """
-    if not swapped.any():
-        return
-    for p, mine in enumerate(rows):
-        matched = mine[mine >= 0]
-        if len(matched):
-            most = 2 * swapped[p, matched].sum(axis=0) >= len(matched)
-            swapped[p, :, most] = 0
+    matched = (rows >= 0).sum(axis=1)
+    most = 2 * _of_matches(swapped, rows).sum(axis=1) >= np.maximum(matched, 1)[:, None]
+    swapped *= ~most[:, None, :]
+
+
+def _of_matches(swapped: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Shape (track, view, group), bool: whose sides are exchanged in the detections they are matched with."""
+    if not swapped.shape[1]:
+        return np.zeros((*rows.shape, swapped.shape[2]), dtype=bool)
+    of = swapped[np.arange(len(rows))[:, None], rows] != 0
+    return of & (rows >= 0)[..., None]
 
 
 def _moments(frame: Frame) -> list[tuple[float, np.ndarray]]:
     """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first."""
     known = frame.recorded & np.isfinite(frame.time_s)
-    times = np.where(known, frame.time_s, np.min(frame.time_s[known], initial=np.inf))
-    if np.ptp(times) < _SAME_TIME_S:
-        return [(float(times.max()), np.ones(len(times), dtype=bool))]
+    there = frame.time_s[known]
+    first, last = there.min(), there.max()
+    if last - first < _SAME_TIME_S:
+        return [(float(last), np.ones(len(known), dtype=bool))]
+    times = np.where(known, frame.time_s, first)
     rounded = np.round(times / _SAME_TIME_S)
     return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]
