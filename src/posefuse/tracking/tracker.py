@@ -206,8 +206,11 @@ class ArticulatedTracker:
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
         s = self.settings
+        as_labelled = np.arange(len(s.skeleton))
+        if not swapped.any():
+            return np.tile(as_labelled, (*rows.shape, 1))
         turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
-        return np.where(turned, s.skeleton.mirror, np.arange(len(s.skeleton)))
+        return np.where(turned, s.skeleton.mirror, as_labelled)
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
@@ -440,6 +443,8 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
         rows: shape (track, view).
         swapped: shape (track, row, group), in and out.
     """
+    if not swapped.any():
+        return
     matched = (rows >= 0).sum(axis=1)
     most = 2 * _of_matches(swapped, rows).sum(axis=1) >= np.maximum(matched, 1)[:, None]
     swapped *= ~most[:, None, :]
@@ -447,8 +452,6 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
 
 def _of_matches(swapped: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Shape (track, view, group), bool: whose sides are exchanged in the detections they are matched with."""
-    if not swapped.shape[1]:
-        return np.zeros((*rows.shape, swapped.shape[2]), dtype=bool)
     of = swapped[np.arange(len(rows))[:, None], rows] != 0
     return of & (rows >= 0)[..., None]
 
