@@ -1,5 +1,7 @@
 """Many people followed through a recording, or frame by frame: association and tracking wired together."""
 
+from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -105,17 +107,20 @@ def with_tree(rig: CameraRig, detections: Detections, noise: NoiseModel, options
 
 
 @dataclass(frozen=True)
-class Exchange:
-    """Two people who were taken for each other in a range of frames, found out later.
+class Naming:
+    """Who the bodies that were followed are, now that more is known.
 
     Attributes:
-        names: of the two.
-        start, stop: frames, counted from 0.
+        since: by number of the body, from which frames on, counted from 0, it has which name; in order.
     """
 
-    names: tuple[str, str]
-    start: int
-    stop: int
+    since: Mapping[int, tuple[tuple[int, str], ...]]
+
+    def columns(self, number: int, places: np.ndarray, people: tuple[str, ...]) -> np.ndarray:
+        """Shape (frame,), int64: who of ``people`` a body is in these frames; -1 for none of them."""
+        starts, names = zip(*self.since[number], strict=True)
+        column = np.array([people.index(name) if name in people else -1 for name in names], dtype=np.int64)
+        return column[np.searchsorted(starts, places, side="right") - 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +131,7 @@ class Followed:
         tracks: whose detection was whose, of all frames.
         events: what happened.
         history: states of everybody.
-        exchanges: names that are to change places in the history.
+        naming: who the bodies in the history are.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
     """
@@ -134,7 +139,7 @@ class Followed:
     tracks: Tracks
     events: tuple[Event, ...]
     history: History
-    exchanges: tuple[Exchange, ...]
+    naming: Naming
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
 
@@ -188,7 +193,7 @@ class Followed:
         turns = np.full((*shape, len(tree.segments), 3, 3), np.nan)
         directions = np.full((*shape, len(tree.bones), 3), np.nan)
         for person in people:
-            columns = self._columns(person.name, person.places)
+            columns = self._columns(person.number, person.places)
             seen = (columns >= 0) & (person.places >= start)
             f, p = person.places[seen] - start, columns[seen]
             points[f, p], covariance[f, p] = person.body.points_m[seen], person.body.covariance_m2[seen]
@@ -199,27 +204,17 @@ class Followed:
         poses = Poses(tree.segments, tree.bones, tree.shape_names, turns, directions, self.shape_m, self.shape_sd_m)
         return layer, poses
 
-    def _columns(self, name: str, places: np.ndarray) -> np.ndarray:
-        """The person that somebody of that name in the history is in these frames, now that more is known.
+    def _columns(self, number: int, places: np.ndarray) -> np.ndarray:
+        """The person that a body in the history is in these frames.
 
         -1 for those who are left out, and before and after the frames that showed them.
         """
-        people = self.tracks.person_ids
-        names = [renamed(name, int(place), self.exchanges) for place in places]
-        column = np.array([people.index(each) if each in people else -1 for each in names], dtype=np.int64)
+        column = self.naming.columns(number, places, self.tracks.person_ids)
         state = np.asarray(self.tracks.state)[places, column]
         return np.where((column >= 0) & (state != TrackState.ABSENT), column, -1)
 
     def _absent(self, start: int, stop: int) -> np.ndarray:
         return np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT
-
-
-def renamed(name: str, place: int, exchanges: tuple[Exchange, ...]) -> str:
-    """What somebody is called in a frame, after later exchanges of names."""
-    for exchange in exchanges:
-        if name in exchange.names and exchange.start <= place < exchange.stop:
-            name = exchange.names[1 - exchange.names.index(name)]
-    return name
 
 
 def model_layer(
@@ -307,12 +302,34 @@ def follow(rig: CameraRig, detections: Detections, options: Options, progress: P
     tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
     book = _Book(History(tracker.settings))
     progress.start("following people", detections.n_frames)
+    done = 0
+    times_s = _times(detections)
     for chunk in detections.chunks():
         for i in range(chunk.n_frames):
-            book.enter(tracker, tracker.update(Frame.of(chunk, i)))
+            frame = Frame.of(chunk, i)
+            if not frame.recorded.any():
+                frame = replace(frame, time_s=np.full(len(rig), times_s[done + i]))
+            book.enter(tracker, tracker.update(frame))
+        done += chunk.n_frames
         progress.advance(chunk.n_frames)
     progress.finish()
     return book.close(detections)
+
+
+def _times(detections: Detections) -> np.ndarray:
+    """Shape (frame,): when frames were; of those that no view recorded, when they should have been; NaN if unknown."""
+    known = np.asarray(detections.recorded) & np.isfinite(detections.time_s)
+    last = np.where(known, detections.time_s, -np.inf).max(axis=1)
+    there = np.isfinite(last)
+    if there.sum() < 2:
+        return np.where(there, last, np.nan)
+    numbers = np.asarray(detections.frame_numbers, dtype=float)
+    times_s = np.interp(numbers, numbers[there], last[there])
+    period_s = np.median(np.diff(last[there]) / np.diff(numbers[there]))
+    first, final = np.flatnonzero(there)[[0, -1]]
+    times_s[:first] = last[first] - period_s * (numbers[first] - numbers[:first])
+    times_s[final + 1 :] = last[final] + period_s * (numbers[final + 1 :] - numbers[final])
+    return times_s
 
 
 class _Book:
@@ -324,28 +341,36 @@ class _Book:
 
     def __init__(self, history: History) -> None:
         self.history = history
-        self.rows: dict[tuple[int, str], np.ndarray] = {}
-        self.states: dict[tuple[int, str], TrackState] = {}
+        self.lines = array("i")
+        """Place, number, state and rows, of every person and frame one after the other; later ones count."""
+        self.names: dict[int, list[tuple[int, str]]] = {}
         self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.events: list[Event] = []
-        self.exchanges: list[Exchange] = []
 
     def enter(self, tracker: ArticulatedTracker, people: People) -> None:
         """A frame."""
         self.history.add(tracker, people)
         place = len(self.history) - 1
-        for person in people.people:
-            if person.state != TrackState.TENTATIVE:
-                self.rows[place, person.name], self.states[place, person.name] = person.rows, person.state
-        for name, past in tracker.remembered.items():
-            for each in past:
-                before = self.history.place(each.number)
-                self.rows[before, name], self.states[before, name] = each.rows, TrackState.TENTATIVE
+        told = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
+            self.names.setdefault(track.number, [(0, track.name)])
             self.shapes[track.name] = tracker.shape_of(p)
-        for names, since_s in tracker.exchanged:
-            self.exchanges.append(Exchange(names, self.history.place_at(since_s), place))
+            self._note(place, track.number, track.state, told[track.name].rows)
+            for each in tracker.remembered.get(track.name, []):
+                self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
+        for numbers, since_s in tracker.exchanged:
+            self._rename(tracker, numbers, self.history.place_at(since_s))
         self.events.extend(people.events)
+
+    def _note(self, place: int, number: int, state: TrackState, rows: np.ndarray) -> None:
+        self.lines.extend((place, number, state, *rows.tolist()))
+
+    def _rename(self, tracker: ArticulatedTracker, numbers: tuple[int, int], place: int) -> None:
+        """Bodies have been, from that frame on, who they are called now."""
+        for track in tracker.tracks:
+            if track.number in numbers:
+                before = [each for each in self.names[track.number] if each[0] < place]
+                self.names[track.number] = [*before, (place, track.name)]
 
     def close(self, detections: Detections) -> Followed:
         """All of it, people in the order in which they were first believed."""
@@ -353,10 +378,12 @@ class _Book:
         shape = (len(self.history), len(names))
         rows = np.full((*shape, detections.n_views), -1, dtype=np.int64)
         state = np.full(shape, TrackState.ABSENT, dtype=np.int8)
-        exchanges = tuple(self.exchanges)
-        for (place, name), mine in self.rows.items():
-            p = names.index(renamed(name, place, exchanges))
-            rows[place, p], state[place, p] = mine, self.states[place, name]
+        naming = Naming({number: tuple(since) for number, since in self.names.items()})
+        lines = np.asarray(self.lines, dtype=np.int64).reshape(-1, 3 + detections.n_views)
+        for number in naming.since:
+            mine = lines[lines[:, 1] == number]
+            columns = naming.columns(number, mine[:, 0], names)
+            rows[mine[:, 0], columns], state[mine[:, 0], columns] = mine[:, 3:], mine[:, 2]
         _end_with_the_last_sight(rows, state)
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         # A frame's rows are counted through its views, a track's detections within the view.
@@ -366,9 +393,7 @@ class _Book:
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, tree.n_shape))
             for i in range(2)
         )
-        return Followed(
-            Tracks(names, detection, state), tuple(self.events), self.history, exchanges, shape_m, shape_sd_m
-        )
+        return Followed(Tracks(names, detection, state), tuple(self.events), self.history, naming, shape_m, shape_sd_m)
 
 
 def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:

@@ -621,7 +621,7 @@ def update_people(
         state: a State, in and out.
         use: shape (person, view, keypoint), int64, written: USED, GATED or UNSEEN.
         moved: shape (person,), written: by how much the prediction was off, squared, in its own covariance; NaN where
-            that is broken, and nothing was done.
+            that is broken: then they are nowhere any more, and no view shows them.
         cost: shape (person,), written: what remains.
     """
     n_people, n = state.velocity.shape
@@ -656,6 +656,9 @@ def update_people(
         moved[p] = math.nan
         _copy_triangle(cov, m, room.prior)
         if not invert(room.prior, m, room.change):
+            use[p, :, :] = UNSEEN
+            cost[p] = math.nan
+            state.root[p, :] = math.nan
             continue
         cost[p] = _settle(
             cameras, body, law, temper[p], iterations, rows[p], labels[p], keypoints_px, confidence, state.root[p],

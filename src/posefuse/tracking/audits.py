@@ -19,7 +19,9 @@ _NEAR_M, _APART_M = 0.6, 0.9
 _MIXED_S = 0.15
 _LOOK_S = 1.2
 _MOST_LOOK_S = 3.0
-_FRAMES = 12
+_FRAMES, _FEWEST = 12, 4
+_EVERY_S = 0.03
+_FRAMES_KEPT = 100
 _CLEAR = 2.0
 
 
@@ -87,7 +89,7 @@ def contacts(
     away = (np.linalg.norm(state.root[:, None] - state.root[None], axis=-1) / scale).tolist()
     for p in range(n):
         for q in range(p + 1, n):
-            pair = (tracks[p].name, tracks[q].name)
+            pair = pair_of(tracks[p].name, tracks[q].name)
             contact = known.get(pair)
             if away[p][q] < _NEAR_M:
                 contact = known.setdefault(pair, Contact(pair))
@@ -105,11 +107,25 @@ def contacts(
         del known[pair]
 
 
+def pair_of(first: str, second: str) -> tuple[str, str]:
+    """How two people are known together, whichever comes first."""
+    return (first, second) if first < second else (second, first)
+
+
+def forget(known: dict[tuple[str, str], Contact], names: tuple[str, str]) -> None:
+    """What either of two people, who are now called otherwise, has shown with others was not theirs."""
+    for pair in [pair for pair in known if set(pair) & set(names)]:
+        del known[pair]
+
+
 def remember(known: dict[tuple[str, str], Contact], name: str, shown: Evidence) -> None:
     """Keep what somebody has shown since they are apart from somebody."""
     for contact in known.values():
         if name in contact.names and np.isfinite(contact.apart_s):
-            contact.shown.setdefault(name, deque(maxlen=64)).append(shown)
+            kept = contact.shown.setdefault(name, deque(maxlen=_FRAMES_KEPT))
+            # Frames that follow each other at once err alike.
+            if not kept or shown.time_s - kept[-1].time_s > _EVERY_S:
+                kept.append(shown)
 
 
 def audit(
@@ -129,12 +145,13 @@ def audit(
     for pair, contact in list(known.items()):
         if not time_s - contact.apart_s > _LOOK_S:
             continue
-        if min(len(contact.shown.get(name, ())) for name in pair) < _FRAMES:
-            if time_s - contact.apart_s > _MOST_LOOK_S:
-                del known[pair]
-                found.append(Finding(pair, exchange=False, clear=False, odds=0.0, since_s=contact.apart_s))
+        frames, late = min(len(contact.shown.get(name, ())) for name in pair), time_s - contact.apart_s > _MOST_LOOK_S
+        if frames < _FRAMES and not late:
             continue
         del known[pair]
+        if frames < _FEWEST:
+            found.append(Finding(pair, exchange=False, clear=False, odds=0.0, since_s=contact.apart_s))
+            continue
         fresh = [begin(_some(contact.shown[name]), settings)[0] for name in pair]
         p, q = (place[name] for name in pair)
         straight = _likeness(tracks, state, p, fresh[0], settings) + _likeness(tracks, state, q, fresh[1], settings)

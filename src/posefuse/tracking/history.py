@@ -1,5 +1,6 @@
 """What a tracker knew of everybody in every frame, kept in little memory, to be gone through again afterwards."""
 
+import os
 import pickle
 import tempfile
 import weakref
@@ -27,7 +28,7 @@ class Run:
     """One person in frames that follow each other without a gap, as the filter knew them.
 
     Attributes:
-        name: of the person.
+        number: of the one who was followed, whatever they are called.
         places: shape (frame,), int64: which frames of the history, counted from 0.
         time_s: shape (frame,).
         fresh: whether the filter began anew with the first frame.
@@ -38,7 +39,7 @@ class Run:
         missing_s: shape (frame,): for how long nothing had supported them.
     """
 
-    name: str
+    number: int
     places: np.ndarray
     time_s: np.ndarray
     fresh: bool
@@ -55,8 +56,8 @@ class Run:
         """The frames ``start`` to ``stop`` of the run."""
         to = slice(start, stop)
         return Run(
-            self.name, self.places[to], self.time_s[to], self.fresh and start == 0, State(*(s[to] for s in self.state)),
-            self.rows[to], self.used[to], self.life[to], self.missing_s[to],
+            self.number, self.places[to], self.time_s[to], self.fresh and start == 0,
+            State(*(s[to] for s in self.state)), self.rows[to], self.used[to], self.life[to], self.missing_s[to],
         )  # fmt: skip
 
     def within(self, start: int, stop: int) -> "Run":
@@ -81,32 +82,31 @@ class _Entry:
 
 @dataclass(eq=False)
 class _Block:
-    """Some seconds of entries, by person and place; in a file once nothing is added any more."""
+    """Some seconds of entries, by number and place; in a file, from some byte on, once nothing is added any more."""
 
     first: int
-    entries: dict[str, dict[int, _Entry]] = field(default_factory=dict)
+    entries: dict[int, dict[int, _Entry]] = field(default_factory=dict)
     file: IO[bytes] | None = None
+    start: int = 0
 
-    def spool(self) -> None:
-        """Into the file."""
-        self.file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the block is)
-        # A history that nobody needs any more leaves no open file behind.
-        weakref.finalize(self, self.file.close)
-        pickle.dump(self.entries, self.file, protocol=pickle.HIGHEST_PROTOCOL)
+    def spool(self, file: IO[bytes]) -> None:
+        """To the end of a file."""
+        self.file, self.start = file, file.seek(0, os.SEEK_END)
+        pickle.dump(self.entries, file, protocol=pickle.HIGHEST_PROTOCOL)
         self.entries = {}
 
-    def read(self) -> dict[str, dict[int, _Entry]]:
+    def read(self) -> dict[int, dict[int, _Entry]]:
         """From the file."""
         assert self.file is not None
-        self.file.seek(0)
+        self.file.seek(self.start)
         return pickle.load(self.file)
 
 
 class History:
     """Records a tracker's frames, and gives them back by ranges.
 
-    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in temporary files
-    without names, which are gone when the history is: of a body of 20 keypoints 14 kB a person and frame, 1.2 GB an
+    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in a temporary file
+    without a name, which is gone when the history is: of a body of 20 keypoints 14 kB a person and frame, 1.2 GB an
     hour at 25 fps.
 
     Args:
@@ -118,7 +118,9 @@ class History:
         self.numbers: list[int] = []
         self.time_s: list[float] = []
         self._blocks: list[_Block] = []
-        self._recent: dict[int, dict[str, dict[int, _Entry]]] = {}
+        self._recent: dict[int, dict[int, dict[int, _Entry]]] = {}
+        self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)
+        weakref.finalize(self, self._file.close)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -140,16 +142,16 @@ class History:
             self._blocks.append(_Block(here))
             # A block stays open for another one, since people are believed some time after they were first seen.
             if len(self._blocks) > 2 and self._blocks[-3].file is None:
-                self._blocks[-3].spool()
+                self._blocks[-3].spool(self._file)
         told = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             past = tracker.remembered.get(track.name)
             fresh = past is not None
             if past:
-                fresh = not self._add_past(track.name, past, here)
-            self._put(track.name, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
+                fresh = not self._add_past(track.number, past, here)
+            self._put(track.number, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
 
-    def _add_past(self, name: str, past: list[Remembered], here: int) -> bool:
+    def _add_past(self, number: int, past: list[Remembered], here: int) -> bool:
         """Put states from before somebody was believed where they belong; whether there are any.
 
         In frames between them that showed nothing the body moves on as it would.
@@ -173,16 +175,16 @@ class History:
                 rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
             missing_s = self.time_s[place] - seen_s
             self._put(
-                name,
+                number,
                 _Entry(
                     place, place == min(by_place), *_packed(state), rows, used, TrackState.TENTATIVE, missing_s
                 ),
             )  # fmt: skip
         return True
 
-    def _put(self, name: str, entry: _Entry) -> None:
+    def _put(self, number: int, entry: _Entry) -> None:
         block = next(block for block in reversed(self._blocks) if block.first <= entry.place)
-        block.entries.setdefault(name, {})[entry.place] = entry
+        block.entries.setdefault(number, {})[entry.place] = entry
 
     def place(self, number: int) -> int:
         """Which frame, counted from 0, has a number.
@@ -199,28 +201,21 @@ class History:
         """The first frame, counted from 0, that is later than a time."""
         return bisect_right(self.time_s, time_s)
 
-    def release(self, stop: int) -> None:
-        """Forget all blocks that end before frame ``stop``, counted from 0."""
-        while len(self._blocks) > 1 and self._blocks[1].first <= stop:
-            block = self._blocks.pop(0)
-            if block.file is not None:
-                block.file.close()
-
     def runs(self, start: int, stop: int) -> list[Run]:
-        """Everybody in the frames ``start`` to ``stop``, counted from 0; by name, then by time.
+        """Everybody in the frames ``start`` to ``stop``, counted from 0; by number, then by time.
 
         A person has several runs where they were not followed in between, or where the filter began anew.
         """
-        found: dict[str, list[_Entry]] = {}
+        found: dict[int, list[_Entry]] = {}
         ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
         for block, end in zip(self._blocks, ends, strict=True):
             if block.first < stop and end > start:
-                for name, entries in self._entries(block).items():
+                for number, entries in self._entries(block).items():
                     inside = (entries[place] for place in sorted(entries) if start <= place < stop)
-                    found.setdefault(name, []).extend(inside)
-        return [self._run(name, part) for name, entries in found.items() for part in _unbroken(entries)]
+                    found.setdefault(number, []).extend(inside)
+        return [self._run(number, part) for number, entries in found.items() for part in _unbroken(entries)]
 
-    def _entries(self, block: _Block) -> dict[str, dict[int, _Entry]]:
+    def _entries(self, block: _Block) -> dict[int, dict[int, _Entry]]:
         """Of a block; those of the last few that were read from files are at hand."""
         if block.file is None:
             return block.entries
@@ -230,10 +225,10 @@ class History:
             self._recent[block.first] = block.read()
         return self._recent[block.first]
 
-    def _run(self, name: str, entries: list[_Entry]) -> Run:
+    def _run(self, number: int, entries: list[_Entry]) -> Run:
         places = np.array([entry.place for entry in entries])
         return Run(
-            name,
+            number,
             places,
             np.array(self.time_s)[places] if len(places) else np.empty(0),
             entries[0].fresh,

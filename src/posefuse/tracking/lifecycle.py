@@ -18,9 +18,10 @@ _MOST_HIDDEN = -1.2
 """Views that do not see somebody whom one does see count no more than this many that do."""
 
 
-def newcomer(name: str, time_s: float, settings: Settings) -> Track:
+def newcomer(number: int, time_s: float, settings: Settings) -> Track:
     """Somebody just believed."""
-    return Track(name, TrackState.ACTIVE, settings.options.most_log_odds / 2, time_s, time_s, np.zeros(3))
+    odds = settings.options.most_log_odds / 2
+    return Track(number, f"person_{number}", TrackState.ACTIVE, odds, time_s, time_s, np.zeros(3))
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
@@ -158,12 +159,21 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
 
 
 def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
-    """Let two people go on as each other: names and bodies change places, poses stay."""
+    """Let two people go on as each other: names, and what is known of lengths, change places; poses stay."""
     for name in ("name", "born_s", "trusted", "settled_s"):
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)
+    n, h = state.velocity.shape[1], state.shape.shape[1]
+    lengths = slice(n, n + h)
+    blocks = state.covariance[[q, p], lengths, lengths]
+    for each in (p, q):
+        # How lengths go with the pose was found of the other body.
+        state.covariance[each, lengths] = 0.0
+        state.covariance[each, :, lengths] = 0.0
+    state.covariance[[p, q], lengths, lengths] = blocks
     state.shape[[p, q]] = state.shape[[q, p]]
+    state.free[[p, q]] = state.free[[q, p]]
 
 
 def set_limb_anew(state: State, p: int, keypoint: int, settings: Settings) -> bool:

@@ -15,7 +15,8 @@ class Track:
     """A person who is followed.
 
     Attributes:
-        name: of the person.
+        number: of the body that is followed, as long as it is; counted from 1.
+        name: of the person whom it is taken for.
         state: ACTIVE or LOST.
         log_odds: that they are there.
         born_s: when they were first believed.
@@ -27,6 +28,7 @@ class Track:
         inside_s: when they were last where two views overlap.
     """
 
+    number: int
     name: str
     state: TrackState
     log_odds: float

@@ -68,13 +68,13 @@ class SmoothedPerson:
     """One person over the consecutive frames ``places`` of a history, counted from 0.
 
     Attributes:
-        name: of the person.
+        number: of the one who was followed, as in the history.
         places: shape (frame,), int64.
         body: how they stand there.
         run: as the filter knew them there.
     """
 
-    name: str
+    number: int
     places: np.ndarray
     body: Smoothed
     run: Run
@@ -104,7 +104,7 @@ class PeopleSmoother:
         self.done = start
         """The first frame, counted from 0, that has not been given."""
         self._from = self._warm(start)
-        self._windows: dict[str, _Window] = {}
+        self._windows: dict[int, _Window] = {}
 
     def _warm(self, start: int) -> int:
         """The first frame that has a bearing on what is known in frame ``start``."""
@@ -150,9 +150,9 @@ class PeopleSmoother:
             body, window, after = self._smooth(part, start, stop, after if joins else None)
             if len(body):
                 keep = part.within(start, stop)
-                found.append(SmoothedPerson(part.name, keep.places, body, keep))
+                found.append(SmoothedPerson(part.number, keep.places, body, keep))
             if window is not None:
-                windows.setdefault(part.name, window)
+                windows.setdefault(part.number, window)
         self._windows, self.done, self._from = windows, stop, stop - 1
         return found[::-1]
 
@@ -163,7 +163,7 @@ class PeopleSmoother:
         first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
         if self.settings.options.smoother == "none":
             return _described(part.within(start, stop).state, None, self.settings), None, None
-        window = _refiltered(part, self._windows.get(part.name), self.settings)
+        window = _refiltered(part, self._windows.get(part.number), self.settings)
         states = _smoothed_before(window.after(first).state, part.time_s[first:], after, self.settings)
         kept = State(*(each[: last - first] for each in states))
         body = _described(kept, window.information[first:last], self.settings)
@@ -180,7 +180,7 @@ class _Ahead:
 
     def joins(self, part: Run) -> bool:
         """Whether another run of the same person ends where this one begins."""
-        return part.name == self.run.name and part.places[-1] + 1 == self.run.places[0]
+        return part.number == self.run.number and part.places[-1] + 1 == self.run.places[0]
 
 
 def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: Settings) -> State:

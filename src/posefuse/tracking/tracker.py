@@ -15,13 +15,13 @@ from posefuse.tracking import audits, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
+from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
 
-_SAME_TIME_S = 1e-3
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
 
@@ -44,14 +44,14 @@ class ArticulatedTracker:
         self.state = nobody(settings.tree)
         self.lately = self._unknown(0)
         self.tentative: list[Tentative] = []
-        self.time_s = float("nan")
+        self.clock = Clock()
         self.names = 0
         self.guesses = 0
         self.remembered: dict[str, list[Remembered]] = {}
         """Of people first believed in the last frame: their states in the frames before."""
         self.events: list[Event] = []
-        self.exchanged: list[tuple[tuple[str, str], float]] = []
-        """Who, as was found in the last frame, have been taken for each other, and since when."""
+        self.exchanged: list[tuple[tuple[int, int], float]] = []
+        """Whose names, as was found in the last frame, belong to each other, by number, and since when."""
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -61,15 +61,19 @@ class ArticulatedTracker:
         Raises:
             DetectionsError: if the frame does not fit the cameras or the skeleton, or is not later than the last.
         """
-        time_s = self._time_of(frame)
+        self._check(frame)
+        dt_s = self.clock.take(frame)
         self.events, self.exchanged, self.remembered = [], [], {}
-        dt_s = 0.0 if np.isnan(self.time_s) else time_s - self.time_s
-        self.time_s = time_s
         rows, used = self._follow(frame, dt_s)
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used)
         return self._told(frame, rows, used)
+
+    @property
+    def time_s(self) -> float:
+        """Of the last frame, NaN before the first."""
+        return self.clock.time_s
 
     def shape_of(self, p: int) -> tuple[np.ndarray, np.ndarray]:
         """The shape of a body and its standard deviations, shape (shape,) each, m."""
@@ -78,26 +82,13 @@ class ArticulatedTracker:
         block = track.trusted[1] if track.trusted else self.state.covariance[p, n : n + h, n : n + h]
         return self.state.shape[p].copy(), np.sqrt(np.diag(block))
 
-    def _time_of(self, frame: Frame) -> float:
+    def _check(self, frame: Frame) -> None:
         views, keypoints = len(self.settings.rig), len(self.settings.skeleton)
         if len(frame.recorded) != views or (len(frame.view) and frame.keypoints_px.shape[1] != keypoints):
             raise DetectionsError(
                 f"Frame {frame.number} has {len(frame.recorded)} views and {frame.keypoints_px.shape[1]} keypoints a "
                 f"person; this tracker has {views} cameras and {keypoints} keypoints."
             )
-        known = frame.time_s[np.isfinite(frame.time_s) & frame.recorded]
-        if not len(known):
-            raise DetectionsError(
-                f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate "
-                "(--rate-hz, Options.rate_hz) or times."
-            )
-        # Views of a frame that were taken one after the other are taken into account one after the other.
-        time_s = float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
-        if time_s <= self.time_s:
-            raise DetectionsError(
-                f"Frame {frame.number} is of {time_s:.4f} s, the last was of {self.time_s:.4f} s. Frames come in order."
-            )
-        return time_s
 
     def _follow(self, frame: Frame, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Foresee everybody, match detections, put states right: rows (track, view), used (track, view, keypoint)."""
@@ -107,8 +98,8 @@ class ArticulatedTracker:
             self.sight = Sight.room(0, views, keypoints)
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
-        moments = _moments(frame)
-        before = chosen(self.state, np.arange(n)) if len(moments) > 1 else None
+        views_then = moments(frame, self.time_s)
+        before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
         foresee_people(s.cameras, s.body, self.state, *self.sight.arrays)
@@ -144,7 +135,7 @@ class ArticulatedTracker:
             dt_s: since then.
         """
         s, n = self.settings, len(self.tracks)
-        temper = tempering(np.full(n, dt_s), s.options.error_memory_s)
+        temper = tempering(np.full(n, self.clock.apart_s), s.options.error_memory_s)
         use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
 
         def update(rows: np.ndarray, use: np.ndarray) -> None:
@@ -157,7 +148,7 @@ class ArticulatedTracker:
             update(rows, use)
             return use
         self.state, now_s = before, self.time_s - dt_s
-        for time_s, views in _moments(frame):
+        for time_s, views in moments(frame, self.time_s):
             self._move_on(self.state, time_s - now_s)
             now_s = max(now_s, time_s)
             part = np.empty_like(use)
@@ -291,8 +282,11 @@ class ArticulatedTracker:
             for p, track in enumerate(self.tracks):
                 if supported[p].sum() > 1:
                     audits.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p))
+            renamed: set[str] = set()
             for finding in audits.audit(self.contacts, self.tracks, self.state, self.time_s, self.settings):
-                self._conclude(finding, number)
+                if not renamed & set(finding.names):
+                    self._conclude(finding, number)
+                    renamed |= set(finding.names) if finding.exchange else set()
 
     def _shown(self, frame: Frame, rows: np.ndarray, p: int) -> Evidence:
         """What this frame showed of somebody who is followed."""
@@ -321,7 +315,8 @@ class ArticulatedTracker:
         other = finding.names
         if finding.exchange:
             lifecycle.exchange(self.tracks, self.state, p, q)
-            self.exchanged.append((finding.names, finding.since_s))
+            audits.forget(self.contacts, finding.names)
+            self.exchanged.append(((self.tracks[p].number, self.tracks[q].number), finding.since_s))
             why = f"its bones are those of {other[1]}, log odds {-finding.odds:.1f}"
             self.events.append(Event(number, self.time_s, other[0], "identities exchanged", why))
         elif not finding.clear:
@@ -388,7 +383,7 @@ class ArticulatedTracker:
             return None
         else:
             self.names += 1
-            track = lifecycle.newcomer(f"person_{self.names}", self.time_s, s)
+            track = lifecycle.newcomer(self.names, self.time_s, s)
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
@@ -454,15 +449,3 @@ def _of_matches(swapped: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Shape (track, view, group), bool: whose sides are exchanged in the detections they are matched with."""
     of = swapped[np.arange(len(rows))[:, None], rows] != 0
     return of & (rows >= 0)[..., None]
-
-
-def _moments(frame: Frame) -> list[tuple[float, np.ndarray]]:
-    """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first."""
-    known = frame.recorded & np.isfinite(frame.time_s)
-    there = frame.time_s[known]
-    first, last = there.min(), there.max()
-    if last - first < _SAME_TIME_S:
-        return [(float(last), np.ones(len(known), dtype=bool))]
-    times = np.where(known, frame.time_s, first)
-    rounded = np.round(times / _SAME_TIME_S)
-    return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

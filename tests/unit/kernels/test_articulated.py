@@ -216,3 +216,19 @@ def test_limits_pull_back_where_they_are_overstepped(rng):
     right = TREE.bones.index("right_knee")
     np.testing.assert_allclose(state.bones[0, right], before[2][0, right], atol=1e-9)
     assert n == 34
+
+
+def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
+    rig = build_rig(n_cameras=2)
+    state, keypoints = people(TREE, rng, 0.1), len(TREE.keypoint_nodes)
+    state.covariance[0, 5, 5] = -1.0
+    use = np.zeros((1, 2, keypoints), dtype=np.int64)
+    moved, cost = np.zeros(1), np.zeros(1)
+    law = Law(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
+    labels = np.tile(np.arange(keypoints), (1, 2, 1))
+    articulated.update_people(
+        rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(2)[None], labels, np.zeros((2, keypoints, 2)),
+        np.ones((2, keypoints)), state, use, moved, cost,
+    )  # fmt: skip
+    assert (use == articulated.UNSEEN).all()
+    assert np.isnan([moved[0], cost[0], *state.root[0]]).all()

@@ -29,14 +29,15 @@ def person(name: str, life: TrackState, missing_s: float) -> Person:
     return Person(name, life, np.empty((KEYPOINTS, 3)), np.empty((KEYPOINTS, 6)), rows, used, 1.0, missing_s)
 
 
-def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None) -> None:
+def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None, numbers=None) -> None:
     """Add a frame in which these people stand so, of whom some are remembered, some lost for that long."""
     everybody = nobody(history.settings.tree)
     for state in states.values():
         everybody = joined(everybody, state)
     lost = lost or {}
     told = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
-    tracker = SimpleNamespace(tracks=[SimpleNamespace(name=n) for n in states], state=everybody, remembered=past or {})
+    tracks = [SimpleNamespace(name=name, number=(numbers or {}).get(name, int(name[-1]))) for name in states]
+    tracker = SimpleNamespace(tracks=tracks, state=everybody, remembered=past or {})
     history.add(tracker, People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ()))  # type: ignore[arg-type]
 
 
@@ -104,6 +105,34 @@ def test_a_run_ends_where_the_filter_begins_anew_or_nobody_is_followed(settings,
     assert [run.places.tolist() for run in history.runs(0, 12)] == [[0, 1, 2, 3, 4], [5, 6, 7], [9, 10, 11]]
 
 
+def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
+    """Who was taken for somebody else goes on from where they stood, not from where the other one did."""
+    states = filtered(settings, 12, rng)
+    history = History(settings)
+    for k in range(12):
+        mine, other = ("person_1", "person_2") if k < 6 else ("person_2", "person_1")
+        there = chosen(states, [k])
+        beside = there._replace(root=there.root + 2.0)
+        tell(history, k, {mine: there, other: beside}, numbers={mine: 1, other: 2})
+    one, two = history.runs(0, 12)
+    assert (one.number, two.number) == (1, 2)
+    np.testing.assert_array_equal(one.state.root, states.root)
+    np.testing.assert_array_equal(two.state.root, states.root + 2.0)
+
+
+def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
+    monkeypatch.setattr(history_module, "_BLOCK_S", 0.1)
+    opened = []
+    temporary = history_module.tempfile.TemporaryFile
+    monkeypatch.setattr(
+        history_module.tempfile, "TemporaryFile", lambda **named: opened.append(named) or temporary(**named)
+    )
+    states = filtered(settings, 40, rng)
+    history = history_of(settings, states)
+    close(history.runs(0, 40)[0].state, states, 0.0)
+    assert len(opened) == 1
+
+
 @pytest.mark.parametrize("stops", [[60, 120], [7, 30, 31, 95, 120]])
 def test_blocks_are_the_whole(settings, rng, stops):
     """To 1e-6 m where a look-ahead of 2 s is all that a block knows of what follows."""
@@ -152,20 +181,6 @@ def test_who_is_lost_for_long_is_left_out_who_is_not_is_bridged(settings, rng):
     assert [(part.places[0], part.places[-1]) for part in long] == [(0, 20), (30, 39)]
     short = taken(history_of(settings, states, {k: 0.1 for k in range(10, 30)}), [40])
     assert [len(part.places) for part in short] == [40]
-
-
-def test_what_is_released_is_gone_and_the_rest_goes_on(settings, rng, monkeypatch):
-    monkeypatch.setattr(history_module, "_BLOCK_S", 0.3)
-    states = filtered(settings, 60, rng)
-    kept = taken(history_of(settings, states), [30, 60])
-    history = history_of(settings, states)
-    smoother = PeopleSmoother(history)
-    first = smoother.take(30)
-    history.release(29)
-    assert history.runs(0, 10) == []
-    second = smoother.take(60)
-    for mine, theirs in zip([*first, *second], kept, strict=True):
-        np.testing.assert_array_equal(mine.body.points_m, theirs.body.points_m)
 
 
 def test_a_loss_is_bridged_where_the_filter_began_anew(settings, rng):

@@ -199,7 +199,7 @@ def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
 def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
     frames = len(states.root)
     return Run(
-        "person_1", np.arange(frames), times(frames), True, states, np.zeros((frames, 3), dtype=np.int64),
+        1, np.arange(frames), times(frames), True, states, np.zeros((frames, 3), dtype=np.int64),
         np.zeros((frames, 3, len(SKELETON)), dtype=bool), np.full(frames, life, dtype=np.int8), np.zeros(frames),
     )  # fmt: skip
 

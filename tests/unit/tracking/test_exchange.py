@@ -1,0 +1,46 @@
+"""Who was taken for somebody else goes on as themselves, with all that is known of them."""
+
+import numpy as np
+
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.audits import Contact, forget, pair_of
+from posefuse.tracking.bodies import joined
+from posefuse.tracking.lifecycle import exchange, settle_shape
+from posefuse.tracking.settings import Settings
+from tests.unit.tracking.test_forgetting import somebody
+from tests.unit.tracking.test_smoothing import settings
+
+__all__ = ["settings"]
+
+
+def test_what_is_known_of_lengths_goes_with_the_name(settings: Settings):
+    """One of the two is known well, the other not yet: so they stay, and nothing becomes certain by itself."""
+    (one, first), (other, second) = (somebody(settings, TrackState.ACTIVE) for _ in range(2))
+    other.number, other.name = 2, "person_2"
+    state = joined(first, second)
+    state.shape[1] *= 1.1
+    state.root[1] += 1.0
+    settle_shape(one, state, 0, 1e3, settings)
+    roots, shapes, covariance = state.root.copy(), state.shape.copy(), state.covariance.copy()
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    exchange([one, other], state, 0, 1)
+    assert [(t.number, t.name, t.trusted is not None) for t in (one, other)] == [
+        (1, "person_2", False),
+        (2, "person_1", True),
+    ]
+    np.testing.assert_array_equal(state.root, roots)
+    np.testing.assert_array_equal(state.shape, shapes[::-1])
+    np.testing.assert_array_equal(state.free, [1, 0])
+    lengths = slice(n, n + h)
+    np.testing.assert_array_equal(state.covariance[0, lengths, lengths], covariance[1, lengths, lengths])
+    assert not state.covariance[1, lengths].any()
+    np.testing.assert_array_equal(state.covariance[:, :n, :n], covariance[:, :n, :n])
+    np.linalg.cholesky(state.covariance[0])
+
+
+def test_contacts_are_known_by_two_names_in_any_order():
+    pairs = [pair_of("b", "a"), pair_of("a", "c"), pair_of("c", "d")]
+    assert pairs == [("a", "b"), ("a", "c"), ("c", "d")]
+    known = {pair: Contact(pair) for pair in pairs}
+    forget(known, ("d", "b"))
+    assert list(known) == [("a", "c")]
