@@ -16,7 +16,7 @@ class Track:
     Attributes:
         name: of the person.
         state: ACTIVE or LOST.
-        log_odds: that they are there.
+        log_odds: that they are there; another preset's score of it.
         born_s: when they were first believed.
         seen_s: when they were last supported.
         firm_s: when two views last supported them: one alone does not fix how far away somebody is.
@@ -27,6 +27,8 @@ class Track:
         settled_s: when the shape was kept.
         off_s: shape (keypoint,): for how long most views have seen each keypoint elsewhere.
         inside_s: when they were last where two views overlap.
+        renewed: whether the last frame changed the state.
+        noise_px2: shape (view, keypoint): how noisy theirs are, where a preset learns that; NaN where it is not known.
     """
 
     name: str
@@ -41,6 +43,8 @@ class Track:
     firm_s: float = -np.inf
     off_s: np.ndarray = field(default_factory=lambda: np.zeros(1))
     inside_s: float = np.nan
+    renewed: bool = True
+    noise_px2: np.ndarray = field(default_factory=lambda: np.full((1, 1), np.nan))
     trusted: tuple[np.ndarray, np.ndarray] | None = None
 
 
@@ -59,6 +63,7 @@ class Evidence:
         torso_m: shape (3,).
         log_odds: of the proposal.
         error_sigma: of the proposal.
+        n_pairs: of views, that support the proposal.
     """
 
     time_s: float
@@ -71,6 +76,7 @@ class Evidence:
     torso_m: np.ndarray
     log_odds: float
     error_sigma: float
+    n_pairs: int = 0
 
     @property
     def n_views(self) -> int:
@@ -86,11 +92,13 @@ class Tentative:
         number: to tell them apart.
         evidence: frames that showed them, oldest first.
         frames: how many frames there have been since the first.
+        score: of their being there.
     """
 
     number: int
     evidence: list[Evidence]
     frames: int = 1
+    score: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +122,7 @@ class Person:
         covariance_m2: shape (keypoint, 6).
         rows: shape (view,), int64: the frame's detections that are theirs, -1 for none.
         used: shape (view, keypoint), bool: the keypoints that counted.
-        log_odds: that they are there.
+        log_odds: that they are there; another preset's score of it.
         missing_s: for how long nothing has supported them.
     """
 
