@@ -39,12 +39,11 @@ SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 4)
 VIEWS, KEYPOINTS = len(RIG), len(SKELETON)
 SIGMA_PX = 5.0
-TREE = SKELETON.tree
-assert TREE is not None
 
 STAGES = specification.STAGES
 SETTINGS = Settings.of(RIG, SKELETON, NoiseModel(np.full(VIEWS, SIGMA_PX), 1.0), TrackerOptions(preset="specification"))
 SEED = SETTINGS.options.specification
+TREE = SETTINGS.tree
 
 
 def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
@@ -251,11 +250,11 @@ def test_distance_is_the_same_both_ways_and_in_any_world(seed: int) -> None:
     rng = np.random.default_rng(seed)
     one = sight_of(standing()).points_m[0] + 0.05 * rng.standard_normal((KEYPOINTS, 3))
     other = one + 0.1 * rng.standard_normal((KEYPOINTS, 3))
-    turn, shift = Rotation.random(rng=seed), rng.uniform(-3.0, 3.0, 3)
+    turn, shift = Rotation.random(rng=rng), rng.uniform(-3.0, 3.0, 3)
     apart = float(proposal_distance(one, other, SETTINGS))
     assert proposal_distance(other, one, SETTINGS) == pytest.approx(apart, rel=1e-9)
-    elsewhere = (turn.apply(each) + shift for each in (one, other))
-    assert proposal_distance(*elsewhere, SETTINGS) == pytest.approx(apart, rel=1e-6)
+    one, other = turn.apply(one) + shift, turn.apply(other) + shift
+    assert proposal_distance(one, other, SETTINGS) == pytest.approx(apart, rel=1e-6)
 
 
 def test_near_proposals_are_one_at_their_centroid() -> None:
