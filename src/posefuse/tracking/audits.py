@@ -84,19 +84,19 @@ def contacts(
     n = len(tracks)
     if n < 2:
         return
-    away = np.linalg.norm(state.root[:, None] - state.root[None], axis=-1) / scale
+    away = (np.linalg.norm(state.root[:, None] - state.root[None], axis=-1) / scale).tolist()
     for p in range(n):
         for q in range(p + 1, n):
             pair = (tracks[p].name, tracks[q].name)
             contact = known.get(pair)
-            if away[p, q] < _NEAR_M:
+            if away[p][q] < _NEAR_M:
                 contact = known.setdefault(pair, Contact(pair))
                 both = expected[p] & expected[q]
                 one = both & (supported[p] != supported[q])
                 contact.mixed_s += dt_s * float(2 * one.sum() > both.sum())
                 contact.apart_s = np.nan
                 contact.shown.clear()
-            elif contact is not None and away[p, q] > _APART_M and np.isnan(contact.apart_s):
+            elif contact is not None and away[p][q] > _APART_M and np.isnan(contact.apart_s):
                 contact.apart_s = time_s
                 if contact.mixed_s < _MIXED_S:
                     del known[pair]

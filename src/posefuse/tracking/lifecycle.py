@@ -14,20 +14,9 @@ _BESIDE_M = 0.5
 """Beside what a view sees, of a human: as far outside as somebody is counted as inside."""
 
 
-def newcomer(name: str, time_s: float, score: float, settings: Settings) -> Track:
+def newcomer(name: str, time_s: float, score: float) -> Track:
     """Somebody just believed, with that score."""
-    views = len(settings.rig)
-    return Track(
-        name,
-        TrackState.ACTIVE,
-        score,
-        time_s,
-        time_s,
-        np.zeros((views, settings.n_groups), dtype=np.int8),
-        np.full(views, -1, dtype=np.int64),
-        np.zeros(3),
-        noise_px2=np.full((views, len(settings.skeleton)), np.nan),
-    )
+    return Track(name, TrackState.ACTIVE, score, time_s, time_s, np.zeros(3))
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
@@ -71,13 +60,14 @@ def live_on(
         What happened, and why.
     """
     o = settings.options
+    n_views = np.count_nonzero(supported)
     track.log_odds = score
-    if supported.sum() > 1:
+    if n_views > 1:
         track.firm_s = time_s
     said: list[tuple[Happening, str]] = []
-    if supported.any() and track.state == TrackState.ACTIVE:
+    if n_views and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m
-    elif supported.sum() >= o.reacquire_views and track.state == TrackState.LOST:
+    elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
         said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
         track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
         track.log_odds = max(track.log_odds, begins_with)
@@ -87,8 +77,8 @@ def live_on(
             said.append(("lost", f"seen by no camera for {time_s - track.seen_s:.2f} s"))
         elif track.log_odds < lost_below:
             track.state = TrackState.LOST
-            missed = _named(should_see & ~supported, settings)
-            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {missed}"))
+            others = _named(should_see & ~supported, settings)
+            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {others}"))
     return said
 
 
@@ -111,11 +101,12 @@ def note_inside(tracks: list[Track], sight: Sight, time_s: float, settings: Sett
 def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settings) -> dict[int, str]:
     """Who is not looked for any more, by place, and why."""
     over: dict[int, str] = {}
+    sound = np.isfinite(state.root).all(axis=1)
     for p, track in enumerate(tracks):
         why = _why_forgotten(track, state, p, time_s, settings) if track.state == TrackState.LOST else ""
         if why:
             over[p] = why
-        elif not np.isfinite(state.root[p]).all():
+        elif not sound[p]:
             over[p] = "the state is broken"
     return over
 
@@ -156,8 +147,6 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
         state.free[p] = 0
         state.covariance[p, n : n + h] = 0.0
         state.covariance[p, :, n : n + h] = 0.0
-    track.swapped[:] = 0
-    track.ids[:] = -1
 
 
 def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:

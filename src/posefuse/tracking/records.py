@@ -1,6 +1,7 @@
 """What the tracker remembers of people beside their states, and what it says of a frame."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,15 +21,10 @@ class Track:
         born_s: when they were first believed.
         seen_s: when they were last supported.
         firm_s: when two views last supported them: one alone does not fix how far away somebody is.
-        swapped: shape (view, group), int8: whose sides were exchanged last.
-        ids: shape (view,), int64: the detector's identity of the last match, -1 for none.
         trusted: the shape and its covariance before they were last in doubt.
         lost_at_m: shape (3,): where they were last supported.
         settled_s: when the shape was kept.
-        off_s: shape (keypoint,): for how long most views have seen each keypoint elsewhere.
         inside_s: when they were last where two views overlap.
-        renewed: whether the last frame changed the state.
-        noise_px2: shape (view, keypoint): how noisy theirs are, where a preset learns that; NaN where it is not known.
     """
 
     name: str
@@ -36,16 +32,48 @@ class Track:
     log_odds: float
     born_s: float
     seen_s: float
-    swapped: np.ndarray
-    ids: np.ndarray
     lost_at_m: np.ndarray
     settled_s: float = np.nan
     firm_s: float = -np.inf
-    off_s: np.ndarray = field(default_factory=lambda: np.zeros(1))
     inside_s: float = np.nan
-    renewed: bool = True
-    noise_px2: np.ndarray = field(default_factory=lambda: np.full((1, 1), np.nan))
     trusted: tuple[np.ndarray, np.ndarray] | None = None
+
+
+class Lately(NamedTuple):
+    """What the last detections of all who are followed were like, side by side in the order of the tracks.
+
+    Attributes:
+        swapped: shape (track, view, group), int8: whose sides were exchanged last.
+        ids: shape (track, view), int64: the detector's identity of the last match, -1 for none.
+        off_s: shape (track, keypoint): for how long most views have seen each keypoint elsewhere.
+        noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
+        renewed: shape (track,), bool: whose states the last frame changed.
+    """
+
+    swapped: np.ndarray
+    ids: np.ndarray
+    off_s: np.ndarray
+    noise_px2: np.ndarray
+    renewed: np.ndarray
+
+    @classmethod
+    def unknown(cls, tracks: int, views: int, groups: int, keypoints: int) -> "Lately":
+        """Of people just believed."""
+        return cls(
+            np.zeros((tracks, views, groups), dtype=np.int8),
+            np.full((tracks, views), -1, dtype=np.int64),
+            np.zeros((tracks, keypoints)),
+            np.full((tracks, views, keypoints), np.nan),
+            np.ones(tracks, dtype=bool),
+        )
+
+    def joined(self, other: "Lately") -> "Lately":
+        """The tracks of both."""
+        return Lately(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+    def chosen(self, tracks: list[int]) -> "Lately":
+        """Some of the tracks, copied."""
+        return Lately(*(each[tracks] for each in self))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.kernels.articulated import Law, State
 from posefuse.model.frames import Frame
 from posefuse.tracking.bodies import Sight
-from posefuse.tracking.records import Evidence, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.settings import Settings
 
 
@@ -78,7 +78,7 @@ class Prior(Protocol):
         """Whether the covariances that it leaves say how much later frames tell of earlier ones."""
         ...
 
-    def settle(self, state: State, tracks: Sequence[Track]) -> None:
+    def settle(self, state: State, lately: Lately) -> None:
         """Make of what was known after the last frame, in place, what the prediction begins with."""
         ...
 
@@ -86,7 +86,7 @@ class Prior(Protocol):
 class Noise(Protocol):
     """How noisy keypoints are."""
 
-    def variance_px2(self, sight: Sight, frame: Frame, tracks: Sequence[Track], settings: Settings) -> np.ndarray:
+    def variance_px2(self, sight: Sight, frame: Frame, lately: Lately, settings: Settings) -> np.ndarray:
         """Shape (track, row, keypoint): of each detection's keypoints, were it that person's."""
         ...
 
@@ -95,14 +95,14 @@ class Noise(Protocol):
         frame: Frame,
         rows: np.ndarray,
         labels: np.ndarray,
-        tracks: Sequence[Track],
+        lately: Lately,
         dt_s: float,
         settings: Settings,
     ) -> Trust:
         """What the update is to believe of the matched detections."""
         ...
 
-    def learn(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> None:
+    def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
         """Take into account how far off the frame was from the states after it."""
         ...
 
@@ -110,7 +110,7 @@ class Noise(Protocol):
 class Score(Protocol):
     """Whose a detection is, and who is there."""
 
-    def match(self, sight: Sight, frame: Frame, tracks: Sequence[Track], noise: Noise, settings: Settings) -> Likeness:
+    def match(self, sight: Sight, frame: Frame, lately: Lately, noise: Noise, settings: Settings) -> Likeness:
         """How well every detection goes with everybody."""
         ...
 

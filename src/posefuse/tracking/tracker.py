@@ -17,7 +17,7 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.presets import stages_of
-from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Seen, Stages
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
@@ -46,6 +46,7 @@ class ArticulatedTracker:
         self.propose = propose
         self.tracks: list[Track] = []
         self.state = nobody(settings.tree)
+        self.lately = self._unknown(0)
         self.tentative: list[Tentative] = []
         self.time_s = float("nan")
         self.names = 0
@@ -111,7 +112,7 @@ class ArticulatedTracker:
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
         moments = _moments(frame)
-        self.stages.prior.settle(self.state, self.tracks)
+        self.stages.prior.settle(self.state, self.lately)
         before = chosen(self.state, np.arange(n)) if len(moments) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
@@ -121,12 +122,15 @@ class ArticulatedTracker:
         labels = self.labels = self._labels(rows, swapped)
         use = self._put_right(frame, rows, labels, before, dt_s)
         self._set_limbs_anew(frame, use, dt_s)
-        for p, track in enumerate(self.tracks):
-            track.renewed = bool((use[p] == USED).any())
-            for v in np.flatnonzero(rows[p] >= 0):
-                track.swapped[v] = swapped[p, rows[p, v]]
-                track.ids[v] = frame.track_ids[rows[p, v]]
+        p, v = np.nonzero(rows >= 0)
+        self.lately.swapped[p, v] = swapped[p, rows[p, v]]
+        self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
+        self.lately.renewed[:] = (use == USED).any(axis=(1, 2))
         return rows, use == USED
+
+    def _unknown(self, tracks: int) -> Lately:
+        s = self.settings
+        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton))
 
     def _move_on(self, state: State, dt_s: float) -> None:
         s = self.settings
@@ -146,7 +150,7 @@ class ArticulatedTracker:
             dt_s: since then.
         """
         s, n = self.settings, len(self.tracks)
-        trust = self.stages.noise.trust(frame, rows, labels, self.tracks, dt_s, s)
+        trust = self.stages.noise.trust(frame, rows, labels, self.lately, dt_s, s)
         use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
 
         def update(rows: np.ndarray, use: np.ndarray) -> None:
@@ -170,22 +174,20 @@ class ArticulatedTracker:
     def _set_limbs_anew(self, frame: Frame, use: np.ndarray, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are as good as unknown."""
         gated, used = (use == GATED).sum(axis=1), (use == USED).sum(axis=1)
-        off = (gated >= 2) & (gated > used)
-        for p, track in enumerate(self.tracks):
-            track.off_s = np.where(off[p], track.off_s + dt_s, 0.0)
-            if track.off_s.max(initial=0.0) < self.settings.options.limb_anew_s:
-                continue
-            k = int(track.off_s.argmax())
-            track.off_s[:] = 0.0
-            if lifecycle.set_limb_anew(self.state, p, k, self.settings):
+        off_s = self.lately.off_s
+        off_s[:] = np.where((gated >= 2) & (gated > used), off_s + dt_s, 0.0)
+        for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
+            k = int(off_s[p].argmax())
+            off_s[p] = 0.0
+            if lifecycle.set_limb_anew(self.state, int(p), k, self.settings):
                 name = self.settings.skeleton.keypoints[k]
                 why = f"{gated[p, k]} cameras see the {name} elsewhere"
-                self.events.append(Event(frame.number, self.time_s, track.name, "limb set anew", why))
+                self.events.append(Event(frame.number, self.time_s, self.tracks[p].name, "limb set anew", why))
 
     def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Rows (track, view), and whose sides are exchanged (track, row, group)."""
         s, views = self.settings, len(self.settings.rig)
-        found = self.stages.score.match(self.sight, frame, self.tracks, self.stages.noise, s)
+        found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
@@ -199,14 +201,13 @@ class ArticulatedTracker:
                 rows[p] = -1
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
+        """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
         s = self.settings
-        labels = np.tile(np.arange(len(s.skeleton)), (*rows.shape, 1))
-        for p, v in zip(*np.nonzero(rows >= 0), strict=True):
-            turned = swapped[p, rows[p, v]]
-            if turned.any():
-                of = (s.group_of >= 0) & (turned[s.group_of] != 0)
-                labels[p, v, of] = s.skeleton.mirror[of]
-        return labels
+        as_labelled = np.arange(len(s.skeleton))
+        if not swapped.any():
+            return np.tile(as_labelled, (*rows.shape, 1))
+        turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
+        return np.where(turned, s.skeleton.mirror, as_labelled)
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
@@ -220,7 +221,7 @@ class ArticulatedTracker:
         begins_with, lost_below = stages.score.begins_with(self.settings), stages.score.lost_below(self.settings)
         if self.tracks:
             seen = Seen(frame, self.time_s, dt_s, rows, self.labels, used, supported, expected)
-            stages.noise.learn(seen, self.tracks, self.state, self.settings)
+            stages.noise.learn(seen, self.lately, self.state, self.settings)
             scores = stages.score.active(seen, self.tracks, self.state, self.settings)
         for p, track in enumerate(self.tracks):
             said = lifecycle.live_on(
@@ -237,7 +238,7 @@ class ArticulatedTracker:
         if over:
             keep = [p for p in range(len(self.tracks)) if p not in over]
             self.tracks = [self.tracks[p] for p in keep]
-            self.state = chosen(self.state, keep)
+            self.state, self.lately = chosen(self.state, keep), self.lately.chosen(keep)
             self._keep = keep
         else:
             self._keep = list(range(len(self.tracks)))
@@ -309,12 +310,18 @@ class ArticulatedTracker:
         for v in np.flatnonzero(rows >= 0):
             order = self.labels[self._keep[p], v]
             pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
-        sight = Sight.room(len(self.tracks), *shape)
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        sight = self._placed()
         points, covariance = sight.points_m[p], sight.covariance_m2[p]
         return Evidence(
             self.time_s, frame.number, pixels, trust, rows, points, covariance, self.state.root[p].copy(), 0.0, 1.0
         )
+
+    def _placed(self) -> Sight:
+        """Where everybody is, seen by no view."""
+        s = self.settings
+        sight = Sight.room(len(self.tracks), 0, len(s.skeleton))
+        foresee_people(s.cameras[:0], s.body, self.state, *sight.arrays)
+        return sight
 
     def _conclude(self, finding: audits.Finding, number: int) -> None:
         place = {track.name: p for p, track in enumerate(self.tracks)}
@@ -342,6 +349,9 @@ class ArticulatedTracker:
         """What the free detections propose, but for people who are followed already."""
         s = self.settings
         active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
+        views = frame.view[free]
+        if not len(views) or views[0] == views[-1]:
+            return []
         known = self.sight.points_m[self._keep][active]
         proposals = self.propose(frame, free)
         found = []
@@ -378,6 +388,8 @@ class ArticulatedTracker:
             p, why, uncertain = found
             track = self.tracks[p]
             lifecycle.take_back(track, self.state, p, state, s)
+            for mine, unknown in zip(self.lately, self._unknown(1), strict=True):
+                mine[p] = unknown[0]
             self.events.append(Event(number, self.time_s, track.name, "returned", why))
             if uncertain:
                 self.events.append(Event(number, self.time_s, track.name, "identity uncertain", uncertain))
@@ -385,9 +397,9 @@ class ArticulatedTracker:
             return None
         else:
             self.names += 1
-            track = lifecycle.newcomer(f"person_{self.names}", self.time_s, begins_with, s)
+            track = lifecycle.newcomer(f"person_{self.names}", self.time_s, begins_with)
             self.tracks.append(track)
-            self.state = joined(self.state, state)
+            self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
             views = f"{seen.n_views} cameras"
             self.events.append(
@@ -395,14 +407,12 @@ class ArticulatedTracker:
             )
         track.state, track.lost_at_m = TrackState.ACTIVE, seen.torso_m
         track.seen_s = track.firm_s = self.time_s
-        track.log_odds, track.renewed = begins_with, True
+        track.log_odds = begins_with
         self.remembered[track.name] = past
         return p, counted
 
     def _told(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> People:
-        s, n = self.settings, len(self.tracks)
-        sight = Sight.room(n, len(s.rig), len(s.skeleton))
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        sight = self._placed()
         people = [
             Person(
                 track.name,
@@ -444,18 +454,24 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
     """
     if not swapped.any():
         return
-    for p, mine in enumerate(rows):
-        matched = mine[mine >= 0]
-        if len(matched):
-            most = 2 * swapped[p, matched].sum(axis=0) >= len(matched)
-            swapped[p, :, most] = 0
+    matched = (rows >= 0).sum(axis=1)
+    most = 2 * _of_matches(swapped, rows).sum(axis=1) >= np.maximum(matched, 1)[:, None]
+    swapped *= ~most[:, None, :]
+
+
+def _of_matches(swapped: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Shape (track, view, group), bool: whose sides are exchanged in the detections they are matched with."""
+    of = swapped[np.arange(len(rows))[:, None], rows] != 0
+    return of & (rows >= 0)[..., None]
 
 
 def _moments(frame: Frame) -> list[tuple[float, np.ndarray]]:
     """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first."""
     known = frame.recorded & np.isfinite(frame.time_s)
-    times = np.where(known, frame.time_s, np.min(frame.time_s[known], initial=np.inf))
-    if np.ptp(times) < _SAME_TIME_S:
-        return [(float(times.max()), np.ones(len(times), dtype=bool))]
+    there = frame.time_s[known]
+    first, last = there.min(), there.max()
+    if last - first < _SAME_TIME_S:
+        return [(float(last), np.ones(len(known), dtype=bool))]
+    times = np.where(known, frame.time_s, first)
     rounded = np.round(times / _SAME_TIME_S)
     return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

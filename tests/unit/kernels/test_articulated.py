@@ -81,18 +81,23 @@ def test_small_turns_go_there_and_back(rng):
         np.testing.assert_allclose(between(start, end), by, atol=1e-7)
 
 
-def test_systems_are_solved_and_inverted(rng):
-    factor, invert = from_python(symmetric.factor), from_python(symmetric.invert_factored)
-    solve = from_python(symmetric.solve_factored)
-    half = rng.normal(size=(7, 9))
-    matrix, vector = half @ half.T, rng.normal(size=7)
-    lower, inverse, found = matrix.copy(), np.empty((7, 7)), vector.copy()
-    assert factor(lower, 7)
-    solve(lower, 7, found)
-    np.testing.assert_allclose(found, np.linalg.solve(matrix, vector), rtol=1e-9)
-    invert(lower, 7, inverse)
-    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-8, atol=1e-12)
-    assert not factor(-matrix, 7)
+@pytest.mark.parametrize("n", [1, 7, 40])
+def test_systems_are_solved_and_inverted(n, rng):
+    factor, invert, solve = (
+        from_python(each) for each in (symmetric.factor, symmetric.invert, symmetric.solve_factored)
+    )
+    half, units = rng.normal(size=(n, n + 2)), np.geomspace(1e-4, 1e4, n)
+    matrix, vector = units[:, None] * (half @ half.T) * units, rng.normal(size=n) * units
+    lower, inverse, found = matrix.copy(), np.tril(matrix), vector.copy()
+    assert factor(lower, n)
+    solve(lower, n, found)
+    np.testing.assert_allclose(
+        found * units, np.linalg.solve(matrix / np.outer(units, units), vector / units), rtol=1e-6
+    )
+    assert invert(inverse, n, np.full(n, np.nan))
+    np.testing.assert_allclose(inverse * np.outer(units, units), np.linalg.inv(half @ half.T), rtol=1e-6, atol=1e-9)
+    assert not factor(-matrix, n)
+    assert not invert(-matrix, n, np.empty(n))
 
 
 def people(tree: Tree, rng: np.random.Generator, spread: float) -> State:

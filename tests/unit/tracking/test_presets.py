@@ -30,7 +30,7 @@ from posefuse.tracking.lifecycle import newcomer
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.presets import specification, usual
 from posefuse.tracking.presets.specification import proposal_distance
-from posefuse.tracking.records import Evidence, People, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, People, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Seen
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -55,7 +55,11 @@ def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
 
 
 def somebody() -> Track:
-    return newcomer("person_1", 0.0, 0.5, SETTINGS)
+    return newcomer("person_1", 0.0, 0.5)
+
+
+def unknown() -> Lately:
+    return Lately.unknown(1, VIEWS, SETTINGS.n_groups, KEYPOINTS)
 
 
 def sight_of(state: State) -> Sight:
@@ -86,50 +90,50 @@ def proposal(points_m: np.ndarray, time_s: float = 0.0, n_pairs: int = 1, log_od
 
 @pytest.mark.parametrize("off_px", [0.0, 3.0, 12.0, 80.0])
 def test_noise_follows_the_recursion(off_px: float) -> None:
-    state, track, dt_s = standing(), somebody(), 0.04
+    state, lately, dt_s = standing(), unknown(), 0.04
     keep = math.exp(-dt_s / SEED.noise_memory_s)
     expected = SIGMA_PX**2
     for _ in range(3):
-        STAGES.noise.learn(shown(state, off_px), [track], state, SETTINGS)
+        STAGES.noise.learn(shown(state, off_px), lately, state, SETTINGS)
         most = SEED.max_residual_sigma * SIGMA_PX
         expected = keep * expected + (1 - keep) * (SIGMA_PX**2 + SEED.noise_gain * min(off_px, most) ** 2)
         expected = float(np.clip(expected, (SEED.min_noise * SIGMA_PX) ** 2, (SEED.max_noise * SIGMA_PX) ** 2))
-        np.testing.assert_allclose(track.noise_px2, expected, rtol=1e-9)
+        np.testing.assert_allclose(lately.noise_px2, expected, rtol=1e-9)
 
 
 def test_noise_is_not_learned_from_what_does_not_count() -> None:
-    state, track = standing(), somebody()
-    STAGES.noise.learn(shown(state, 10.0, used=False), [track], state, SETTINGS)
-    assert np.isnan(track.noise_px2).all()
+    state, lately = standing(), unknown()
+    STAGES.noise.learn(shown(state, 10.0, used=False), lately, state, SETTINGS)
+    assert np.isnan(lately.noise_px2).all()
 
 
 @given(st.floats(0.1, 1.0), st.floats(0.0, 100.0))
 def test_noise_stays_within_its_bounds(confidence: float, off_px: float) -> None:
-    state, track = standing(), somebody()
+    state, lately = standing(), unknown()
     for _ in range(3):
-        STAGES.noise.learn(shown(state, off_px, confidence, dt_s=1.0), [track], state, SETTINGS)
-    assert track.noise_px2.min() >= (SEED.min_noise * SIGMA_PX) ** 2 * (1 - 1e-9)
-    assert track.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
+        STAGES.noise.learn(shown(state, off_px, confidence, dt_s=1.0), lately, state, SETTINGS)
+    assert lately.noise_px2.min() >= (SEED.min_noise * SIGMA_PX) ** 2 * (1 - 1e-9)
+    assert lately.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
 
 
 def test_an_update_believes_the_learned_noise() -> None:
     """Made into confidences and given to the kernels' law, variances are what they were."""
-    state, track = standing(), somebody()
-    track.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, track.noise_px2.shape)
+    state, lately = standing(), unknown()
+    lately.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, lately.noise_px2.shape)
     seen = shown(state, 0.0)
     labels = np.tile(SKELETON.mirror, (1, VIEWS, 1))
-    trust = STAGES.noise.trust(seen.frame, seen.rows, labels, [track], 0.04, SETTINGS)
+    trust = STAGES.noise.trust(seen.frame, seen.rows, labels, lately, 0.04, SETTINGS)
     law = trust.law
     body = trust.confidence[:, SKELETON.mirror]
     assert law.floor_m == 0.0
     assert (body >= law.min_confidence).all()
-    np.testing.assert_allclose((law.scale_px[:, None] * body**-law.exponent) ** 2, track.noise_px2, rtol=1e-9)
+    np.testing.assert_allclose((law.scale_px[:, None] * body**-law.exponent) ** 2, lately.noise_px2[0], rtol=1e-9)
 
 
 def test_keypoints_without_confidence_do_not_count() -> None:
-    state, track = standing(), somebody()
+    state, lately = standing(), unknown()
     seen = shown(state, 0.0, confidence=0.01)
-    trust = STAGES.noise.trust(seen.frame, seen.rows, seen.labels, [track], 0.04, SETTINGS)
+    trust = STAGES.noise.trust(seen.frame, seen.rows, seen.labels, lately, 0.04, SETTINGS)
     assert (trust.confidence < trust.law.min_confidence).all()
 
 
@@ -140,13 +144,13 @@ def ahead(state: State, dt_s: float) -> None:
 
 def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
     """Frames that show nobody add up: of two the noise is that of their time together."""
-    once, twice, track = standing(), standing(), somebody()
+    once, twice, lately = standing(), standing(), unknown()
     for state in (once, twice):
-        STAGES.prior.settle(state, [track])
+        STAGES.prior.settle(state, lately)
     ahead(once, 0.08)
     ahead(twice, 0.04)
-    track.renewed = False
-    STAGES.prior.settle(twice, [track])
+    lately.renewed[:] = False
+    STAGES.prior.settle(twice, lately)
     ahead(twice, 0.04)
     np.testing.assert_allclose(twice.covariance, once.covariance, rtol=1e-6, atol=1e-9)
     t, f = SETTINGS.decay_s[0], math.exp(-0.08 / SETTINGS.decay_s[0])
@@ -157,14 +161,14 @@ def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
 def test_our_prior_forgets_nothing() -> None:
     state = standing()
     before = state.covariance.copy()
-    usual.STAGES.prior.settle(state, [somebody()])
+    usual.STAGES.prior.settle(state, unknown())
     np.testing.assert_array_equal(state.covariance, before)
 
 
 def test_a_kept_shape_stays_certain() -> None:
     state = standing()
     state.free[0] = 0
-    STAGES.prior.settle(state, [somebody()])
+    STAGES.prior.settle(state, unknown())
     n, h = TREE.n_pose, TREE.n_shape
     assert not state.covariance[0, n : n + h].any()
     ahead(state, 0.04)
@@ -175,22 +179,22 @@ def test_a_kept_shape_stays_certain() -> None:
 
 
 def test_a_match_costs_the_sum_of_squared_sigmas_less_the_bonus() -> None:
-    state, track = standing(), somebody()
+    state, lately = standing(), unknown()
     match = STAGES.score.match
     near, far = (
-        match(sight_of(state), shown(state, off).frame, [track], STAGES.noise, SETTINGS).gain[0] for off in (5.0, 10.0)
+        match(sight_of(state), shown(state, off).frame, lately, STAGES.noise, SETTINGS).gain[0] for off in (5.0, 10.0)
     )
     np.testing.assert_allclose(near - far, KEYPOINTS * (10.0**2 - 5.0**2) / SIGMA_PX**2, rtol=1e-6)
-    track.ids[:] = 7
+    lately.ids[:] = 7
     frame = replace(shown(state, 5.0).frame, track_ids=np.full(VIEWS, 7))
-    known = match(sight_of(state), frame, [track], STAGES.noise, SETTINGS).gain[0]
+    known = match(sight_of(state), frame, lately, STAGES.noise, SETTINGS).gain[0]
     np.testing.assert_allclose(known - near, SEED.id_bonus, rtol=1e-6)
 
 
 def test_what_is_far_off_is_no_match() -> None:
     state = standing()
     off = 1.01 * SIGMA_PX * math.sqrt(SEED.match_gate)
-    found = STAGES.score.match(sight_of(state), shown(state, off).frame, [somebody()], STAGES.noise, SETTINGS)
+    found = STAGES.score.match(sight_of(state), shown(state, off).frame, unknown(), STAGES.noise, SETTINGS)
     assert (found.gain == -np.inf).all()
 
 

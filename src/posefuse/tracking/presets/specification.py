@@ -16,7 +16,7 @@ from posefuse.kernels.articulated import State, foresee_people
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight
-from posefuse.tracking.records import Evidence, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
 from posefuse.tracking.tentative import core_bones
@@ -34,23 +34,22 @@ class ProcessNoisePrior:
 
     smoothable = False
 
-    def settle(self, state: State, tracks: Sequence[Track]) -> None:
+    def settle(self, state: State, lately: Lately) -> None:
         """Forget the covariance of everybody whom the last frame showed; others' goes on growing."""
         size = state.covariance.shape[1]
         n, h = state.velocity.shape[1], state.shape.shape[1]
-        for p, track in enumerate(tracks):
-            if track.renewed:
-                certain = np.full(size, _CERTAIN)
-                certain[n : n + h] *= float(state.free[p] != 0)
-                state.covariance[p] = np.diag(certain)
+        for p in np.flatnonzero(lately.renewed):
+            certain = np.full(size, _CERTAIN)
+            certain[n : n + h] *= float(state.free[p] != 0)
+            state.covariance[p] = np.diag(certain)
 
 
 class RecursiveNoise:
     """A variance for each view and keypoint of a person, fed by confidences and by residuals."""
 
-    def variance_px2(self, sight: Sight, frame: Frame, tracks: Sequence[Track], settings: Settings) -> np.ndarray:
+    def variance_px2(self, sight: Sight, frame: Frame, lately: Lately, settings: Settings) -> np.ndarray:
         """Shape (track, row, keypoint)."""
-        known = np.stack([track.noise_px2 for track in tracks])[:, frame.view]
+        known = lately.noise_px2[:, frame.view]
         base = settings.variance_px2(frame.confidence, frame.view)
         return _clipped(np.where(np.isfinite(known), known, base), frame.view, settings)
 
@@ -59,7 +58,7 @@ class RecursiveNoise:
         frame: Frame,
         rows: np.ndarray,
         labels: np.ndarray,
-        tracks: Sequence[Track],
+        lately: Lately,
         dt_s: float,
         settings: Settings,
     ) -> Trust:
@@ -73,7 +72,7 @@ class RecursiveNoise:
         for p, v in zip(*np.nonzero(rows >= 0), strict=True):
             row, order = rows[p, v], labels[p, v]
             base = settings.variance_px2(frame.confidence[row : row + 1], np.array([v]))[0]
-            known = tracks[p].noise_px2[v]
+            known = lately.noise_px2[p, v]
             variance = np.where(np.isfinite(known), known, base[order])
             variance = _clipped(variance[None], np.array([v]), settings)[0]
             usable = _is_usable(frame.confidence[row], settings)[order]
@@ -81,9 +80,9 @@ class RecursiveNoise:
         # Kernels take arrays that cannot be written for another type, and would be compiled anew.
         confidence.setflags(write=frame.confidence.flags.writeable)
         law = settings.law._replace(scale_px=most_px, exponent=1.0, floor_m=0.0, min_confidence=_USABLE)
-        return Trust(law, confidence, np.ones(len(tracks)))
+        return Trust(law, confidence, np.ones(len(rows)))
 
-    def learn(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> None:
+    def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
         """One step of the recursion, for the keypoints that counted."""
         o = settings.options.specification
         keep = math.exp(-seen.dt_s / o.noise_memory_s)
@@ -93,23 +92,23 @@ class RecursiveNoise:
             base = settings.variance_px2(confidence, np.array([v]))[0]
             most_px = o.max_residual_sigma * settings.law.scale_px[v]
             now = base + o.noise_gain * np.minimum(off_px[p, v], most_px) ** 2
-            known = tracks[p].noise_px2[v]
+            known = lately.noise_px2[p, v]
             after = keep * np.where(np.isfinite(known), known, base) + (1.0 - keep) * now
             after = _clipped(after[None], np.array([v]), settings)[0]
-            tracks[p].noise_px2[v] = np.where(seen.used[p, v], after, known)
+            lately.noise_px2[p, v] = np.where(seen.used[p, v], after, known)
 
 
 class WeightedScore:
     """Sums of weighted terms: of a detection's squared distances, of what speaks for a person and against them."""
 
-    def match(self, sight: Sight, frame: Frame, tracks: Sequence[Track], noise: Noise, settings: Settings) -> Likeness:
+    def match(self, sight: Sight, frame: Frame, lately: Lately, noise: Noise, settings: Settings) -> Likeness:
         """By the sum of squared distances in sigmas, less the bonus for the detector's own identity."""
         o = settings.options.specification
         off = frame.keypoints_px[None] - sight.pixels[:, frame.view]
-        squared = (off**2).sum(axis=-1) / noise.variance_px2(sight, frame, tracks, settings)
+        squared = (off**2).sum(axis=-1) / noise.variance_px2(sight, frame, lately, settings)
         common = np.isfinite(squared) & _is_usable(frame.confidence, settings)
         squared, count = np.where(common, squared, 0.0).sum(axis=-1), common.sum(axis=-1)
-        ids = np.stack([t.ids for t in tracks])[:, frame.view]
+        ids = lately.ids[:, frame.view]
         cost = squared - o.id_bonus * ((ids == frame.track_ids) & (frame.track_ids >= 0))
         near = (count >= settings.options.min_joints) & (squared <= o.match_gate * count)
         swapped = np.zeros((*cost.shape, settings.n_groups), dtype=np.int8)

@@ -9,7 +9,7 @@ from posefuse.kernels.articulated import State
 from posefuse.kernels.matching import score_detections
 from posefuse.model.frames import Frame
 from posefuse.tracking.bodies import Sight
-from posefuse.tracking.records import Evidence, Tentative, Track
+from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
@@ -25,14 +25,14 @@ class PropagatedPrior:
 
     smoothable = True
 
-    def settle(self, state: State, tracks: Sequence[Track]) -> None:
+    def settle(self, state: State, lately: Lately) -> None:
         """Nothing is forgotten."""
 
 
 class LawfulNoise:
     """The noise law by confidence and a floor of the model, tempered for how long errors last."""
 
-    def variance_px2(self, sight: Sight, frame: Frame, tracks: Sequence[Track], settings: Settings) -> np.ndarray:
+    def variance_px2(self, sight: Sight, frame: Frame, lately: Lately, settings: Settings) -> np.ndarray:
         """Shape (track, row, keypoint)."""
         floor_px = settings.law.floor_m * sight.size_px[:, frame.view]
         return settings.variance_px2(frame.confidence, frame.view) + floor_px**2
@@ -42,33 +42,33 @@ class LawfulNoise:
         frame: Frame,
         rows: np.ndarray,
         labels: np.ndarray,
-        tracks: Sequence[Track],
+        lately: Lately,
         dt_s: float,
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        temper = tempering(np.full(len(tracks), dt_s), settings.options.error_memory_s)
+        temper = tempering(np.full(len(rows), dt_s), settings.options.error_memory_s)
         return Trust(settings.law, frame.confidence, temper)
 
-    def learn(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> None:
+    def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
         """A law is known before."""
 
 
 class OddsScore:
     """Log odds: that a detection is somebody's, and that somebody is there."""
 
-    def match(self, sight: Sight, frame: Frame, tracks: Sequence[Track], noise: Noise, settings: Settings) -> Likeness:
+    def match(self, sight: Sight, frame: Frame, lately: Lately, noise: Noise, settings: Settings) -> Likeness:
         """By the predictive likelihood against clutter, sides as labelled or exchanged."""
-        s, o, n = settings, settings.options, len(tracks)
+        s, o, n = settings, settings.options, len(lately.ids)
         scores = np.empty((n, len(frame.view)))
         swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
         score_detections(
             sight.pixels, sight.spread, sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
-            s.skeleton.mirror, s.group_of, s.n_groups, s.law, np.stack([t.swapped for t in tracks]),
+            s.skeleton.mirror, s.group_of, s.n_groups, s.law, lately.swapped,
             o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
             swapped,
         )  # fmt: skip
-        ids = np.stack([t.ids for t in tracks])[:, frame.view]
+        ids = lately.ids[:, frame.view]
         scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
         return Likeness(scores, o.match_evidence, swapped, (scores > _EXPLAINED).any(axis=0))
 
