@@ -1,7 +1,8 @@
 """People followed through simulated scenes, beside the baseline: who is who, how far off, how sure, how fast.
 
-``python -m benchmarks.people [--only crowd,hug,...,equal,ablations,speed] [--seeds 20] [--baseline-seeds 3]``. Prints
-tables as docs/benchmarks.md has them. Everything is causal: each frame is scored as it was told when it was the last.
+``python -m benchmarks.people [--only crowd,hug,...,equal,ablations,speed] [--seeds 20] [--baseline-seeds 3]
+[--ablation-seeds 3]``. Prints tables as docs/benchmarks.md has them. Everything but the ablations' smoother is causal:
+each frame is scored as it was told when it was the last.
 Times are CPU times, of all threads together.
 Scenes are kept in the system's temporary folder; another version of the simulation makes them anew.
 """
@@ -15,7 +16,7 @@ import tempfile
 import time
 import tracemalloc
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +34,18 @@ from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
-from posefuse.tracking.records import People
+from posefuse.tracking.history import History
+from posefuse.tracking.presets import stages_of
+from posefuse.tracking.records import People, Person
+from posefuse.tracking.smoothing import PeopleSmoother
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5
 _END_S = 1.0
 _WARM_FRAMES = 50
 _WIDE = 25.0
+"""By how much more (variance) people differ in their bones than is believed, where bones are hardly known."""
+_ABLATED_CROWD_S = 20.0
 _MANY_PASSES = 6
 _NAMES = (*SCENARIOS, "equal")
 
@@ -90,33 +96,32 @@ def scenario_of(name: str, seed: int) -> CrowdOptions:
     return CrowdOptions(next(each for each in SCENARIOS if each == name), seed=seed)
 
 
-def tracker_for(scene: CrowdScene, options: TrackerOptions, *, shape_spread: float = 1.0) -> ArticulatedTracker:
-    """A live tracker, as the public one makes it.
+def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracker:
+    """A live tracker, as the public one makes it."""
+    chosen = Options(tracker=options)
+    return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
+
+
+def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = False) -> Run:
+    """Follow everybody, frame by frame.
 
     Args:
         scene: what is followed.
-        options: of the tracker.
-        shape_spread: by how much more (variance) people differ in their bones than is believed.
+        tracker: that has not followed anything yet.
+        smoothed: whether people are scored as all frames together have them, in the frames in which they were active.
     """
-    chosen = Options(tracker=options)
-    tracker = tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
-    tree = tracker.settings.tree
-    wide = replace(tree, shape_covariance=shape_spread * tree.shape_covariance)
-    tracker.settings = replace(tracker.settings, tree=wide)
-    return tracker
-
-
-def follow(scene: CrowdScene, tracker: ArticulatedTracker) -> Run:
-    """Follow everybody, frame by frame."""
     told: list[People] = []
+    history = History(tracker.settings)
     spent = np.empty(scene.detections.n_frames)
     for i in range(len(spent)):
         frame = Frame.of(scene.detections, i)
         start = time.process_time()
         told.append(tracker.update(frame))
         spent[i] = time.process_time() - start
+        if smoothed:
+            history.add(tracker, told[-1])
     events = tuple(event for people in told for event in people.events)
-    data = _points(scene, told)
+    data = _points(scene, _smoothed(history, told) if smoothed else told)
     bumped = [span.view for span in scene.spans if span.what == "bumped" and span.view is not None]
     return Run(
         score_people(data),
@@ -126,6 +131,22 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker) -> Run:
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
     )
+
+
+def _smoothed(history: History, told: Sequence[People]) -> list[People]:
+    """The same people where the smoother has them."""
+    places: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+    for each in PeopleSmoother(history).take(len(told)):
+        for i, place in enumerate(each.places):
+            places[int(place), each.name] = each.body.points_m[i], each.body.covariance_m2[i]
+    return [
+        replace(people, people=tuple(_moved(p, places.get((f, p.name))) for p in people.people))
+        for f, people in enumerate(told)
+    ]
+
+
+def _moved(person: Person, to: tuple[np.ndarray, np.ndarray] | None) -> Person:
+    return person if to is None else replace(person, points_m=to[0], covariance_m2=to[1])
 
 
 def _points(scene: CrowdScene, told: Sequence[People]) -> PeoplePoints:
@@ -189,7 +210,7 @@ HEAD = (
 def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
     """A line of the table: median (worst) of the seeds."""
     scores = [run.scores for run in runs]
-    covered = [[100 * getattr(each.nees, field) for each in scores] for field in ("covered_68", "covered_95")]
+    covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
     beside = ["-", "-"]
     if others:
         ours, theirs = (np.mean([each.mpjpe_mm for each in of]) for of in (scores[: len(others)], others))
@@ -253,33 +274,91 @@ def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
     return said
 
 
-ABLATIONS = {
-    "as it is": TrackerOptions(),
-    "weights not robust (nu 1e6)": TrackerOptions(nu=1e6),
-    "no gates (gate 1e12)": TrackerOptions(gate=1e12),
-    "noise believed white (error_memory_s 1e-6)": TrackerOptions(error_memory_s=1e-6),
-    "no swaps (swap_log_odds -1e6)": TrackerOptions(swap_log_odds=-1e6, swap_stay_log_odds=-1e6),
-    "bones hardly known (variance x 25)": TrackerOptions(),
-}
+@dataclass(frozen=True)
+class Ablation:
+    """The tracker without one of its parts, or with another one.
+
+    Attributes:
+        what: in a few words.
+        options: of the tracker.
+        stages: those that are the specification's; with its preset all are.
+        shape_spread: by how much more (variance) people differ in their bones than is believed.
+        smoothed: whether people are where all frames together have them.
+    """
+
+    what: str
+    options: TrackerOptions = field(default_factory=TrackerOptions)
+    stages: tuple[str, ...] = ()
+    shape_spread: float = 1.0
+    smoothed: bool = False
+
+    def follow(self, scene: CrowdScene) -> Run:
+        """Follow everybody in a scene."""
+        tracker = tracker_for(scene, self.options)
+        theirs = stages_of("specification")
+        tracker.stages = replace(tracker.stages, **{name: getattr(theirs, name) for name in self.stages})
+        tree = tracker.settings.tree
+        wide = replace(tree, shape_covariance=self.shape_spread * tree.shape_covariance)
+        tracker.settings = replace(tracker.settings, tree=wide)
+        return follow(scene, tracker, smoothed=self.smoothed)
 
 
-def ablations() -> None:
+ABLATIONS = (
+    Ablation("as it is, causal"),
+    Ablation("with the smoother (offline)", smoothed=True),
+    Ablation("weights not robust (`nu` 1e6)", TrackerOptions(nu=1e6)),
+    Ablation("no gates (`gate` 1e12)", TrackerOptions(gate=1e12)),
+    Ablation("noise believed white (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
+    Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6, swap_stay_log_odds=-1e6)),
+    Ablation("bones hardly known (variance x 25)", shape_spread=_WIDE),
+    Ablation("`preset` specification", TrackerOptions(preset="specification")),
+    *(
+        Ablation(f"of it only the {what}", stages=(name,))
+        for name, what in (
+            ("score", "scores"),
+            ("noise", "noise recursion"),
+            ("prior", "prior"),
+            ("distance", "distance of proposals"),
+        )
+    ),
+)
+
+ABLATION_HEAD = (
+    "| | scene | identities right | switches | fragments | recall, % | longest ghost, frames | MPJPE, mm "
+    "| inside 68 / 95 % region | NEES |\n|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def ablations(seeds: int) -> None:
     """Print what each part is worth on two scenes."""
-    print("| | scene | identities right | switches | recall, % | MPJPE, mm | inside 68 / 95 % region | NEES |")
-    print("|---|---|---|---|---|---|---|---|")
-    for what, options in ABLATIONS.items():
-        for name, seed in (("crowd", 0), ("hug", 1)):
-            _say(f"{what}, {name} {seed}")
-            scene = scene_of(scenario_of(name, seed))
-            spread = _WIDE if what.startswith("bones") else 1.0
-            run = follow(scene, tracker_for(scene, options, shape_spread=spread))
-            s = run.scores
+    print(ABLATION_HEAD)
+    for each in ABLATIONS:
+        for scene in (CrowdOptions("crowd", duration_s=_ABLATED_CROWD_S), CrowdOptions("hug")):
+            runs = []
+            for seed in range(seeds):
+                _say(f"{each.what}, {scene.scenario} {seed}")
+                runs.append(each.follow(scene_of(replace(scene, seed=seed))))
             _say("")
-            print(
-                f"| {what} | {name} {seed} | {'yes' if run.is_fine else 'no'} | {s.clear[0].switches} | "
-                f"{100 * s.recall_after_entry:.2f} | {s.mpjpe_mm:.1f} | {100 * s.nees.covered_68:.0f} / "
-                f"{100 * s.nees.covered_95:.0f} | {s.nees.mean:.1f} |"
-            )
+            print(ablation_row(each.what, scene.scenario, runs), flush=True)
+
+
+def ablation_row(what: str, scene: str, runs: Sequence[Run]) -> str:
+    """A line of the table: median (worst) of the seeds."""
+    scores = [run.scores for run in runs]
+    covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
+    cells = [
+        what,
+        scene,
+        f"{sum(run.is_fine for run in runs)} of {len(runs)}",
+        _median_worst([float(each.clear[0].switches) for each in scores], "{:.0f}"),
+        _median_worst([float(each.clear[0].fragments) for each in scores], "{:.0f}"),
+        _median_worst([100 * each.recall_after_entry for each in scores], "{:.2f}", least=True),
+        _median_worst([float(_ghost(each)) for each in scores], "{:.0f}"),
+        _median_worst([each.mpjpe_mm for each in scores], "{:.1f}"),
+        " / ".join(_median_worst(each, "{:.0f}", least=True) for each in covered),
+        _median_worst([each.nees.mean for each in scores], "{:.1f}"),
+    ]
+    return f"| {' | '.join(cells)} |"
 
 
 SPEEDS = {
@@ -330,6 +409,7 @@ def main() -> None:
     parser.add_argument("--only", default=",".join((*_NAMES, "ablations", "speed")))
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--baseline-seeds", type=int, default=3)
+    parser.add_argument("--ablation-seeds", type=int, default=3)
     chosen = parser.parse_args()
     only = chosen.only.split(",")
     unknown = sorted(set(only) - {*_NAMES, "ablations", "speed"})
@@ -339,7 +419,7 @@ def main() -> None:
     if names:
         scenes(names, chosen.seeds, chosen.baseline_seeds)
     if "ablations" in only:
-        ablations()
+        ablations(chosen.ablation_seeds)
     if "speed" in only:
         speed()
 

@@ -39,6 +39,7 @@ _EXPECTED_SIGMA = 1.22
 _FACTORS = (0.2, 5.0)
 _NEVER_S = 1e9
 _SURE_LOG_ODDS = 1e9
+_ANYWHERE = 1e9
 
 
 def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
@@ -287,7 +288,11 @@ def follow_subject(
         depth=depth,
     )
     # Whoever comes back is the subject.
-    tracker = replace(options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS)
+    anywhere = replace(options.tracker.specification, reacquire_gate=_ANYWHERE)
+    tracker = replace(
+        options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
+        specification=anywhere,
+    )  # fmt: skip
     return follow(rig, alone, replace(options, tracker=tracker), progress)
 
 

@@ -8,6 +8,15 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices
+from posefuse.model.specification_options import SpecificationOptions
+
+Preset = Literal["posefuse", "specification"]
+
+PRESETS: dict[Preset, str] = {
+    "posefuse": "odds, the noise law tempered for how long errors last, the propagated covariance as prior",
+    "specification": "the seed's scores, noise recursion, prior and distance of proposals; causal",
+}
+"""Presets of the tracker and their line in help; a file each under ``tracking/presets``."""
 
 Smoother = Literal["none", "lag", "full"]
 SMOOTHERS: tuple[Smoother, ...] = get_args(Smoother)
@@ -78,6 +87,8 @@ class TrackerOptions:
     """How people are followed.
 
     Attributes:
+        preset: Whose scores, noise, prior and distance of proposals: "posefuse" or "specification". The latter's states
+            forget from frame to frame how well they are known, so that nothing is smoothed.
         iterations: Gauss-Newton steps a frame, at most.
         nu: Degrees of freedom of detections' errors, Student's t.
         gate: The largest squared innovation of a keypoint, in its own covariance, that counts (tau_joint).
@@ -116,8 +127,10 @@ class TrackerOptions:
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
+        specification: Of the preset of that name.
     """
 
+    preset: Preset = "posefuse"
     iterations: int = 2
     nu: float = 3.0
     gate: float = 60.0
@@ -154,11 +167,14 @@ class TrackerOptions:
     bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
+    specification: SpecificationOptions = field(default_factory=SpecificationOptions)
 
     def __post_init__(self) -> None:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
             if getattr(self, name) < 1:
                 raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        if self.preset not in PRESETS:
+            raise OptionsError(f"No tracker.preset is called {self.preset!r}; there are {choices(PRESETS)}.")
         if self.smoother not in SMOOTHERS:
             raise OptionsError(f"No tracker.smoother is called {self.smoother!r}; there are {choices(SMOOTHERS)}.")
         for name in ("detection_share", "false_share"):
@@ -202,4 +218,5 @@ class TrackerOptions:
                 shape_walk=motion.shape_walk * scale**2,
                 top_speed_m_s=motion.top_speed_m_s * scale / slower,
             ),
+            specification=self.specification.in_proportion(scale),
         )

@@ -1,7 +1,5 @@
 """Rules of life: who counts as there, who is lost, who is forgotten, and when a body's lengths are kept."""
 
-import math
-
 import numpy as np
 
 from posefuse.kernels.articulated import State
@@ -14,14 +12,11 @@ from posefuse.tracking.settings import Settings
 _SEEN_SHARE = 0.5
 _BESIDE_M = 0.5
 """Beside what a view sees, of a human: as far outside as somebody is counted as inside."""
-_MOST_HIDDEN = -1.2
-"""Views that do not see somebody whom one does see count no more than this many that do."""
 
 
-def newcomer(number: int, time_s: float, settings: Settings) -> Track:
-    """Somebody just believed."""
-    odds = settings.options.most_log_odds / 2
-    return Track(number, f"person_{number}", TrackState.ACTIVE, odds, time_s, time_s, np.zeros(3))
+def newcomer(number: int, time_s: float, score: float) -> Track:
+    """Somebody just believed, with that score."""
+    return Track(number, f"person_{number}", TrackState.ACTIVE, score, time_s, time_s, np.zeros(3))
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
@@ -39,38 +34,34 @@ def middles(points_m: np.ndarray) -> np.ndarray:
 
 def live_on(
     track: Track,
+    score: float,
+    begins_with: float,
+    lost_below: float,
     supported: np.ndarray,
     should_see: np.ndarray,
     torso_m: np.ndarray,
     time_s: float,
-    dt_s: float,
     settings: Settings,
 ) -> list[tuple[Happening, str]]:
-    """Change a person's odds and state by what the views show.
+    """Change a person's score and state by what the views show.
 
     Args:
         track: in and out.
+        score: that they are there, after the frame.
+        begins_with: the least score of who is found again.
+        lost_below: the score with which they are lost.
         supported: shape (view,), bool: which views show them.
         should_see: shape (view,), bool: which views should.
         torso_m: shape (3,): where they are.
         time_s: of the frame.
-        dt_s: since the last.
         settings: of the tracker.
 
     Returns:
         What happened, and why.
     """
     o = settings.options
-    gain = math.log(o.detection_share / o.false_share)
-    loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
-    n_views, n_missed = np.count_nonzero(supported), np.count_nonzero(should_see & ~supported)
-    missed = loss * n_missed
-    if n_views:
-        # What hides somebody from one view often hides them from others too.
-        missed = max(missed, _MOST_HIDDEN * gain)
-    evidence = gain * n_views + missed
-    track.log_odds += evidence * min(1.0, dt_s / o.evidence_time_s)
-    track.log_odds = min(o.most_log_odds, max(-o.most_log_odds, track.log_odds))
+    n_views = np.count_nonzero(supported)
+    track.log_odds = score
     if n_views > 1:
         track.firm_s = time_s
     said: list[tuple[Happening, str]] = []
@@ -79,12 +70,12 @@ def live_on(
     elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
         said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
         track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
-        track.log_odds = max(track.log_odds, o.most_log_odds / 2)
+        track.log_odds = max(track.log_odds, begins_with)
     if track.state == TrackState.ACTIVE:
         if time_s - track.seen_s > o.lost_after_s:
             track.state = TrackState.LOST
             said.append(("lost", f"seen by no camera for {time_s - track.seen_s:.2f} s"))
-        elif track.log_odds < o.lost_log_odds:
+        elif track.log_odds < lost_below:
             track.state = TrackState.LOST
             others = _named(should_see & ~supported, settings)
             said.append(("lost", f"seen by {_named(supported, settings)}, but not by {others}"))

@@ -18,7 +18,7 @@ class Track:
         number: of the body that is followed, as long as it is; counted from 1.
         name: of the person whom it is taken for.
         state: ACTIVE or LOST.
-        log_odds: that they are there.
+        log_odds: that they are there; another preset's score of it.
         born_s: when they were first believed.
         seen_s: when they were last supported.
         firm_s: when two views last supported them: one alone does not fix how far away somebody is.
@@ -48,11 +48,15 @@ class Lately(NamedTuple):
         swapped: shape (track, view, group), int8: whose sides were exchanged last.
         ids: shape (track, view), int64: the detector's identity of the last match, -1 for none.
         off_s: shape (track, keypoint): for how long most views have seen each keypoint elsewhere.
+        noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
+        renewed: shape (track,), bool: whose states the last frame changed.
     """
 
     swapped: np.ndarray
     ids: np.ndarray
     off_s: np.ndarray
+    noise_px2: np.ndarray
+    renewed: np.ndarray
 
     @classmethod
     def unknown(cls, tracks: int, views: int, groups: int, keypoints: int) -> "Lately":
@@ -61,6 +65,8 @@ class Lately(NamedTuple):
             np.zeros((tracks, views, groups), dtype=np.int8),
             np.full((tracks, views), -1, dtype=np.int64),
             np.zeros((tracks, keypoints)),
+            np.full((tracks, views, keypoints), np.nan),
+            np.ones(tracks, dtype=bool),
         )
 
     def joined(self, other: "Lately") -> "Lately":
@@ -87,6 +93,7 @@ class Evidence:
         torso_m: shape (3,).
         log_odds: of the proposal.
         error_sigma: of the proposal.
+        n_pairs: of views, that support the proposal.
     """
 
     time_s: float
@@ -99,6 +106,7 @@ class Evidence:
     torso_m: np.ndarray
     log_odds: float
     error_sigma: float
+    n_pairs: int = 0
 
     @property
     def n_views(self) -> int:
@@ -114,11 +122,13 @@ class Tentative:
         number: to tell them apart.
         evidence: frames that showed them, oldest first.
         frames: how many frames there have been since the first.
+        score: of their being there.
     """
 
     number: int
     evidence: list[Evidence]
     frames: int = 1
+    score: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +152,7 @@ class Person:
         covariance_m2: shape (keypoint, 6).
         rows: shape (view,), int64: the frame's detections that are theirs, -1 for none.
         used: shape (view, keypoint), bool: the keypoints that counted.
-        log_odds: that they are there.
+        log_odds: that they are there; another preset's score of it.
         missing_s: for how long nothing has supported them.
     """
 

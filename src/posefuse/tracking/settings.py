@@ -94,6 +94,19 @@ class Settings(Rebuilt):
             np.asarray(skeleton.core_indices),
         )  # fmt: skip
 
+    def variance_px2(self, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
+        """How noisy keypoints are by the noise law alone.
+
+        Args:
+            confidence: shape (row, keypoint), NaN where the detector gives none.
+            view: shape (row,), int64.
+
+        Returns:
+            Shape (row, keypoint): per axis.
+        """
+        trust = np.maximum(np.where(np.isfinite(confidence), confidence, 1.0), self.law.min_confidence)
+        return (self.law.scale_px[view][:, None] * trust**-self.law.exponent) ** 2
+
 
 def tempering(dt_s: np.ndarray, memory_s: float) -> np.ndarray:
     """As how many independent frames so many count as one whose errors last that long, for each time between frames.

@@ -1,5 +1,7 @@
 """People who are not believed yet: what frames show of them is kept for a short time, to be confirmed or forgotten."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -22,32 +24,28 @@ def evidence_of(frame: Frame, time_s: float, proposals: Proposals, which: int, m
     return Evidence(
         time_s, frame.number, pixels, trust, rows, proposals.points_m[which], proposals.covariance_m2[which],
         proposals.torso_m[which], float(proposals.log_odds[which]), float(proposals.error_sigma[which]),
+        int(proposals.n_pairs[which]),
     )  # fmt: skip
 
 
 def continue_with(
-    tentative: list[Tentative], found: list[Evidence], time_s: float, settings: Settings
+    tentative: list[Tentative], found: list[Evidence], apart: Callable[[Evidence, Evidence], float]
 ) -> list[Evidence]:
     """Give every tentative person the proposal that goes on where they were; the proposals that are nobody's.
 
     Args:
         tentative: in and out.
         found: of this frame.
-        time_s: of this frame.
-        settings: of the tracker.
+        apart: how far a proposal is from what was last seen of somebody; inf where it cannot be them.
     """
-    options = settings.options
     for each in tentative:
         each.frames += 1
     if not tentative or not found:
         return found
     cost = np.full((len(tentative), len(found)), _FAR)
     for i, each in enumerate(tentative):
-        last = each.evidence[-1]
-        within = options.births.gate_m + options.motion.top_speed_m_s * (time_s - last.time_s)
         for j, new in enumerate(found):
-            away = float(np.linalg.norm(new.torso_m - last.torso_m))
-            cost[i, j] = away if away < within else _FAR
+            cost[i, j] = min(apart(each.evidence[-1], new), _FAR)
     taken = set()
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
         if cost[i, j] < _FAR:
@@ -63,8 +61,15 @@ def is_over(each: Tentative, time_s: float, settings: Settings) -> bool:
     return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s
 
 
-def is_believable(each: Tentative, time_s: float, settings: Settings) -> bool:
-    """Whether what is known of a tentative person is enough to follow them: the rule of promotion."""
+def is_believable(each: Tentative, time_s: float, promotes_from: float, settings: Settings) -> bool:
+    """Whether what is known of a tentative person is enough to follow them: the rule of promotion.
+
+    Args:
+        each: the person.
+        time_s: of this frame.
+        promotes_from: the least score.
+        settings: of the tracker.
+    """
     births = settings.options.births
     views = float(np.mean([e.n_views for e in each.evidence]))
     age = time_s - each.evidence[0].time_s
@@ -75,13 +80,18 @@ def is_believable(each: Tentative, time_s: float, settings: Settings) -> bool:
         and len(each.evidence) >= births.hit_share * each.frames
         and views >= births.min_views
         and float(np.median([e.error_sigma for e in each.evidence])) <= births.max_error_sigma
-        and sum(e.log_odds for e in each.evidence) >= births.promote_log_odds
+        and each.score >= promotes_from
         and _bone_variation(each, settings) <= births.max_bone_variation
     )
 
 
-def _bone_variation(each: Tentative, settings: Settings) -> float:
-    """By which share the bones of the core vary from frame to frame, noise taken off; 0 where that cannot be told."""
+def core_bones(each: Tentative, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """Lengths of the core's bones that more than one frame shows, and their variances, shape (frame, bone) both.
+
+    Args:
+        each: the person.
+        settings: of the tracker.
+    """
     edges = settings.skeleton.edge_indices
     edges = edges[np.isin(edges, settings.core).all(axis=1)]
     points = np.stack([e.points_m for e in each.evidence])
@@ -89,8 +99,13 @@ def _bone_variation(each: Tentative, settings: Settings) -> float:
     lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
     noise = variances[:, edges].sum(axis=-1)
     usable = np.isfinite(lengths).sum(axis=0) > 1
-    if not usable.any():
+    return lengths[:, usable], noise[:, usable]
+
+
+def _bone_variation(each: Tentative, settings: Settings) -> float:
+    """By which share the bones of the core vary from frame to frame, noise taken off; 0 where that cannot be told."""
+    lengths, noise = core_bones(each, settings)
+    if not lengths.size:
         return 0.0
-    lengths, noise = lengths[:, usable], noise[:, usable]
     excess = np.nanvar(lengths, axis=0, ddof=1) - np.nanmean(noise, axis=0)
     return float(np.median(np.sqrt(np.maximum(excess, 0.0)) / np.nanmean(lengths, axis=0)))

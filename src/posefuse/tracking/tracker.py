@@ -1,12 +1,13 @@
 """The tracker's loop: foresee, match, put right, live on or be lost, be born. See docs/methods.md, "People"."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import GATED, USED, State, foresee_people, predict_people, update_people
-from posefuse.kernels.matching import match_views, score_detections
+from posefuse.kernels.matching import match_views
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
@@ -16,14 +17,12 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
+from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
-from posefuse.tracking.returns import who_returns
-from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.stages import Seen, Stages
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
-
-_EXPLAINED = 3.0
-"""A detection of this much evidence is somebody's who is followed, even if another one is more so."""
 
 Propose = Callable[[Frame, np.ndarray], Proposals]
 """From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
@@ -35,9 +34,13 @@ class ArticulatedTracker:
     Args:
         settings: what it works with.
         propose: finds people among detections that are nobody's.
+        stages: what presets differ in; those of the options' preset where they are left out.
     """
 
-    def __init__(self, settings: Settings, propose: Propose) -> None:
+    def __init__(self, settings: Settings, propose: Propose, stages: Stages | None = None) -> None:
+        self.stages = stages or stages_of(settings.options.preset)
+        if not self.stages.prior.smoothable:
+            settings = replace(settings, options=replace(settings.options, smoother="none"))
         self.settings = settings
         self.propose = propose
         self.tracks: list[Track] = []
@@ -67,7 +70,7 @@ class ArticulatedTracker:
         rows, used = self._follow(frame, dt_s)
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
-        rows, used = self._bear(frame, rows, used)
+        rows, used = self._bear(frame, rows, used, dt_s)
         return self._told(frame, rows, used)
 
     @property
@@ -99,6 +102,7 @@ class ArticulatedTracker:
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
         views_then = moments(frame, self.time_s)
+        self.stages.prior.settle(self.state, self.lately)
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
@@ -111,6 +115,7 @@ class ArticulatedTracker:
         p, v = np.nonzero(rows >= 0)
         self.lately.swapped[p, v] = swapped[p, rows[p, v]]
         self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
+        self.lately.renewed[:] = (use == USED).any(axis=(1, 2))
         return rows, use == USED
 
     def _unknown(self, tracks: int) -> Lately:
@@ -135,13 +140,13 @@ class ArticulatedTracker:
             dt_s: since then.
         """
         s, n = self.settings, len(self.tracks)
-        temper = tempering(np.full(n, self.clock.apart_s), s.options.error_memory_s)
+        trust = self.stages.noise.trust(frame, rows, labels, self.lately, self.clock.apart_s, s)
         use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
 
         def update(rows: np.ndarray, use: np.ndarray) -> None:
             update_people(
-                s.cameras, s.body, s.law, temper, s.options.iterations, rows, labels, frame.keypoints_px,
-                frame.confidence, self.state, use, np.empty(n), np.empty(n),
+                s.cameras, s.body, trust.law, trust.temper, s.options.iterations, rows, labels, frame.keypoints_px,
+                trust.confidence, self.state, use, np.empty(n), np.empty(n),
             )  # fmt: skip
 
         if before is None:
@@ -171,22 +176,13 @@ class ArticulatedTracker:
 
     def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Rows (track, view), and whose sides are exchanged (track, row, group)."""
-        s, o, n = self.settings, self.settings.options, len(self.tracks)
-        scores = np.empty((n, len(frame.view)))
-        swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
-        score_detections(
-            self.sight.pixels, self.sight.spread, self.sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
-            s.skeleton.mirror, s.group_of, s.n_groups, s.law, self.lately.swapped,
-            o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
-            swapped,
-        )  # fmt: skip
-        ids = self.lately.ids[:, frame.view]
-        scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
-        rows = np.empty((n, len(s.rig)), dtype=np.int64)
-        match_views(scores, frame.view, len(s.rig), o.match_evidence, rows)
-        self.explained = (scores > _EXPLAINED).any(axis=0)
-        _believe_most_labels(rows, swapped)
-        return rows, swapped
+        s, views = self.settings, len(self.settings.rig)
+        found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
+        rows = np.empty((len(self.tracks), views), dtype=np.int64)
+        match_views(found.gain, frame.view, views, found.least, rows)
+        self.explained = found.explained
+        _believe_most_labels(rows, found.swapped)
+        return rows, found.swapped
 
     def _hold_back_lost(self, rows: np.ndarray) -> None:
         """One view alone does not move somebody who is lost."""
@@ -205,14 +201,23 @@ class ArticulatedTracker:
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
+        stages = self.stages
         supported = used.sum(axis=2) >= self.settings.options.min_joints
         self.supported = supported
         self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
         expected = self.expected & ~self.watch.refused
         torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
+        scores = np.empty(0)
+        begins_with, lost_below = stages.score.begins_with(self.settings), stages.score.lost_below(self.settings)
+        if self.tracks:
+            seen = Seen(frame, self.time_s, dt_s, rows, self.labels, used, supported, expected)
+            stages.noise.learn(seen, self.lately, self.state, self.settings)
+            scores = stages.score.active(seen, self.tracks, self.state, self.settings)
         for p, track in enumerate(self.tracks):
-            torso = torsos[p]
-            said = lifecycle.live_on(track, supported[p], expected[p], torso, self.time_s, dt_s, self.settings)
+            said = lifecycle.live_on(
+                track, float(scores[p]), begins_with, lost_below, supported[p], expected[p], torsos[p], self.time_s,
+                self.settings,
+            )  # fmt: skip
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
             lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
         if self.settings.options.outside_s is not None:
@@ -228,19 +233,21 @@ class ArticulatedTracker:
         else:
             self._keep = list(range(len(self.tracks)))
 
-    def _bear(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _bear(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Who is new: proposals from free detections, tentative people, and those of them who are believed now."""
+        s, stages = self.settings, self.stages
         rows, used = rows[self._keep], used[self._keep]
         free, held = self._free(frame, rows), self._held_by_one_view(rows)
         free[list(held)] = True
         found = self._found(frame, free)
-        new = continue_with(self.tentative, found, self.time_s, self.settings)
+        new = continue_with(self.tentative, found, lambda last, new: stages.distance.apart(last, new, s))
         for each in new:
             self.guesses += 1
             self.tentative.append(Tentative(self.guesses, [each]))
         staying = []
         for each in self.tentative:
-            if is_believable(each, self.time_s, self.settings):
+            each.score = stages.score.tentative(each, self.time_s, dt_s, s)
+            if is_believable(each, self.time_s, stages.score.promotes_from(s), s):
                 born = self._believe(each, frame.number, held)
                 if born is not None:
                     p, counted = born
@@ -249,7 +256,7 @@ class ArticulatedTracker:
                     else:
                         rows, used = np.vstack([rows, each.evidence[-1].rows]), np.vstack([used, counted[None]])
                     continue
-            if not is_over(each, self.time_s, self.settings):
+            if not is_over(each, self.time_s, s):
                 staying.append(each)
         self.tentative = staying
         return rows, used
@@ -347,7 +354,7 @@ class ArticulatedTracker:
             if len(active) and (np.nanmean(away, axis=1) < s.options.births.apart_m).any():
                 continue
             found.append(evidence_of(frame, self.time_s, proposals, i, s.skeleton.mirror))
-        return found
+        return self.stages.distance.merge(found, s)
 
     def _believe(self, each: Tentative, number: int, held: dict[int, int]) -> tuple[int, np.ndarray] | None:
         """Begin to follow somebody, under a new name or that of somebody lost; their place, and what counted.
@@ -360,6 +367,7 @@ class ArticulatedTracker:
             held: from :meth:`_held_by_one_view`.
         """
         s = self.settings
+        begins_with = self.stages.score.begins_with(s)
         state, past, error = begin(each.evidence, s)
         if not error <= s.options.births.max_error_sigma:
             return None
@@ -369,7 +377,7 @@ class ArticulatedTracker:
         if theirs:
             found = theirs[0], "others see them again, whom one camera had kept", ""
         else:
-            found = who_returns(self.tracks, self.state, state, seen.torso_m, self.time_s, s)
+            found = self.stages.distance.returning(self.tracks, self.state, state, seen, self.time_s, s)
         if found is not None:
             p, why, uncertain = found
             track = self.tracks[p]
@@ -383,7 +391,7 @@ class ArticulatedTracker:
             return None
         else:
             self.names += 1
-            track = lifecycle.newcomer(self.names, self.time_s, s)
+            track = lifecycle.newcomer(self.names, self.time_s, begins_with)
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
@@ -393,7 +401,7 @@ class ArticulatedTracker:
             )
         track.state, track.lost_at_m = TrackState.ACTIVE, seen.torso_m
         track.seen_s = track.firm_s = self.time_s
-        track.log_odds = s.options.most_log_odds / 2
+        track.log_odds = begins_with
         self.remembered[track.name] = past
         return p, counted
 
@@ -424,7 +432,7 @@ class ArticulatedTracker:
                         last.covariance_m2,
                         last.rows,
                         np.isfinite(last.keypoints_px[..., 0]),
-                        sum(e.log_odds for e in each.evidence),
+                        each.score,
                         0.0,
                     )
                 )

@@ -33,7 +33,7 @@ def somebody(settings: Settings, state: TrackState) -> tuple[Track, State]:
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
     body = newborn(tree, points, np.asarray(tree.shape_m), np.asarray(tree.shape_covariance), settings.options.motion)
     body.covariance[0, :3, :3] = np.eye(3) * 0.25 / 3.0
-    track = newcomer(1, 0.0, settings)
+    track = newcomer(1, 0.0, 3.0)
     track.state, track.inside_s = state, 0.0
     return track, body
 

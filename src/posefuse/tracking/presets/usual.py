@@ -1,0 +1,126 @@
+"""The preset `posefuse`: odds, the noise law tempered, the propagated covariance. See docs/methods.md, "People"."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from posefuse.kernels.articulated import State
+from posefuse.kernels.matching import score_detections
+from posefuse.model.frames import Frame
+from posefuse.tracking.bodies import Sight
+from posefuse.tracking.records import Evidence, Lately, Tentative, Track
+from posefuse.tracking.returns import who_returns
+from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
+
+_EXPLAINED = 3.0
+"""A detection of this much evidence is somebody's who is followed, even if another one is more so."""
+_MOST_HIDDEN = -1.2
+"""Views that do not see somebody whom one does see count no more than this many that do."""
+
+
+class PropagatedPrior:
+    """What is known is carried on: P of the prediction is F P F^T + Q."""
+
+    smoothable = True
+
+    def settle(self, state: State, lately: Lately) -> None:
+        """Nothing is forgotten."""
+
+
+class LawfulNoise:
+    """The noise law by confidence and a floor of the model, tempered for how long errors last."""
+
+    def variance_px2(self, sight: Sight, frame: Frame, lately: Lately, settings: Settings) -> np.ndarray:
+        """Shape (track, row, keypoint)."""
+        floor_px = settings.law.floor_m * sight.size_px[:, frame.view]
+        return settings.variance_px2(frame.confidence, frame.view) + floor_px**2
+
+    def trust(
+        self,
+        frame: Frame,
+        rows: np.ndarray,
+        labels: np.ndarray,
+        lately: Lately,
+        dt_s: float,
+        settings: Settings,
+    ) -> Trust:
+        """The detector's own confidence."""
+        temper = tempering(np.full(len(rows), dt_s), settings.options.error_memory_s)
+        return Trust(settings.law, frame.confidence, temper)
+
+    def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
+        """A law is known before."""
+
+
+class OddsScore:
+    """Log odds: that a detection is somebody's, and that somebody is there."""
+
+    def match(self, sight: Sight, frame: Frame, lately: Lately, noise: Noise, settings: Settings) -> Likeness:
+        """By the predictive likelihood against clutter, sides as labelled or exchanged."""
+        s, o, n = settings, settings.options, len(lately.ids)
+        scores = np.empty((n, len(frame.view)))
+        swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
+        score_detections(
+            sight.pixels, sight.spread, sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
+            s.skeleton.mirror, s.group_of, s.n_groups, s.law, lately.swapped,
+            o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
+            swapped,
+        )  # fmt: skip
+        ids = lately.ids[:, frame.view]
+        scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
+        return Likeness(scores, o.match_evidence, swapped, (scores > _EXPLAINED).any(axis=0))
+
+    def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
+        """The log odds of all its frames together."""
+        return sum(e.log_odds for e in each.evidence)
+
+    def promotes_from(self, settings: Settings) -> float:
+        """Promotion is by the odds alone."""
+        return settings.options.births.promote_log_odds
+
+    def active(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> np.ndarray:
+        """Every view that shows somebody is for them, every view that should and does not is against them."""
+        o = settings.options
+        gain = math.log(o.detection_share / o.false_share)
+        loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
+        missed = loss * (seen.expected & ~seen.supported).sum(axis=1)
+        # What hides somebody from one view often hides them from others too.
+        missed = np.where(seen.supported.any(axis=1), np.maximum(missed, _MOST_HIDDEN * gain), missed)
+        evidence = gain * seen.supported.sum(axis=1) + missed
+        before = np.array([track.log_odds for track in tracks])
+        after = before + evidence * min(1.0, seen.dt_s / o.evidence_time_s)
+        return np.clip(after, -o.most_log_odds, o.most_log_odds)
+
+    def begins_with(self, settings: Settings) -> float:
+        """Half as certain as can be."""
+        return settings.options.most_log_odds / 2
+
+    def lost_below(self, settings: Settings) -> float:
+        """Where they are hardly likely to be there."""
+        return settings.options.lost_log_odds
+
+
+class TrunkDistance:
+    """Metres between trunks, and log odds of bodies' lengths."""
+
+    def merge(self, found: list[Evidence], settings: Settings) -> list[Evidence]:
+        """Proposals of groups are one a person already."""
+        return found
+
+    def apart(self, last: Evidence, new: Evidence, settings: Settings) -> float:
+        """How far the trunk is off, m; inf beyond how far people get."""
+        options = settings.options
+        within = options.births.gate_m + options.motion.top_speed_m_s * (new.time_s - last.time_s)
+        away = float(np.linalg.norm(new.torso_m - last.torso_m))
+        return away if away < within else math.inf
+
+    def returning(
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
+    ) -> tuple[int, str, str] | None:
+        """By where they can have gone, and by their bones."""
+        return who_returns(tracks, state, born, seen.torso_m, time_s, settings)
+
+
+STAGES = Stages(PropagatedPrior(), LawfulNoise(), OddsScore(), TrunkDistance())
