@@ -214,6 +214,29 @@ def test_white_errors_need_no_tempering(settings, rng):
     np.testing.assert_allclose(smooth.root_m, plain.root, atol=1e-6)
 
 
+def test_frames_before_somebody_was_believed_were_tempered_like_others(settings, rng):
+    """But for the first: that the smoother tells less of them is the same as of anybody."""
+    states = filtered(settings, 15, rng)
+    life = np.full(15, TrackState.ACTIVE, dtype=np.int8)
+    life[:10] = TrackState.TENTATIVE
+    before = smooth_run(replace(run_of(states), life=life), settings)
+    after = smooth_run(run_of(states), settings)
+    np.testing.assert_array_equal(before.covariance_m2, after.covariance_m2)
+    np.testing.assert_array_equal(before.points_m, after.points_m)
+
+
+def test_a_frame_after_a_gap_was_told_by_the_time_since_somebody_was_seen(settings, rng):
+    """Before they are believed, the filter tempers by it: the same run is told the more again, the less it was."""
+    states = filtered(settings, 15, rng)
+    missing_s = np.zeros(15)
+    missing_s[8:10] = DT_S * np.arange(1, 3)
+    run = replace(run_of(states, TrackState.TENTATIVE), missing_s=missing_s)
+    spread = [
+        smooth_run(each, settings).covariance_m2[12, :, 0] for each in (run, replace(run, missing_s=0.0 * missing_s))
+    ]
+    assert (spread[0] > spread[1]).all()
+
+
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
 def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
     """The variance of a mean over much time is that of so many times fewer independent errors."""
