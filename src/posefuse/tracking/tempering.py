@@ -140,6 +140,21 @@ def see_pose(state: State, seen: State, settings: Settings) -> None:
     _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
 
 
+def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
+    """Tell a state of one person, in place, whose lengths are sought, what another source knows of them.
+
+    Args:
+        state: of one person, whose pose goes with their lengths as far as it depends on them.
+        curvature: shape (shape, shape): of the negative log likelihood of the lengths.
+        gradient: shape (shape,): of the log likelihood, at the state.
+        settings: of the tracker whose states they are.
+    """
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    whole, pull = np.zeros((n + h, n + h)), np.zeros(n + h)
+    whole[n:, n:], pull[n:] = curvature, gradient
+    _learn(state, chosen(state, [0]), whole, pull, uncertain(n, h, free=True), n + h)
+
+
 def _bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
     """Shape (pose, pose): makes changes in one state's axes those in another's, whose bones' frames began elsewhere."""
     n, first = settings.tree.n_pose, 3 + 3 * len(settings.tree.segments)
