@@ -125,8 +125,11 @@ def next_with(
     was_free, is_free = bool(state.free[0]), bool(told.free[0])
     if was_free and not is_free:
         _keep_shape(now, told.shape[0])
+    # What the frame said is in the axes of the first run's bones, whose frames went other ways.
+    turn = np.eye(n + h)
+    turn[:n, :n] = _bone_axes(now, told, settings)
     rows = uncertain(n, h, was_free and is_free)
-    _learn(now, told, share * curvature, share * gradient, rows, len(rows) - n)
+    _learn(now, told, share * (turn.T @ curvature @ turn), share * (turn.T @ gradient), rows, len(rows) - n)
     if is_free and not was_free:
         _reopen_shape(now, told)
     return now
