@@ -167,4 +167,4 @@ def _some(shown: deque[Evidence]) -> list[Evidence]:
 
 
 def _likeness(tracks: list[Track], state: State, p: int, fresh: State, settings: Settings) -> float:
-    return same_body(settings, tracks[p], state, p, fresh)
+    return same_body(settings, tracks[p], state, p, fresh, _LOOK_S)

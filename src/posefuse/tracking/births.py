@@ -6,7 +6,7 @@ from posefuse.kernels.articulated import State, foresee_people, predict_people, 
 from posefuse.tracking.bodies import Sight, chosen
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import Evidence, Remembered
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.settings import Settings, tempering
 
 _FIRST_ITERATIONS = 12
 
@@ -35,27 +35,40 @@ def begin(
     state = newborn(tree, evidence[0].points_m, mean, spread, settings.options.motion)
     past: list[Remembered] = []
     for i, each in enumerate(evidence):
+        since_s = each.time_s - evidence[i - 1].time_s if i else np.inf
         if i:
-            before = evidence[i - 1].time_s
             predict_people(
-                np.array([each.time_s - before]), settings.decay_s, settings.power, settings.most,
+                np.array([since_s]), settings.decay_s, settings.power, settings.most,
                 settings.options.motion.shape_walk, state,
             )  # fmt: skip
-        put_right(state, each, settings, _FIRST_ITERATIONS if i == 0 else settings.options.iterations, first=i == 0)
+        put_right(state, each, settings, since_s)
         past.append(Remembered(each.number, each.time_s, chosen(state, [0]), each.rows))
     return state, past[:-1], error_sigma(state, evidence[-1], settings)
 
 
-def put_right(state: State, seen: Evidence, settings: Settings, iterations: int, *, first: bool = False) -> np.ndarray:
-    """Update one person by what a frame shows of them; which keypoints counted, shape (view, keypoint)."""
+def put_right(state: State, seen: Evidence, settings: Settings, since_s: float) -> np.ndarray:
+    """Update one person by what a frame shows of them.
+
+    Args:
+        state: of one person, in and out.
+        seen: in the frame.
+        settings: of the tracker.
+        since_s: since the last frame that showed them, whose errors it shares in part; inf for the first, which says
+            what it says whole and gates nothing.
+
+    Returns:
+        Which keypoints counted, shape (view, keypoint).
+    """
     views, keypoints = seen.confidence.shape
     use = np.empty((1, views, keypoints), dtype=np.int64)
     rows = np.where(seen.rows >= 0, np.arange(views), -1)[None]
     labels = np.tile(np.arange(keypoints), (1, views, 1))
+    first = np.isinf(since_s)
     law = settings.law._replace(gate=np.inf) if first else settings.law
+    temper = tempering(np.array([since_s]), settings.options.error_memory_s)
     update_people(
-        settings.cameras, settings.body, law, np.ones(1), iterations, rows, labels, seen.keypoints_px, seen.confidence,
-        state, use, np.empty(1), np.empty(1),
+        settings.cameras, settings.body, law, temper, _FIRST_ITERATIONS if first else settings.options.iterations, rows,
+        labels, seen.keypoints_px, seen.confidence, state, use, np.empty(1), np.empty(1),
     )  # fmt: skip
     return use[0] == 0
 

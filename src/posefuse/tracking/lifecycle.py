@@ -5,9 +5,11 @@ import numpy as np
 from posefuse.kernels.articulated import State
 from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import Sight, put
+from posefuse.tracking.bodies import Sight, chosen, put
+from posefuse.tracking.lengths import told_of_lengths
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
+from posefuse.tracking.tempering import see_lengths
 
 _SEEN_SHARE = 0.5
 _BESIDE_M = 0.5
@@ -124,9 +126,22 @@ def _why_forgotten(track: Track, state: State, p: int, time_s: float, settings: 
     return ""
 
 
-def settle_shape(track: Track, state: State, p: int, time_s: float, settings: Settings) -> None:
-    """Keep a body's lengths once they have been sought for long enough."""
-    if state.free[p] and track.state == TrackState.ACTIVE and time_s - track.born_s > settings.options.shape_settle_s:
+def settle_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, settings: Settings) -> None:
+    """Keep a body's lengths once they have been seen for long enough: what goes by while nobody looks does not count.
+
+    Args:
+        track: in and out.
+        state: in and out.
+        p: their place in it.
+        time_s: of the frame.
+        dt_s: since the last.
+        settings: of the tracker.
+    """
+    if track.state != TrackState.ACTIVE or not state.free[p]:
+        return
+    if track.firm_s == time_s:
+        track.sought_s += dt_s
+    if track.sought_s > settings.options.shape_settle_s:
         n, h = settings.tree.n_pose, settings.tree.n_shape
         block = state.covariance[p, n : n + h, n : n + h]
         track.trusted = (state.shape[p].copy(), block.copy())
@@ -137,12 +152,26 @@ def settle_shape(track: Track, state: State, p: int, time_s: float, settings: Se
 
 
 def take_back(track: Track, state: State, p: int, found: State, settings: Settings) -> None:
-    """Somebody lost is there again, as a new state says; a body whose lengths are known keeps them."""
-    known = state.shape[p].copy()
-    kept = not state.free[p]
+    """Somebody lost is there again, as a new state says; a body whose lengths are known keeps them.
+
+    Where they are still sought, what was found of them goes on with what the new state knows.
+
+    Args:
+        track: theirs.
+        state: in and out.
+        p: their place in it.
+        found: of one person, whose lengths are sought; it is left as it is.
+        settings: of the tracker.
+    """
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    known, block, kept = state.shape[p].copy(), state.covariance[p, n : n + h, n : n + h].copy(), not state.free[p]
+    found = chosen(found, [0])
+    if not kept:
+        information, pull = told_of_lengths(settings.tree, known, block)
+        gradient = pull - information @ (found.shape[0] - settings.tree.shape_m)
+        see_lengths(found, information, gradient, settings)
     put(state, p, found)
     if kept:
-        n, h = settings.tree.n_pose, settings.tree.n_shape
         state.shape[p] = known
         state.free[p] = 0
         state.covariance[p, n : n + h] = 0.0

@@ -24,6 +24,7 @@ class Track:
         firm_s: when two views last supported them: one alone does not fix how far away somebody is.
         trusted: the shape and its covariance before they were last in doubt.
         lost_at_m: shape (3,): where they were last supported.
+        sought_s: for how long two views have shown them: over which their shape could be seen.
         settled_s: when the shape was kept.
         inside_s: when they were last where two views overlap.
     """
@@ -35,6 +36,7 @@ class Track:
     born_s: float
     seen_s: float
     lost_at_m: np.ndarray
+    sought_s: float = 0.0
     settled_s: float = np.nan
     firm_s: float = -np.inf
     inside_s: float = np.nan

@@ -5,7 +5,9 @@ import math
 import numpy as np
 
 from posefuse.kernels.articulated import State
+from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.lengths import measured_lengths
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 
@@ -14,8 +16,6 @@ _ROOM_M = 4.0
 _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
 _DEFINITION_M = 0.01
-_LASTING = 4.0
-"""Detections' errors last longer than the filter looks back: lengths vary by so much more (variance) than it says."""
 _CLEAR = 1.0
 
 
@@ -46,7 +46,7 @@ def who_returns(
             continue
         # Anywhere within reach, against anywhere in a room.
         nearness = 3.0 * math.log(max(room / min(reach, room), 1.0))
-        odds[p] = nearness + same_body(settings, track, state, p, found)
+        odds[p] = nearness + same_body(settings, track, state, p, found, settings.options.births.min_age_s)
     if not odds:
         return None
     best = max(odds, key=lambda p: odds[p])
@@ -57,16 +57,39 @@ def who_returns(
     return best, f"log odds {odds[best]:.1f} that it is them after {time_s - tracks[best].seen_s:.1f} s", uncertain
 
 
-def same_body(settings: Settings, track: Track, state: State, p: int, found: State) -> float:
-    """How much likelier (log) a body's lengths are if it is that person's than if it is anybody's."""
-    tree = settings.tree
+def same_body(settings: Settings, track: Track, state: State, p: int, found: State, looked_s: float) -> float:
+    """How much likelier (log) what was measured of a body is if it is that person's than if it is anybody's.
+
+    Args:
+        settings: of the tracker.
+        track: the person's.
+        state: theirs, for lengths that are still sought.
+        p: their place in it.
+        found: of one person, fitted from scratch.
+        looked_s: for how long that one was looked at.
+    """
+    tree, options = settings.tree, settings.options
     n, h = tree.n_pose, tree.n_shape
-    known, block = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
-    new, new_block = found.shape[0], found.covariance[0, n : n + h, n : n + h]
-    floor = np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M * tree.scale) ** 2)
-    theirs = _log_normal(new - known, _LASTING * (block + new_block) + floor)
-    anybody = _log_normal(new - tree.shape_m, tree.shape_covariance + _LASTING * new_block + floor)
-    return theirs - anybody
+    known = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
+    # Either look measured lengths by a definition of its own.
+    floor = 0.5 * np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M * tree.scale) ** 2)
+    theirs, error = measured_lengths(tree, *known)
+    error = _lasting(track.sought_s, options) * error + floor
+    new, new_error = measured_lengths(tree, found.shape[0], found.covariance[0, n : n + h, n : n + h])
+    new_error = _lasting(looked_s, options) * new_error + floor
+    gain = np.linalg.solve(tree.shape_covariance + error, tree.shape_covariance).T
+    left = tree.shape_covariance - gain @ tree.shape_covariance
+    return _log_normal(new - gain @ theirs, left + new_error) - _log_normal(new, tree.shape_covariance + new_error)
+
+
+def _lasting(looked_s: float, options: TrackerOptions) -> float:
+    """By how much more lengths vary (variance) than the filter says, which looks back less far than errors last.
+
+    Of errors whose correlation fades over m, a look of T is worth 1 + T / 2m independent ones. The filter believes in
+    ``error_memory_s``; ``smoother_error_memory_s`` is true.
+    """
+    believed, true = (1.0 + 0.5 * looked_s / m for m in (options.error_memory_s, options.smoother_error_memory_s))
+    return max(believed / true, 1.0)
 
 
 def _log_normal(off: np.ndarray, covariance: np.ndarray) -> float:

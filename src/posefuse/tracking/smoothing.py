@@ -246,10 +246,12 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
 def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """By how much frames were tempered for the filter, and are to be for the smoother, shape (frame,) both."""
     dt_s = np.diff(part.time_s, prepend=2.0 * part.time_s[0] - part.time_s[min(1, len(part) - 1)])
-    tentative = part.life == TrackState.TENTATIVE
-    # Nobody who is only just believed is tempered: the frames that made them so, and the first after those.
-    begun = tentative | np.append(part.fresh, tentative[:-1])
-    told = np.where(begun, 1.0, tempering(dt_s, settings.options.error_memory_s))
+    # Before somebody is believed, a frame shares errors with the last that showed them, not with those in between.
+    tentative = part.life[:-1] == TrackState.TENTATIVE
+    since_s = dt_s + np.append(0.0, np.where(tentative, part.missing_s[:-1], 0.0))
+    if part.fresh:
+        since_s[0] = np.inf
+    told = tempering(since_s, settings.options.error_memory_s)
     return told, tempering(dt_s, settings.options.smoother_error_memory_s)
 
 

@@ -125,8 +125,11 @@ def next_with(
     was_free, is_free = bool(state.free[0]), bool(told.free[0])
     if was_free and not is_free:
         _keep_shape(now, told.shape[0])
+    # What the frame said is in the axes of the first run's bones, whose frames went other ways.
+    turn = np.eye(n + h)
+    turn[:n, :n] = _bone_axes(now, told, settings)
     rows = uncertain(n, h, was_free and is_free)
-    _learn(now, told, share * curvature, share * gradient, rows, len(rows) - n)
+    _learn(now, told, share * (turn.T @ curvature @ turn), share * (turn.T @ gradient), rows, len(rows) - n)
     if is_free and not was_free:
         _reopen_shape(now, told)
     return now
@@ -138,6 +141,21 @@ def see_pose(state: State, seen: State, settings: Settings) -> None:
     turn = _bone_axes(state, seen, settings)
     curvature = turn.T @ np.linalg.inv(seen.covariance[0, :n, :n]) @ turn
     _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
+
+
+def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
+    """Tell a state of one person, in place, whose lengths are sought, what another source knows of them.
+
+    Args:
+        state: of one person, whose pose goes with their lengths as far as it depends on them.
+        curvature: shape (shape, shape): of the negative log likelihood of the lengths.
+        gradient: shape (shape,): of the log likelihood, at the state.
+        settings: of the tracker whose states they are.
+    """
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    whole, pull = np.zeros((n + h, n + h)), np.zeros(n + h)
+    whole[n:, n:], pull[n:] = curvature, gradient
+    _learn(state, chosen(state, [0]), whole, pull, uncertain(n, h, free=True), n + h)
 
 
 def _bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:

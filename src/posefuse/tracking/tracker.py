@@ -219,7 +219,7 @@ class ArticulatedTracker:
                 self.settings,
             )  # fmt: skip
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
-            lifecycle.settle_shape(track, self.state, p, self.time_s, self.settings)
+            lifecycle.settle_shape(track, self.state, p, self.time_s, dt_s, self.settings)
         if self.settings.options.outside_s is not None:
             lifecycle.note_inside(self.tracks, self.sight, self.time_s, self.settings)
         over = lifecycle.forgotten(self.tracks, self.state, self.time_s, self.settings)

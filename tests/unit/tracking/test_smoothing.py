@@ -196,6 +196,44 @@ def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
     np.testing.assert_allclose(again.root[5:], runs[1].root[5:], atol=3e-3)
 
 
+def with_bones_turned(state: State, angles: np.ndarray) -> State:
+    """The same state, said in frames of the bones that are turned about them."""
+    out = chosen(state, np.arange(len(state.root)))
+    whole = np.eye(2 * N + H)
+    for b, angle in enumerate(angles):
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        out.bones[:, b] = out.bones[:, b] @ turn
+        for first in (0, N + H):
+            c = first + N - 2 * len(angles) + 2 * b
+            whole[c : c + 2, c : c + 2] = turn[:2, :2].T
+    out.covariance[:] = whole @ out.covariance @ whole.T
+    out.velocity[:] = out.velocity @ whole[N + H :, N + H :].T
+    return out
+
+
+@pytest.mark.parametrize("kept_from", [6, 10**6])
+def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng, kept_from):
+    """The second run's are carried along other ways than the first's: they end up turned about the bones."""
+    frames, angles = 12, rng.uniform(-3.0, 3.0, len(settings.tree.bones))
+    variance = rng.uniform(0.02, 0.2, N + H) ** 2
+    now, states = standing(settings), nobody(settings.tree)
+    for k in range(frames):
+        if k:
+            ahead(now, np.array([DT_S]), settings)
+        observed(now, rng.normal(0.0, 0.05, N + H), variance)
+        if k == kept_from:
+            keep_shape(now)
+        states = joined(states, now)
+    share, t = np.full(frames, 0.4), times(frames)
+    said = what_was_said(
+        State(*(each[:-1] for each in states)), np.diff(t), State(*(each[1:] for each in states)), settings
+    )
+    first = first_with(chosen(states, [0]), share[0], settings)
+    straight = tell_again(states, t, said, share, first, settings)
+    turned = tell_again(states, t, said, share, with_bones_turned(first, angles), settings)
+    close(turned, with_bones_turned(straight, angles), 1e-9)
+
+
 def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
     frames = len(states.root)
     return Run(
@@ -212,6 +250,29 @@ def test_white_errors_need_no_tempering(settings, rng):
     smooth = smooth_run(run, replace(settings, options=options))
     plain = smooth_states(states, times(30), settings)
     np.testing.assert_allclose(smooth.root_m, plain.root, atol=1e-6)
+
+
+def test_frames_before_somebody_was_believed_were_tempered_like_others(settings, rng):
+    """But for the first: that the smoother tells less of them is the same as of anybody."""
+    states = filtered(settings, 15, rng)
+    life = np.full(15, TrackState.ACTIVE, dtype=np.int8)
+    life[:10] = TrackState.TENTATIVE
+    before = smooth_run(replace(run_of(states), life=life), settings)
+    after = smooth_run(run_of(states), settings)
+    np.testing.assert_array_equal(before.covariance_m2, after.covariance_m2)
+    np.testing.assert_array_equal(before.points_m, after.points_m)
+
+
+def test_a_frame_after_a_gap_was_told_by_the_time_since_somebody_was_seen(settings, rng):
+    """Before they are believed, the filter tempers by it: the same run is told the more again, the less it was."""
+    states = filtered(settings, 15, rng)
+    missing_s = np.zeros(15)
+    missing_s[8:10] = DT_S * np.arange(1, 3)
+    run = replace(run_of(states, TrackState.TENTATIVE), missing_s=missing_s)
+    spread = [
+        smooth_run(each, settings).covariance_m2[12, :, 0] for each in (run, replace(run, missing_s=0.0 * missing_s))
+    ]
+    assert (spread[0] > spread[1]).all()
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
