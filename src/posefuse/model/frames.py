@@ -10,6 +10,10 @@ from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 
 
+SAME_TIME_S = 1e-3
+"""Views that differ by less took a frame at one time."""
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Who is seen where in one frame; a row a person in one view, rows ordered by view.
@@ -120,3 +124,12 @@ class Frame:
         """The rows of one view."""
         first, last = np.searchsorted(self.view, [view, view + 1])
         return np.arange(first, last)
+
+    def moments(self) -> list[tuple[float, np.ndarray]]:
+        """When views took the frame, in order, and which of them, shape (view,), bool; the others with the first."""
+        known = self.recorded & np.isfinite(self.time_s)
+        times = np.where(known, self.time_s, np.min(self.time_s[known], initial=np.inf))
+        if np.ptp(times) < SAME_TIME_S:
+            return [(float(times.max()), np.ones(len(times), dtype=bool))]
+        rounded = np.round(times / SAME_TIME_S)
+        return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

@@ -74,6 +74,35 @@ class MotionOptions:
 
 
 @dataclass(frozen=True)
+class PartOptions:
+    """How hands and faces are followed, each given where the body has it.
+
+    Attributes:
+        model_floor_m: By how much a part's points are not what the detector means by their name.
+        turn_decay_s: In what time the turning of palms, faces and jaws fades.
+        turn_acceleration: Spectral density, rad^2 / s^3.
+        limb_decay_s: The same of fingers.
+        limb_acceleration: Spectral density, rad^2 / s^3.
+        anchor_sd_m: How far a part's root is from where the body has it.
+        anchor_sd_deg: How far it is turned from how the body has it, where the body knows.
+        anchor_memory_s: For how long the body's errors there last: so much less a frame counts.
+        begin_share: So many of a part's points two views must show for it to begin.
+        begin_within_m: And no farther from where the body has it.
+    """
+
+    model_floor_m: float = 0.004
+    turn_decay_s: float = 0.3
+    turn_acceleration: float = 60.0
+    limb_decay_s: float = 0.3
+    limb_acceleration: float = 60.0
+    anchor_sd_m: float = 0.01
+    anchor_sd_deg: float = 15.0
+    anchor_memory_s: float = 0.15
+    begin_share: float = 0.5
+    begin_within_m: float = 0.3
+
+
+@dataclass(frozen=True)
 class TrackerOptions:
     """How people are followed.
 
@@ -116,6 +145,7 @@ class TrackerOptions:
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
+        parts: How their hands and faces are followed.
     """
 
     iterations: int = 2
@@ -154,6 +184,7 @@ class TrackerOptions:
     bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
+    parts: PartOptions = field(default_factory=PartOptions)
 
     def __post_init__(self) -> None:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
@@ -184,7 +215,7 @@ class TrackerOptions:
         """
         if scale == 1.0:
             return self
-        births, motion, slower = self.births, self.motion, scale**_TIMES
+        births, motion, parts, slower = self.births, self.motion, self.parts, scale**_TIMES
         return replace(
             self,
             model_floor_m=self.model_floor_m * scale,
@@ -201,5 +232,30 @@ class TrackerOptions:
                 limb_acceleration=motion.limb_acceleration / slower**3,
                 shape_walk=motion.shape_walk * scale**2,
                 top_speed_m_s=motion.top_speed_m_s * scale / slower,
+            ),
+            parts=replace(
+                parts,
+                model_floor_m=parts.model_floor_m * scale,
+                turn_decay_s=parts.turn_decay_s * slower,
+                turn_acceleration=parts.turn_acceleration / slower**3,
+                limb_decay_s=parts.limb_decay_s * slower,
+                limb_acceleration=parts.limb_acceleration / slower**3,
+                anchor_sd_m=parts.anchor_sd_m * scale,
+                begin_within_m=parts.begin_within_m * scale,
+            ),
+        )
+
+    def of_parts(self) -> "TrackerOptions":
+        """The same for a part of the body, which moves by laws of its own."""
+        parts = self.parts
+        return replace(
+            self,
+            model_floor_m=parts.model_floor_m,
+            motion=replace(
+                self.motion,
+                turn_decay_s=parts.turn_decay_s,
+                turn_acceleration=parts.turn_acceleration,
+                limb_decay_s=parts.limb_decay_s,
+                limb_acceleration=parts.limb_acceleration,
             ),
         )

@@ -16,6 +16,9 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
 * ``size_m``: how large the body is, by default 1.75: lengths in options are an adult human's, and are taken in
   proportion.
+* ``least_sd_m``: how much any coordinate of a point differs between people at least, by default 0.015 of an adult.
+* ``parts``: files of ``bodies/`` with what is followed for itself, given where the body has it, see
+  :mod:`posefuse.model.parts`.
 
 Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
 one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tree of bones.
@@ -24,7 +27,7 @@ one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tre
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
@@ -35,7 +38,7 @@ from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
 _TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
-_NUMBERS = ("spread", "size_spread", "size_m")
+_NUMBERS = ("spread", "size_spread", "size_m", "least_sd_m")
 _ROWS = {
     "points": "[segment, forward, left, up]",
     "bones": "[point, length] or [point, length, [forward, left, up]]",
@@ -217,8 +220,10 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
         *builder.cones(_of_what_is_there(table.get("cones", {}), bones, segments)),
         *builder.twists(_of_what_is_there(table.get("twists", {}), segments, segments)),
     )
-    spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
-    return builder.finish(keypoints, limits, spread, size, float(table.get("size_m", ADULT_M)))
+    size_m = float(table.get("size_m", ADULT_M))
+    spreads = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
+    least_sd_m = float(table.get("least_sd_m", _LEAST_SD * size_m / ADULT_M))
+    return builder.finish(keypoints, limits, spreads, least_sd_m, size_m)
 
 
 def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
@@ -236,9 +241,10 @@ def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
 
 
 def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
+    known = (*_TABLES, *_NUMBERS, "parts")
     for key in table:
-        if key not in (*_TABLES, *_NUMBERS):
-            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, (*_TABLES, *_NUMBERS))}")
+        if key not in known:
+            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, known)}")
     for key in _NUMBERS:
         value = table.get(key, 1.0)
         if not _is_number(value) or not value > 0.0:
@@ -458,11 +464,16 @@ class _Builder:
         return self.segments.index(name)
 
     def finish(
-        self, keypoints: Sequence[str], limits: tuple[Limit, ...], spread: float, size_spread: float, size_m: float
+        self,
+        keypoints: Sequence[str],
+        limits: tuple[Limit, ...],
+        spreads: tuple[float, float],
+        least_sd_m: float,
+        size_m: float,
     ) -> Tree:
         """The tree, and how shapes differ between people."""
-        shape = np.array(self.shape_m)
-        own = np.maximum(spread * np.abs(shape), _LEAST_SD * size_m / ADULT_M)
+        shape, (spread, size_spread) = np.array(self.shape_m), spreads
+        own = np.maximum(spread * np.abs(shape), least_sd_m)
         covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)
         return Tree(
             tuple(self.segments),
@@ -476,6 +487,40 @@ class _Builder:
             frozen(np.array(self.rest).reshape(-1, 3)),
             size_m,
         )
+
+
+def sided(tree: Tree, side: str) -> Tree:
+    """A tree of a left side with names of that side; mirrored, where that is ``right``.
+
+    Args:
+        tree: with names that say nothing of a side.
+        side: ``left`` or ``right``.
+    """
+    mirror = _MIRROR if side == "right" else np.ones(3)
+    # A mirror turns the sense of a cross product round, but for its part across.
+    of_hinge = -_MIRROR if side == "right" else np.ones(3)
+    nodes = tuple(
+        replace(
+            node,
+            name=f"{side}_{node.name}",
+            place_m=node.place_m if node.is_bone else tuple((mirror * node.place_m).tolist()),
+            sign=node.sign if node.is_bone else tuple((mirror * node.sign).tolist()),
+        )
+        for node in tree.nodes
+    )
+    limits = tuple(
+        replace(limit, axis=tuple(((of_hinge if limit.kind == HINGE else mirror) * limit.axis).tolist()))
+        for limit in tree.limits
+    )
+    return replace(
+        tree,
+        segments=tuple(f"{side}_{name}" for name in tree.segments),
+        bones=tuple(f"{side}_{name}" for name in tree.bones),
+        nodes=nodes,
+        limits=limits,
+        shape_names=tuple(f"{side}_{name}" for name in tree.shape_names),
+        rest=frozen(mirror * tree.rest),
+    )
 
 
 def _unit(vector: np.ndarray) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import GATED, USED, State, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views, score_detections
-from posefuse.model.frames import Frame
+from posefuse.model.frames import SAME_TIME_S, Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
@@ -15,13 +15,13 @@ from posefuse.tracking import audits, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
+from posefuse.tracking.parts import Bodies, PartFollower, swap_hands
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
 
-_SAME_TIME_S = 1e-3
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
 
@@ -51,6 +51,8 @@ class ArticulatedTracker:
         self.events: list[Event] = []
         self.exchanged: list[tuple[tuple[str, str], float]] = []
         """Who, as was found in the last frame, have been taken for each other, and since when."""
+        self.parts = tuple(PartFollower(part, settings) for part in settings.skeleton.parts)
+        """Hands and faces; nothing of them goes back to the bodies."""
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -68,7 +70,11 @@ class ArticulatedTracker:
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used)
-        return self._told(frame, rows, used)
+        sight = Sight.room(len(self.tracks), len(self.settings.rig), len(self.settings.skeleton))
+        foresee_people(self.settings.cameras, self.settings.body, self.state, *sight.arrays)
+        if self.parts:
+            self._follow_parts(frame, rows, used, sight, dt_s)
+        return self._told(frame.number, rows, used, sight)
 
     def shape_of(self, p: int) -> tuple[np.ndarray, np.ndarray]:
         """The shape of a body and its standard deviations, shape (shape,) each, m."""
@@ -91,7 +97,7 @@ class ArticulatedTracker:
                 "(--rate-hz, Options.rate_hz) or times."
             )
         # Views of a frame that were taken one after the other are taken into account one after the other.
-        time_s = float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
+        time_s = float(known.mean() if np.ptp(known) < SAME_TIME_S else known.max())
         if time_s <= self.time_s:
             raise DetectionsError(
                 f"Frame {frame.number} is of {time_s:.4f} s, the last was of {self.time_s:.4f} s. Frames come in order."
@@ -106,7 +112,7 @@ class ArticulatedTracker:
             self.sight = Sight.room(0, views, keypoints)
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
-        moments = _moments(frame)
+        moments = frame.moments()
         before = chosen(self.state, np.arange(n)) if len(moments) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
@@ -153,7 +159,7 @@ class ArticulatedTracker:
             update(rows, use)
             return use
         self.state, now_s = before, self.time_s - dt_s
-        for time_s, views in _moments(frame):
+        for time_s, views in frame.moments():
             self._move_on(self.state, time_s - now_s)
             now_s = max(now_s, time_s)
             part = np.empty_like(use)
@@ -390,10 +396,24 @@ class ArticulatedTracker:
         self.remembered[track.name] = past
         return p, counted
 
-    def _told(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> People:
-        s, n = self.settings, len(self.tracks)
-        sight = Sight.room(n, len(s.rig), len(s.skeleton))
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+    def _follow_parts(self, frame: Frame, rows: np.ndarray, used: np.ndarray, sight: Sight, dt_s: float) -> None:
+        """Follow hands and faces; where they are, and what counted of them, into ``sight`` and ``used``."""
+        names = tuple(track.name for track in self.tracks)
+        labels = np.tile(np.arange(len(self.settings.skeleton)), (*rows.shape, 1))
+        swap_hands(labels, frame, rows, sight, self.parts, self.settings)
+        bodies = Bodies.of(names, rows, labels, sight, self.state)
+        for follower in self.parts:
+            for pair, _ in self.exchanged:
+                follower.exchange(pair)
+            follower.update(frame, self.time_s, dt_s, bodies)
+        for follower in self.parts:
+            k = follower.part.keypoints
+            for person in follower.people:
+                p = names.index(person.name)
+                sight.points_m[p, k], sight.covariance_m2[p, k] = person.points_m, person.covariance_m2
+                used[p][:, k] = person.used
+
+    def _told(self, number: int, rows: np.ndarray, used: np.ndarray, sight: Sight) -> People:
         people = [
             Person(
                 track.name,
@@ -423,7 +443,7 @@ class ArticulatedTracker:
                         0.0,
                     )
                 )
-        return People(frame.number, self.time_s, tuple(people), tuple(self.events))
+        return People(number, self.time_s, tuple(people), tuple(self.events))
 
 
 def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
@@ -440,13 +460,3 @@ def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
         if len(matched):
             most = 2 * swapped[p, matched].sum(axis=0) >= len(matched)
             swapped[p, :, most] = 0
-
-
-def _moments(frame: Frame) -> list[tuple[float, np.ndarray]]:
-    """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first."""
-    known = frame.recorded & np.isfinite(frame.time_s)
-    times = np.where(known, frame.time_s, np.min(frame.time_s[known], initial=np.inf))
-    if np.ptp(times) < _SAME_TIME_S:
-        return [(float(times.max()), np.ones(len(times), dtype=bool))]
-    rounded = np.round(times / _SAME_TIME_S)
-    return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]
