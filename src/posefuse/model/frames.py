@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -125,6 +126,7 @@ class Frame:
         first, last = np.searchsorted(self.view, [view, view + 1])
         return np.arange(first, last)
 
+    @cached_property
     def moments(self) -> list[tuple[float, np.ndarray]]:
         """When views took the frame, in order, and which of them, shape (view,), bool; the others with the first."""
         known = self.recorded & np.isfinite(self.time_s)

@@ -93,7 +93,8 @@ def _part(
     riding = [k for k in bare if points.get(mirrored.get(k, k), [""])[0] == root]
     if at not in keypoints or body.keypoint_nodes[keypoints.index(at)] < 0 or len(riding) < _LEAST_POINTS:
         return None
-    tree = parse_tree(own, bare, {} if side else partner, name)
+    hidden = {k: f"right_{k[5:]}" for k in points if k.startswith("left_")}
+    tree = parse_tree(own, bare, {} if side else {**hidden, **partner}, name)
     places = frozen(np.array([keypoints.index(k) for k in mine]), np.int64)
     number = -1 if like is None else body.segments.index(like)
     return Part(f"{before}{name}", keypoints.index(at), number, places, sided(tree, side) if side else tree)

@@ -94,7 +94,7 @@ class PartOptions:
     turn_decay_s: float = 0.3
     turn_acceleration: float = 60.0
     limb_decay_s: float = 0.3
-    limb_acceleration: float = 60.0
+    limb_acceleration: float = 200.0
     anchor_sd_m: float = 0.01
     anchor_sd_deg: float = 15.0
     anchor_memory_s: float = 0.15

@@ -6,7 +6,8 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``segments``: name to ``{at = point}``; each turns freely about a point. The first is the root and has no ``at``; its
   origin is where the body is, and is a point of the segment's own name.
 * ``points``: name to ``[segment, forward, left, up]``, metres, of an adult: what rides on a segment. A coordinate of
-  exactly 0 stays 0, others differ from person to person.
+  exactly 0 stays 0, others differ from person to person. With a point in place of the segment it rides beside that
+  point, in the axes of that point's segment, so far off on everybody.
 * ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward,
   left, up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
 * ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
@@ -40,7 +41,7 @@ from posefuse.errors import SkeletonError, choices, suggestion
 _TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
 _NUMBERS = ("spread", "size_spread", "size_m", "least_sd_m")
 _ROWS = {
-    "points": "[segment, forward, left, up]",
+    "points": "[segment or point, forward, left, up]",
     "bones": "[point, length] or [point, length, [forward, left, up]]",
     "hinges": "[segment, [forward, left, up]]",
     "cones": "[segment, [forward, left, up], degrees]",
@@ -210,7 +211,7 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
     sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
     points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
-    used = {str(row[0]) for row in points.values()}
+    used = {_segment_of(row, points) for row in points.values()}
     used |= {sides.get(name, name) for name in used}
     segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder = _Builder(skeleton, sides)
@@ -232,9 +233,10 @@ def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
     _check_names_and_numbers(table, where)
     _check_segments(table.get("segments", {}), where)
     segments, bones = table["segments"], table.get("bones", {})
+    beside = {**segments, **{n: row for n, row in table.get("points", {}).items() if row and row[0] in segments}}
     for key in _ROWS:
         for name, row in table.get(key, {}).items():
-            _check_row(key, name, row, segments, bones, where)
+            _check_row(key, name, row, segments, bones, beside, where)
     for name in table.get("points", {}):
         if name in bones or name == next(iter(segments)):
             raise SkeletonError(f"{where}: {name!r} stands twice; a point is the root, rides, or ends a bone.")
@@ -263,14 +265,20 @@ def _check_segments(segments: Mapping[str, Any], where: str) -> None:
 
 
 def _check_row(
-    table: str, name: str, row: Any, segments: Mapping[str, Any], bones: Mapping[str, Any], where: str
+    table: str,
+    name: str,
+    row: Any,
+    segments: Mapping[str, Any],
+    bones: Mapping[str, Any],
+    beside: Mapping[str, Any],
+    where: str,
 ) -> None:
     if not _is_row(table, row):
         raise SkeletonError(f"{where}.{table}.{name} is {_ROWS[table]}, lengths above 0; got {row!r}.")
     known = segments if table == "twists" else bones
     if table in ("hinges", "cones", "twists") and name not in known:
         raise SkeletonError(f"{where}.{table} names {name!r}, which is no such end. {suggestion(name, known)}")
-    if table != "bones" and row[0] not in segments:
+    if table != "bones" and row[0] not in (segments if table != "points" else beside):
         raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
 
 
@@ -296,6 +304,11 @@ def _of_what_is_there(table: Mapping[str, Any], ends: Mapping[str, Any], segment
     return {name: row for name, row in table.items() if name in ends and row[0] in segments}
 
 
+def _segment_of(row: Sequence[Any], points: Mapping[str, Any]) -> str:
+    """The segment that a point rides on, maybe beside another."""
+    return str(points[row[0]][0]) if row[0] in points else str(row[0])
+
+
 def _bearing_on(
     keypoints: Sequence[str],
     segments: Mapping[str, Any],
@@ -304,7 +317,10 @@ def _bearing_on(
     partner: Mapping[str, str],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The points and bones that are keypoints, or that keypoints hang on."""
-    hangs_on = {name: str(dict(segments[row[0]]).get("at", "")) for name, row in points.items()}
+    hangs_on = {
+        name: str(dict(segments[row[0]]).get("at", "")) if row[0] in segments else str(row[0])
+        for name, row in points.items()
+    }
     hangs_on.update({name: str(row[0]) for name, row in bones.items()})
     wanted: set[str] = set()
     for name in hangs_on:
@@ -356,7 +372,7 @@ class _Builder:
             ready = [
                 n
                 for n, (kind, row) in waiting.items()
-                if (at.get(row[0]) if kind == "point" else row[0]) in self.place_of
+                if (at.get(row[0], row[0]) if kind == "point" else row[0]) in self.place_of
             ]
             if not ready:
                 raise SkeletonError(
@@ -366,7 +382,7 @@ class _Builder:
             for name in ready:
                 kind, row = waiting.pop(name)
                 if kind == "point":
-                    self._add_point(name, at[row[0]], row)
+                    self._add_point(name, at.get(row[0], row[0]), row)
                 else:
                     self._add_bone(name, row)
 
@@ -385,14 +401,19 @@ class _Builder:
 
     def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
         forward, left, up = (float(x) for x in row[1:4])
-        segment = self.segments.index(row[0])
-        shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
-        self._put(Node(name, self.place_of[at], segment, False, (forward, left, up), shape, _PLAIN))
+        shape = _NOBODYS
+        if row[0] in self.segments:
+            shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
+        self._put(Node(name, self.place_of[at], self._mover(row[0]), False, (forward, left, up), shape, _PLAIN))
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
-            segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
-            self._put(Node(other, parent, segment, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
+            mover = self._mover(self.partner.get(str(row[0]), str(row[0])))
+            self._put(Node(other, parent, mover, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
+
+    def _mover(self, name: str) -> int:
+        """The number of a segment, or of that of a point."""
+        return self.segments.index(name) if name in self.segments else self.nodes[self.place_of[name]].mover
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:
         length = float(row[1])

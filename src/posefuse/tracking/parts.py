@@ -156,7 +156,7 @@ class PartFollower:
             return use
         temper = tempering(np.full(n, dt_s), s.options.error_memory_s)
         labels, rows = labels[order], bodies.rows[order]
-        now_s, moments = time_s - dt_s, frame.moments()
+        now_s, moments = time_s - dt_s, frame.moments
         for k, (moment_s, views) in enumerate(moments):
             dt = np.full(n, max(moment_s - now_s, 0.0))
             predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, self.state)
@@ -287,8 +287,19 @@ class PartFollower:
         )  # fmt: skip
 
 
-def swap_hands(
-    labels: np.ndarray, frame: Frame, rows: np.ndarray, sight: Sight, followers: Sequence[PartFollower], whole: Settings
+def sides_of(followers: Sequence[PartFollower], mirror: np.ndarray) -> tuple[tuple[Part, Part], ...]:
+    """Parts that mirror each other; ``mirror`` is the skeleton's."""
+    parts = [follower.part for follower in followers]
+    return tuple(
+        (one, other)
+        for i, one in enumerate(parts)
+        for other in parts[i + 1 :]
+        if np.array_equal(mirror[one.keypoints], other.keypoints)
+    )
+
+
+def swap_sides(
+    labels: np.ndarray, frame: Frame, rows: np.ndarray, sight: Sight, sides: tuple[Part, Part], scale: float
 ) -> None:
     """Let a view's hands be each other's where they are clearly nearer to each other's wrists than to their own.
 
@@ -297,26 +308,20 @@ def swap_hands(
         frame: what the views show.
         rows: shape (person, view).
         sight: where bodies are seen.
-        followers: of all parts.
-        whole: settings of the bodies.
+        sides: the two parts.
+        scale: how large the bodies are next to an adult human.
     """
-    mirror = whole.skeleton.mirror
-    for one in followers:
-        for other in followers:
-            left, right = one.part, other.part
-            if left.at >= right.at or not np.array_equal(mirror[left.keypoints], right.keypoints):
-                continue
-            there = np.nonzero(rows >= 0)
-            seen = frame.keypoints_px[rows[there]]
-            roots = [sight.pixels[there][:, part.at] for part in (left, right)]
-            means = [_mean_pixel(seen[:, part.keypoints]) for part in (left, right)]
-            straight = _distance(means[0], roots[0]) + _distance(means[1], roots[1])
-            crossed = _distance(means[0], roots[1]) + _distance(means[1], roots[0])
-            least = _SWAPPED_M * whole.tree.scale * sight.size_px[there][:, left.at]
-            turned = crossed + least < straight
-            p, v = (each[turned] for each in there)
-            labels[p[:, None], v[:, None], left.keypoints] = right.keypoints
-            labels[p[:, None], v[:, None], right.keypoints] = left.keypoints
+    there = np.nonzero(rows >= 0)
+    seen, pixels = frame.keypoints_px[rows[there]], sight.pixels[there]
+    roots = [pixels[:, part.at] for part in sides]
+    means = [_mean_pixel(seen[:, part.keypoints]) for part in sides]
+    straight = _distance(means[0], roots[0]) + _distance(means[1], roots[1])
+    crossed = _distance(means[0], roots[1]) + _distance(means[1], roots[0])
+    turned = crossed + _SWAPPED_M * scale * sight.size_px[there][:, sides[0].at] < straight
+    if turned.any():
+        one, other = (part.keypoints for part in sides)
+        p, v = (each[turned, None] for each in there)
+        labels[p, v, one], labels[p, v, other] = other, one
 
 
 def _mean_pixel(pixels: np.ndarray) -> np.ndarray:

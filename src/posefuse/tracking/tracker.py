@@ -15,7 +15,7 @@ from posefuse.tracking import audits, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
-from posefuse.tracking.parts import Bodies, PartFollower, swap_hands
+from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.records import Evidence, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
@@ -53,6 +53,7 @@ class ArticulatedTracker:
         """Who, as was found in the last frame, have been taken for each other, and since when."""
         self.parts = tuple(PartFollower(part, settings) for part in settings.skeleton.parts)
         """Hands and faces; nothing of them goes back to the bodies."""
+        self.sides = sides_of(self.parts, settings.skeleton.mirror)
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -112,7 +113,7 @@ class ArticulatedTracker:
             self.sight = Sight.room(0, views, keypoints)
             self.explained = np.zeros(len(frame.view), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
-        moments = frame.moments()
+        moments = frame.moments
         before = chosen(self.state, np.arange(n)) if len(moments) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = Sight.room(n, views, keypoints)
@@ -159,7 +160,7 @@ class ArticulatedTracker:
             update(rows, use)
             return use
         self.state, now_s = before, self.time_s - dt_s
-        for time_s, views in frame.moments():
+        for time_s, views in frame.moments:
             self._move_on(self.state, time_s - now_s)
             now_s = max(now_s, time_s)
             part = np.empty_like(use)
@@ -400,7 +401,8 @@ class ArticulatedTracker:
         """Follow hands and faces; where they are, and what counted of them, into ``sight`` and ``used``."""
         names = tuple(track.name for track in self.tracks)
         labels = np.tile(np.arange(len(self.settings.skeleton)), (*rows.shape, 1))
-        swap_hands(labels, frame, rows, sight, self.parts, self.settings)
+        for sides in self.sides:
+            swap_sides(labels, frame, rows, sight, sides, self.settings.tree.scale)
         bodies = Bodies.of(names, rows, labels, sight, self.state)
         for follower in self.parts:
             for pair, _ in self.exchanged:
