@@ -198,7 +198,7 @@ class Followed:
         layer = model_layer(
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
-        names = stood_names(self.skeleton)
+        names = self.skeleton.stood_names
         return layer, Poses(*names, out.turns, out.directions, self.shape_m, self.shape_sd_m)
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -273,7 +273,7 @@ class _Stood:
     @classmethod
     def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "_Stood":
         """Nobody anywhere, in so many frames and of so many people."""
-        segments, bones, _ = stood_names(skeleton)
+        segments, bones, _ = skeleton.stood_names
         keypoints = len(skeleton)
         return cls(
             np.full((*shape, keypoints, 3), np.nan),
@@ -307,14 +307,6 @@ class _Stood:
         self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
         self.turns[f, p, first[0] : first[0] + body.turns.shape[1]] = body.turns[seen]
         self.directions[f, p, first[1] : first[1] + body.directions.shape[1]] = body.directions[seen]
-
-
-def stood_names(skeleton: Skeleton) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Names of segments, bones and lengths of a skeleton's body and then of its parts."""
-    trees = [tree for tree in (skeleton.tree, *(part.tree for part in skeleton.parts)) if tree is not None]
-    kinds = [(tree.segments, tree.bones, tree.shape_names) for tree in trees]
-    segments, bones, lengths = (tuple(name for names in kind for name in names) for kind in zip(*kinds, strict=True))
-    return segments, bones, lengths
 
 
 def renamed(name: str, place: int, exchanges: tuple[Exchange, ...]) -> str:
@@ -469,14 +461,12 @@ class _Book:
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         # A frame's rows are counted through its views, a track's detections within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
-        lengths = len(stood_names(self.history.settings.skeleton)[2])
+        lengths = len(self.history.settings.skeleton.stood_names[2])
         shape_m, shape_sd_m = (
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )
         tracks = Tracks(names, detection, state)
-        return Followed(
-            tracks, tuple(self.events), self.history, self.parts, exchanges, shape_m, shape_sd_m
-        )
+        return Followed(tracks, tuple(self.events), self.history, self.parts, exchanges, shape_m, shape_sd_m)
 
 
 def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:

@@ -10,7 +10,6 @@ from posefuse.arrays import check_shape
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 
-
 SAME_TIME_S = 1e-3
 """Views that differ by less took a frame at one time."""
 

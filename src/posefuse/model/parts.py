@@ -63,8 +63,10 @@ def parse_parts(
     names = body.get("parts", []) if isinstance(body, Mapping) else []
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise SkeletonError(f"Skeleton {skeleton!r}: tree.parts is a list of names of bodies, got {names!r}.")
+    if tree is None:
+        return ()
     found = []
-    for name in names if tree is not None else ():
+    for name in names:
         table = shared_body(name)
         for side in ("left", "right") if table.get("sides", False) else ("",):
             part = _part(name, side, table, tree, keypoints, partner)

@@ -153,6 +153,14 @@ class Skeleton(Rebuilt):
             partner[a], partner[b] = b, a
         return frozen(partner, np.int64)
 
+    @cached_property
+    def stood_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Names of segments, bones and lengths: of the tree, then of the parts."""
+        trees = [tree for tree in (self.tree, *(part.tree for part in self.parts)) if tree is not None]
+        segments = tuple(name for tree in trees for name in tree.segments)
+        bones = tuple(name for tree in trees for name in tree.bones)
+        return segments, bones, tuple(name for tree in trees for name in tree.shape_names)
+
     def canonical(self, name: str) -> str | None:
         """The keypoint that some program calls ``name``, or None."""
         if name in self.keypoints:

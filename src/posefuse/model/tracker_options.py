@@ -79,6 +79,8 @@ class PartOptions:
 
     Attributes:
         model_floor_m: By how much a part's points are not what the detector means by their name.
+        error_memory_s: For how long detections' errors last: so much less a frame counts.
+        smoother_error_memory_s: The same for the smoother.
         turn_decay_s: In what time the turning of palms, faces and jaws fades.
         turn_acceleration: Spectral density, rad^2 / s^3.
         limb_decay_s: The same of fingers.
@@ -91,6 +93,8 @@ class PartOptions:
     """
 
     model_floor_m: float = 0.004
+    error_memory_s: float = 0.08
+    smoother_error_memory_s: float = 0.15
     turn_decay_s: float = 0.3
     turn_acceleration: float = 60.0
     limb_decay_s: float = 0.3
@@ -251,6 +255,8 @@ class TrackerOptions:
         return replace(
             self,
             model_floor_m=parts.model_floor_m,
+            error_memory_s=parts.error_memory_s,
+            smoother_error_memory_s=parts.smoother_error_memory_s,
             motion=replace(
                 self.motion,
                 turn_decay_s=parts.turn_decay_s,

@@ -382,7 +382,7 @@ class _Builder:
             for name in ready:
                 kind, row = waiting.pop(name)
                 if kind == "point":
-                    self._add_point(name, at.get(row[0], row[0]), row)
+                    self._add_point(name, at.get(str(row[0]), str(row[0])), row)
                 else:
                     self._add_bone(name, row)
 

@@ -190,7 +190,7 @@ def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
     for n, width, height in ((12, 0.025, 0.012), (8, 0.018, 0.005)):
         angles = np.pi * (1.0 - 2.0 * np.arange(n) / n)
         points += [(0.09, width * np.cos(a), -0.06 + height * np.sin(a)) for a in angles]
-    nodes = [("jaw", "head", (0.0, 0.0, -0.01))]
+    nodes: list[tuple[str, str, tuple[float, float, float]]] = [("jaw", "head", (0.0, 0.0, -0.01))]
     for i, (forward, left, up) in enumerate(points):
         on_jaw = 5 <= i <= 11 or 55 <= i <= 59 or i >= 65
         place = (float(forward), float(left), float(up) + (0.01 if on_jaw else 0.0))
@@ -203,5 +203,6 @@ def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
             0.07 * np.sin(off_axis) * np.cos(i * golden),
             0.1 * np.sin(off_axis) * np.sin(i * golden) - 0.01,
         )
-        nodes.append((f"mesh_{i:03d}", "head", tuple(float(c) for c in spot)))
+        forward, left, up = spot
+        nodes.append((f"mesh_{i:03d}", "head", (float(forward), float(left), float(up))))
     return nodes

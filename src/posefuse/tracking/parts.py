@@ -1,8 +1,8 @@
 """Hands and faces: parts of bodies that are followed for themselves, each given where its body has it.
 
 A part is foretold and put right like a body, by the same filter. Beside what the views show it is told where the body
-has its root, and how turned; nothing goes back to the body. A part that no view shows for some time is let go; it begins
-anew from its points as two views or more show them. See docs/methods.md, "Hands and faces".
+has its root, and how turned; nothing goes back to the body. A part that no view shows for some time is let go; it
+begins anew from its points as two views or more show them. See docs/methods.md, "Hands and faces".
 """
 
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels import codes
 from posefuse.kernels.anchors import tell_anchors
 from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
@@ -194,9 +195,7 @@ class PartFollower:
         self._drop(keep.tolist())
         return used[keep]
 
-    def _begin(
-        self, frame: Frame, time_s: float, bodies: Bodies, labels: np.ndarray, used: np.ndarray
-    ) -> np.ndarray:
+    def _begin(self, frame: Frame, time_s: float, bodies: Bodies, labels: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Begin to follow the part of those whose views show it; what counted, of all."""
         there = {track.name for track in self.tracks}
         for p, name in enumerate(bodies.names):
@@ -242,8 +241,10 @@ class PartFollower:
             np.empty((1, points)),
         )  # fmt: skip
         whose = np.where(rows >= 0, np.arange(views), codes.NO_DETECTION)[None]
+        # Frozen as a recording's are: the kernel is compiled for these already.
+        seen = frozen(pixels), frozen(trust)
         triangulate_views(
-            *s.rig.packed, pixels, trust, whose, s.law.scale_px, s.law.exponent, s.law.min_confidence, 2, *out
+            *s.rig.packed, *seen, whose, s.noise.scale_px, s.noise.exponent, s.law.min_confidence, 2, *out
         )
         return out[0][0], out[1][0]
 
