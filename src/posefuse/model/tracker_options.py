@@ -81,6 +81,7 @@ class PartOptions:
         model_floor_m: By how much a part's points are not what the detector means by their name.
         error_memory_s: For how long detections' errors last: so much less a frame counts.
         smoother_error_memory_s: The same for the smoother.
+        smoother_own_share: Which share of what a frame says, its errors taken as its own, is known beside that.
         turn_decay_s: In what time the turning of palms, faces and jaws fades.
         turn_acceleration: Spectral density, rad^2 / s^3.
         limb_decay_s: The same of fingers.
@@ -94,7 +95,8 @@ class PartOptions:
 
     model_floor_m: float = 0.004
     error_memory_s: float = 0.08
-    smoother_error_memory_s: float = 0.15
+    smoother_error_memory_s: float = 0.25
+    smoother_own_share: float = 0.0
     turn_decay_s: float = 0.3
     turn_acceleration: float = 60.0
     limb_decay_s: float = 0.3
@@ -146,6 +148,7 @@ class TrackerOptions:
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
         smoother_error_memory_s: For how long detections' errors last, for the smoother.
+        smoother_own_share: Which share of what a frame says, its errors taken as its own, is known beside that.
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
@@ -185,6 +188,7 @@ class TrackerOptions:
     lag_s: float = 0.3
     look_ahead_s: float = 2.0
     smoother_error_memory_s: float = 0.25
+    smoother_own_share: float = 0.3
     bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
@@ -257,6 +261,7 @@ class TrackerOptions:
             model_floor_m=parts.model_floor_m,
             error_memory_s=parts.error_memory_s,
             smoother_error_memory_s=parts.smoother_error_memory_s,
+            smoother_own_share=parts.smoother_own_share,
             motion=replace(
                 self.motion,
                 turn_decay_s=parts.turn_decay_s,

@@ -14,6 +14,8 @@ from tests.kernels import from_python
 
 locate = from_python(bodies.locate)
 WHOLE = shipped_skeleton("coco_wholebody_133")
+BODY = WHOLE.tree
+assert BODY is not None
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
@@ -42,6 +44,7 @@ def test_whole_body_skeletons_have_hands_and_others_have_nothing():
 @pytest.mark.parametrize("skeleton", ["coco_wholebody_133", "mediapipe_holistic_553"])
 def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skeleton):
     whole = shipped_skeleton(skeleton)
+    assert whole.tree is not None
     mine = np.concatenate([each.keypoints for each in whole.parts])
     assert len(set(mine.tolist())) == len(mine)
     assert (whole.tree.keypoint_nodes[mine] < 0).all()
@@ -52,7 +55,7 @@ def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skelet
 
 
 def test_a_whole_body_133_is_modelled_whole():
-    modelled = (WHOLE.tree.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
+    modelled = (BODY.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
     assert modelled == len(WHOLE) == 133
 
 
@@ -71,7 +74,7 @@ def test_a_face_is_its_own_mirror_image():
     places = {k: i for i, k in enumerate(face.keypoints.tolist())}
     partner = [places[int(WHOLE.mirror[k])] for k in face.keypoints]
     np.testing.assert_allclose(points[partner], points * MIRROR, atol=1e-12)
-    assert WHOLE.tree.segments[face.like] == "head"
+    assert BODY.segments[face.like] == "head"
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -122,7 +125,10 @@ def test_parts_come_back_from_a_file_as_they_went():
         assert mine.tree.nodes == theirs.tree.nodes
         assert mine.tree.limits == theirs.tree.limits
     mouse = shipped_skeleton("mouse_22")
-    assert skeleton_from_text(skeleton_text(mouse)).tree.size_m == mouse.tree.size_m
+    read = skeleton_from_text(skeleton_text(mouse)).tree
+    assert mouse.tree is not None
+    assert read is not None
+    assert read.size_m == mouse.tree.size_m
 
 
 def test_a_part_that_is_not_there_is_named():

@@ -28,6 +28,7 @@ from posefuse.tracking.records import People, Person
 
 WHOLE = shipped_skeleton("coco_wholebody_133")
 LEFT, RIGHT, FACE = WHOLE.parts
+assert WHOLE.tree is not None
 BODY = np.flatnonzero(WHOLE.tree.keypoint_nodes >= 0)
 RATE_HZ = 25.0
 
@@ -194,6 +195,7 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert off[:, FACE.keypoints].mean() < 0.02
     assert (np.asarray(model.n_views)[10:, 0, hands] > 2).mean() > 0.9
     assert np.isfinite(np.asarray(measured.points_m)[10:, 0, hands]).all()
+    assert result.poses is not None
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
     names, degrees = angles_of(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
