@@ -14,8 +14,8 @@ from tests.kernels import from_python
 
 locate = from_python(bodies.locate)
 WHOLE = shipped_skeleton("coco_wholebody_133")
-BODY = WHOLE.tree
-assert BODY is not None
+assert WHOLE.tree is not None
+BODY: Tree = WHOLE.tree
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
