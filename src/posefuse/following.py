@@ -132,6 +132,7 @@ class Followed:
         tracks: whose detection was whose, of all frames.
         events: what happened.
         history: states of everybody.
+        parts: states of everybody's hands and faces, one for each part of the skeleton.
         naming: who the bodies in the history are.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
@@ -140,6 +141,7 @@ class Followed:
     tracks: Tracks
     events: tuple[Event, ...]
     history: History
+    parts: tuple[History, ...]
     naming: Naming
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
@@ -169,12 +171,12 @@ class Followed:
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
         return replace(self, tracks=tracks, events=events, shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep])
 
-    def smoother(self) -> PeopleSmoother:
+    def smoother(self) -> "WholeSmoother":
         """Goes through the recording once, from the first frame on."""
-        return PeopleSmoother(self.history)
+        return WholeSmoother(PeopleSmoother(self.history), tuple(PeopleSmoother(each) for each in self.parts))
 
     def bodies(
-        self, rig: CameraRig, detections: Detections, start: int, people: list[SmoothedPerson]
+        self, rig: CameraRig, detections: Detections, start: int, people: "SmoothedWhole"
     ) -> tuple[Layer, Poses]:
         """The model layer of a range of frames, and how bodies stood.
 
@@ -185,25 +187,39 @@ class Followed:
             people: of those frames, from the smoother.
         """
         stop = start + detections.n_frames
-        tree, names = self.history.settings.tree, self.tracks.person_ids
-        shape = (stop - start, len(names))
-        keypoints, views = len(detections.skeleton), len(rig)
-        points, covariance = np.full((*shape, keypoints, 3), np.nan), np.full((*shape, keypoints, 6), np.nan)
-        used = np.zeros((*shape, views, keypoints), dtype=bool)
-        bridged = np.zeros(shape, dtype=bool)
-        turns = np.full((*shape, len(tree.segments), 3, 3), np.nan)
-        directions = np.full((*shape, len(tree.bones), 3), np.nan)
-        for person in people:
-            columns = self._columns(person.number, person.places)
-            seen = (columns >= 0) & (person.places >= start)
-            f, p = person.places[seen] - start, columns[seen]
-            points[f, p], covariance[f, p] = person.body.points_m[seen], person.body.covariance_m2[seen]
-            used[f, p], bridged[f, p] = person.run.used[seen], person.run.missing_s[seen] > 0.0
-            turns[f, p], directions[f, p] = person.body.turns[seen], person.body.directions[seen]
+        out = _Stood.room((stop - start, len(self.tracks.person_ids)), len(rig), self.skeleton)
+        everywhere = np.arange(len(self.skeleton))
+        for person in people.bodies:
+            f, p, seen = self._cells(person, start)
+            out.used[f, p] = person.run.used[seen]
+            out.put(person, (f, p), seen, everywhere, (0, 0))
+        tree = self.history.settings.tree
+        first = (len(tree.segments), len(tree.bones))
+        for part, found in zip(self.skeleton.parts, people.parts, strict=True):
+            for person in found:
+                cells, seen = self._cells_with_bodies(person, start, out)
+                out.put(person, cells, seen, part.keypoints, first)
+            first = (first[0] + len(part.tree.segments), first[1] + len(part.tree.bones))
         rows = self.follow(start, stop).rows(detections)
-        layer = model_layer(rig, detections, rows, points, covariance, used, bridged, self._absent(start, stop))
-        poses = Poses(tree.segments, tree.bones, tree.shape_names, turns, directions, self.shape_m, self.shape_sd_m)
-        return layer, poses
+        layer = model_layer(
+            rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
+        )
+        names = self.skeleton.stood_names
+        return layer, Poses(*names, out.turns, out.directions, self.shape_m, self.shape_sd_m)
+
+    def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Frames from ``start`` on and people of the frames of somebody smoothed, and which of those they are."""
+        columns = self._columns(person.number, person.places)
+        seen = np.flatnonzero((columns >= 0) & (person.places >= start))
+        return person.places[seen] - start, columns[seen], seen
+
+    def _cells_with_bodies(
+        self, part: SmoothedPerson, start: int, out: "_Stood"
+    ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """The same of a part, where its body is known."""
+        f, p, seen = self._cells(part, start)
+        there = np.isfinite(out.points_m[f, p]).any(axis=(1, 2))
+        return (f[there], p[there]), seen[there]
 
     def _columns(self, number: int, places: np.ndarray) -> np.ndarray:
         """The person that a body in the history is in these frames.
@@ -216,6 +232,85 @@ class Followed:
 
     def _absent(self, start: int, stop: int) -> np.ndarray:
         return np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedWhole:
+    """Everybody in a range of frames: bodies, and by part of the skeleton their parts."""
+
+    bodies: list[SmoothedPerson]
+    parts: tuple[list[SmoothedPerson], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class WholeSmoother:
+    """Smooths bodies and their parts, each for itself; see :class:`PeopleSmoother`."""
+
+    body: PeopleSmoother
+    parts: tuple[PeopleSmoother, ...]
+
+    def take(self, stop: int) -> SmoothedWhole:
+        """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended."""
+        return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stood:
+    """Where people are in a range of frames, to be filled; bodies first, then their parts.
+
+    Attributes:
+        points_m: shape (frame, person, keypoint, 3).
+        covariance_m2: shape (frame, person, keypoint, 6).
+        used: shape (frame, person, view, keypoint), bool.
+        bridged: shape (frame, person, keypoint), bool: nothing supported what it belongs to.
+        turns: shape (frame, person, segment, 3, 3).
+        directions: shape (frame, person, bone, 3).
+    """
+
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    used: np.ndarray
+    bridged: np.ndarray
+    turns: np.ndarray
+    directions: np.ndarray
+
+    @classmethod
+    def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "_Stood":
+        """Nobody anywhere, in so many frames and of so many people."""
+        segments, bones, _ = skeleton.stood_names
+        keypoints = len(skeleton)
+        return cls(
+            np.full((*shape, keypoints, 3), np.nan),
+            np.full((*shape, keypoints, 6), np.nan),
+            np.zeros((*shape, views, keypoints), dtype=bool),
+            np.zeros((*shape, keypoints), dtype=bool),
+            np.full((*shape, len(segments), 3, 3), np.nan),
+            np.full((*shape, len(bones), 3), np.nan),
+        )
+
+    def put(
+        self,
+        person: SmoothedPerson,
+        cells: tuple[np.ndarray, np.ndarray],
+        seen: np.ndarray,
+        keypoints: np.ndarray,
+        first: tuple[int, int],
+    ) -> None:
+        """Somebody's body, or a part of it.
+
+        Args:
+            person: as smoothed.
+            cells: frames and people.
+            seen: which of the person's frames these are.
+            keypoints: shape (point,): places of the keypoints.
+            first: places of the first segment and the first bone.
+        """
+        body, (f, p) = person.body, cells
+        self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
+        self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
+        self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
+        self.turns[f, p, first[0] : first[0] + body.turns.shape[1]] = body.turns[seen]
+        self.directions[f, p, first[1] : first[1] + body.directions.shape[1]] = body.directions[seen]
 
 
 def model_layer(
@@ -237,7 +332,7 @@ def model_layer(
         points_m: shape (frame, person, keypoint, 3), NaN where there is none.
         covariance_m2: shape (frame, person, keypoint, 6).
         used: shape (frame, person, view, keypoint), bool.
-        bridged: shape (frame, person), bool: nothing supported them there.
+        bridged: shape (frame, person, keypoint), bool: nothing supported them there.
         absent: shape (frame, person), bool.
     """
     frames, people, keypoints = points_m.shape[:3]
@@ -253,7 +348,7 @@ def model_layer(
     number = counted.sum(axis=-1)
     mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
     has = status < PointStatus.NOT_SEEN
-    source = np.where(bridged[..., None], Source.FILLED, Source.MODELLED)
+    source = np.where(bridged, Source.FILLED, Source.MODELLED)
     return Layer(
         points_m=points_m,
         covariance_m2=covariance_m2,
@@ -305,7 +400,7 @@ def follow(rig: CameraRig, detections: Detections, options: Options, progress: P
     """
     noise = rough_noise(rig, detections, options)
     tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
-    book = _Book(History(tracker.settings))
+    book = _Book(History(tracker.settings), tuple(History(part.settings) for part in tracker.parts))
     progress.start("following people", detections.n_frames)
     done = 0
     times_s = _times(detections)
@@ -342,10 +437,11 @@ class _Book:
 
     Args:
         history: to be written.
+        parts: to be written, of hands and faces.
     """
 
-    def __init__(self, history: History) -> None:
-        self.history = history
+    def __init__(self, history: History, parts: tuple[History, ...]) -> None:
+        self.history, self.parts = history, parts
         self.lines = array("i")
         """Place, number, state and rows, of every person and frame one after the other; later ones count."""
         self.names: dict[int, list[tuple[int, str]]] = {}
@@ -355,11 +451,15 @@ class _Book:
     def enter(self, tracker: ArticulatedTracker, people: People) -> None:
         """A frame."""
         self.history.add(tracker, people)
+        for history, follower in zip(self.parts, tracker.parts, strict=True):
+            history.add_parts(follower, tracker.tracks, people)
         place = len(self.history) - 1
         told = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             self.names.setdefault(track.number, [(0, track.name)])
-            self.shapes[track.name] = tracker.shape_of(p)
+            shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
+            values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
+            self.shapes[track.name] = (values, sds)
             self._note(place, track.number, track.state, told[track.name].rows)
             for each in tracker.remembered.get(track.name, []):
                 self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
@@ -393,12 +493,12 @@ class _Book:
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         # A frame's rows are counted through its views, a track's detections within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
-        tree = self.history.settings.tree
+        lengths = len(self.history.settings.skeleton.stood_names[2])
         shape_m, shape_sd_m = (
-            np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, tree.n_shape))
-            for i in range(2)
+            np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )
-        return Followed(Tracks(names, detection, state), tuple(self.events), self.history, naming, shape_m, shape_sd_m)
+        tracks = Tracks(names, detection, state)
+        return Followed(tracks, tuple(self.events), self.history, self.parts, naming, shape_m, shape_sd_m)
 
 
 def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:

@@ -14,7 +14,7 @@ from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, MatchError, OptionsError, PosefuseWarning, choices
-from posefuse.following import Followed
+from posefuse.following import Followed, WholeSmoother
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
@@ -26,7 +26,6 @@ from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
 from posefuse.tracking.records import People
-from posefuse.tracking.smoothing import PeopleSmoother
 from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
@@ -170,7 +169,7 @@ def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES)
     yield from watched(parts, n_frames, "triangulating", progress)
 
 
-def measure(plan: Plan, start: int, stop: int, smoother: PeopleSmoother | None = None) -> Reconstruction:
+def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = None) -> Reconstruction:
     """What is known of the frames ``start`` to ``stop``: points as measured, and bodies where people were followed.
 
     Args:

@@ -91,13 +91,13 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
     How the root stands in the world is not known where nobody knows which way is up.
     """
     from posefuse.model.cameras import up_vector
-    from posefuse.tracking.angles import joint_angles
+    from posefuse.tracking.angles import whole_angles
 
-    tree = part.skeleton.tree
-    if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != (tree.segments, tree.bones):
+    skeleton, tree = part.skeleton, part.skeleton.tree
+    if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != skeleton.stood_names[:2]:
         return (), np.empty((part.n_frames, len(part.person_ids), 0))
     turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
-    names, degrees = joint_angles(tree, turns, directions, up_vector(part.rig.up_axis or "z"))
+    names, degrees = whole_angles(skeleton, turns, directions, up_vector(part.rig.up_axis or "z"))
     if part.rig.up_axis is None and tree.segments:
         degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
     return names, degrees

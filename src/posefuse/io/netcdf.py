@@ -12,8 +12,9 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import FileError
+from posefuse.model.parts import Part
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.trees import Limit, Node, Tree
+from posefuse.model.trees import ADULT_M, Limit, Node, Tree
 
 CHUNK_FRAMES = 256
 """Frames that are compressed together."""
@@ -138,6 +139,10 @@ def skeleton_from_text(text: str) -> Skeleton:
         description=data["description"],
         core=tuple(data.get("core", ())),
         tree=None if data.get("tree") is None else _tree(data["tree"]),
+        parts=tuple(
+            Part(part["name"], part["at"], part["like"], frozen(part["keypoints"], np.int64), _tree(part["tree"]))
+            for part in data.get("parts", ())
+        ),
     )
 
 
@@ -155,4 +160,5 @@ def _tree(data: Mapping[str, Any]) -> Tree:
         shape_covariance=frozen(np.reshape(data["shape_covariance"], (len(data["shape_m"]),) * 2)),
         keypoint_nodes=frozen(data["keypoint_nodes"], np.int64),
         rest=frozen(np.reshape(data["rest"], (-1, 3))),
+        size_m=data.get("size_m", ADULT_M),
     )

@@ -27,6 +27,7 @@ import numpy as np
 
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
+from posefuse.model.parts import Part, parse_parts
 from posefuse.model.trees import Tree, parse_tree, shared_body, tree_of_size
 
 _KEYS = (
@@ -50,6 +51,7 @@ class Skeleton(Rebuilt):
         description: a sentence.
         tree: how the body turns, or None where the file does not say.
         core: names of the keypoints that a new person is told by; empty where all are.
+        parts: what is followed for itself, given where the body has it: hands, the face.
 
     Raises:
         SkeletonError: where a table names a keypoint that is not there, or one twice.
@@ -66,6 +68,7 @@ class Skeleton(Rebuilt):
     description: str = ""
     core: tuple[str, ...] = ()
     tree: Tree | None = field(default=None, compare=False)
+    parts: tuple[Part, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
@@ -149,6 +152,14 @@ class Skeleton(Rebuilt):
             a, b = self.index(left), self.index(right)
             partner[a], partner[b] = b, a
         return frozen(partner, np.int64)
+
+    @cached_property
+    def stood_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Names of segments, bones and lengths: of the tree, then of the parts."""
+        trees = [tree for tree in (self.tree, *(part.tree for part in self.parts)) if tree is not None]
+        segments = tuple(name for tree in trees for name in tree.segments)
+        bones = tuple(name for tree in trees for name in tree.bones)
+        return segments, bones, tuple(name for tree in trees for name in tree.shape_names)
 
     def canonical(self, name: str) -> str | None:
         """The keypoint that some program calls ``name``, or None."""
@@ -254,9 +265,15 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         plausible_m=tuple((a, b, float(low), float(high)) for a, b, low, high in data.get("plausible_m", [])),
         names={program: _expand(names) for program, names in data.get("names", {}).items()},
         description=data.get("description", ""),
-        tree=_tree(data.get("tree"), keypoints, _pairs(data.get("edges", [])), partner, data["name"]),
+        tree=(tree := _tree(data.get("tree"), keypoints, _pairs(data.get("edges", [])), partner, data["name"])),
         core=_expand(_names(data.get("core", []), f"{source}: core")),
+        parts=parse_parts(_body(data.get("tree")), tree, keypoints, partner, data["name"]),
     )
+
+
+def _body(table: object) -> object:
+    """What a skeleton says of its tree: the table itself, or that of a shared body."""
+    return shared_body(table) if isinstance(table, str) else table
 
 
 def _tree(
@@ -268,7 +285,7 @@ def _tree(
 ) -> Tree | None:
     if table is None:
         return None
-    body = shared_body(table) if isinstance(table, str) else table
+    body = _body(table)
     if not isinstance(body, Mapping):
         raise SkeletonError(f"Skeleton {skeleton!r}: tree is a table or the name of a shared body, got {table!r}.")
     if set(body) == {"size_m"}:

@@ -83,6 +83,41 @@ class MotionOptions:
 
 
 @dataclass(frozen=True)
+class PartOptions:
+    """How hands and faces are followed, each given where the body has it.
+
+    Attributes:
+        model_floor_m: By how much a part's points are not what the detector means by their name.
+        error_memory_s: For how long detections' errors last: so much less a frame counts.
+        smoother_error_memory_s: The same for the smoother.
+        smoother_own_share: Which share of what a frame says, its errors taken as its own, is known beside that.
+        turn_decay_s: In what time the turning of palms, faces and jaws fades.
+        turn_acceleration: Spectral density, rad^2 / s^3.
+        limb_decay_s: The same of fingers.
+        limb_acceleration: Spectral density, rad^2 / s^3.
+        anchor_sd_m: How far a part's root is from where the body has it.
+        anchor_sd_deg: How far it is turned from how the body has it, where the body knows.
+        anchor_memory_s: For how long the body's errors there last: so much less a frame counts.
+        begin_share: So many of a part's points two views must show for it to begin.
+        begin_within_m: And no farther from where the body has it.
+    """
+
+    model_floor_m: float = 0.004
+    error_memory_s: float = 0.08
+    smoother_error_memory_s: float = 0.25
+    smoother_own_share: float = 0.0
+    turn_decay_s: float = 0.3
+    turn_acceleration: float = 60.0
+    limb_decay_s: float = 0.3
+    limb_acceleration: float = 200.0
+    anchor_sd_m: float = 0.01
+    anchor_sd_deg: float = 15.0
+    anchor_memory_s: float = 0.15
+    begin_share: float = 0.5
+    begin_within_m: float = 0.3
+
+
+@dataclass(frozen=True)
 class TrackerOptions:
     """How people are followed.
 
@@ -124,9 +159,11 @@ class TrackerOptions:
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
         smoother_error_memory_s: For how long detections' errors last, for the smoother.
+        smoother_own_share: Which share of what a frame says, its errors taken as its own, is known beside that.
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.
         motion: How people move.
+        parts: How their hands and faces are followed.
         specification: Of the preset of that name.
     """
 
@@ -164,9 +201,11 @@ class TrackerOptions:
     lag_s: float = 0.3
     look_ahead_s: float = 2.0
     smoother_error_memory_s: float = 0.25
+    smoother_own_share: float = 0.3
     bridge_s: float = 2.0
     births: BirthOptions = field(default_factory=BirthOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
+    parts: PartOptions = field(default_factory=PartOptions)
     specification: SpecificationOptions = field(default_factory=SpecificationOptions)
 
     def __post_init__(self) -> None:
@@ -200,7 +239,7 @@ class TrackerOptions:
         """
         if scale == 1.0:
             return self
-        births, motion, slower = self.births, self.motion, scale**_TIMES
+        births, motion, parts, slower = self.births, self.motion, self.parts, scale**_TIMES
         return replace(
             self,
             model_floor_m=self.model_floor_m * scale,
@@ -219,4 +258,32 @@ class TrackerOptions:
                 top_speed_m_s=motion.top_speed_m_s * scale / slower,
             ),
             specification=self.specification.in_proportion(scale),
+            parts=replace(
+                parts,
+                model_floor_m=parts.model_floor_m * scale,
+                turn_decay_s=parts.turn_decay_s * slower,
+                turn_acceleration=parts.turn_acceleration / slower**3,
+                limb_decay_s=parts.limb_decay_s * slower,
+                limb_acceleration=parts.limb_acceleration / slower**3,
+                anchor_sd_m=parts.anchor_sd_m * scale,
+                begin_within_m=parts.begin_within_m * scale,
+            ),
+        )
+
+    def of_parts(self) -> "TrackerOptions":
+        """The same for a part of the body, which moves by laws of its own."""
+        parts = self.parts
+        return replace(
+            self,
+            model_floor_m=parts.model_floor_m,
+            error_memory_s=parts.error_memory_s,
+            smoother_error_memory_s=parts.smoother_error_memory_s,
+            smoother_own_share=parts.smoother_own_share,
+            motion=replace(
+                self.motion,
+                turn_decay_s=parts.turn_decay_s,
+                turn_acceleration=parts.turn_acceleration,
+                limb_decay_s=parts.limb_decay_s,
+                limb_acceleration=parts.limb_acceleration,
+            ),
         )

@@ -6,7 +6,8 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``segments``: name to ``{at = point}``; each turns freely about a point. The first is the root and has no ``at``; its
   origin is where the body is, and is a point of the segment's own name.
 * ``points``: name to ``[segment, forward, left, up]``, metres, of an adult: what rides on a segment. A coordinate of
-  exactly 0 stays 0, others differ from person to person.
+  exactly 0 stays 0, others differ from person to person. With a point in place of the segment it rides beside that
+  point, in the axes of that point's segment, so far off on everybody.
 * ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward,
   left, up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
 * ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
@@ -16,6 +17,9 @@ A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``b
 * ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
 * ``size_m``: how large the body is, by default 1.75: lengths in options are an adult human's, and are taken in
   proportion.
+* ``least_sd_m``: how much any coordinate of a point differs between people at least, by default 0.015 of an adult.
+* ``parts``: files of ``bodies/`` with what is followed for itself, given where the body has it, see
+  :mod:`posefuse.model.parts`.
 
 Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
 one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tree of bones.
@@ -24,7 +28,7 @@ one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tre
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
@@ -35,9 +39,9 @@ from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 
 _TABLES = ("segments", "points", "bones", "hinges", "cones", "twists")
-_NUMBERS = ("spread", "size_spread", "size_m")
+_NUMBERS = ("spread", "size_spread", "size_m", "least_sd_m")
 _ROWS = {
-    "points": "[segment, forward, left, up]",
+    "points": "[segment or point, forward, left, up]",
     "bones": "[point, length] or [point, length, [forward, left, up]]",
     "hinges": "[segment, [forward, left, up]]",
     "cones": "[segment, [forward, left, up], degrees]",
@@ -207,7 +211,7 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
     mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
     sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
     points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
-    used = {str(row[0]) for row in points.values()}
+    used = {_segment_of(row, points) for row in points.values()}
     used |= {sides.get(name, name) for name in used}
     segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder = _Builder(skeleton, sides)
@@ -217,8 +221,10 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
         *builder.cones(_of_what_is_there(table.get("cones", {}), bones, segments)),
         *builder.twists(_of_what_is_there(table.get("twists", {}), segments, segments)),
     )
-    spread, size = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
-    return builder.finish(keypoints, limits, spread, size, float(table.get("size_m", ADULT_M)))
+    size_m = float(table.get("size_m", ADULT_M))
+    spreads = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
+    least_sd_m = float(table.get("least_sd_m", _LEAST_SD * size_m / ADULT_M))
+    return builder.finish(keypoints, limits, spreads, least_sd_m, size_m)
 
 
 def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
@@ -227,18 +233,20 @@ def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
     _check_names_and_numbers(table, where)
     _check_segments(table.get("segments", {}), where)
     segments, bones = table["segments"], table.get("bones", {})
+    beside = {**segments, **{n: row for n, row in table.get("points", {}).items() if row and row[0] in segments}}
     for key in _ROWS:
         for name, row in table.get(key, {}).items():
-            _check_row(key, name, row, segments, bones, where)
+            _check_row(key, name, row, segments, bones, beside, where)
     for name in table.get("points", {}):
         if name in bones or name == next(iter(segments)):
             raise SkeletonError(f"{where}: {name!r} stands twice; a point is the root, rides, or ends a bone.")
 
 
 def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
+    known = (*_TABLES, *_NUMBERS, "parts")
     for key in table:
-        if key not in (*_TABLES, *_NUMBERS):
-            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, (*_TABLES, *_NUMBERS))}")
+        if key not in known:
+            raise SkeletonError(f"{where} has no table {key!r}. {suggestion(key, known)}")
     for key in _NUMBERS:
         value = table.get(key, 1.0)
         if not _is_number(value) or not value > 0.0:
@@ -257,14 +265,20 @@ def _check_segments(segments: Mapping[str, Any], where: str) -> None:
 
 
 def _check_row(
-    table: str, name: str, row: Any, segments: Mapping[str, Any], bones: Mapping[str, Any], where: str
+    table: str,
+    name: str,
+    row: Any,
+    segments: Mapping[str, Any],
+    bones: Mapping[str, Any],
+    beside: Mapping[str, Any],
+    where: str,
 ) -> None:
     if not _is_row(table, row):
         raise SkeletonError(f"{where}.{table}.{name} is {_ROWS[table]}, lengths above 0; got {row!r}.")
     known = segments if table == "twists" else bones
     if table in ("hinges", "cones", "twists") and name not in known:
         raise SkeletonError(f"{where}.{table} names {name!r}, which is no such end. {suggestion(name, known)}")
-    if table != "bones" and row[0] not in segments:
+    if table != "bones" and row[0] not in (segments if table != "points" else beside):
         raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
 
 
@@ -290,6 +304,11 @@ def _of_what_is_there(table: Mapping[str, Any], ends: Mapping[str, Any], segment
     return {name: row for name, row in table.items() if name in ends and row[0] in segments}
 
 
+def _segment_of(row: Sequence[Any], points: Mapping[str, Any]) -> str:
+    """The segment that a point rides on, maybe beside another."""
+    return str(points[row[0]][0]) if row[0] in points else str(row[0])
+
+
 def _bearing_on(
     keypoints: Sequence[str],
     segments: Mapping[str, Any],
@@ -298,7 +317,10 @@ def _bearing_on(
     partner: Mapping[str, str],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The points and bones that are keypoints, or that keypoints hang on."""
-    hangs_on = {name: str(dict(segments[row[0]]).get("at", "")) for name, row in points.items()}
+    hangs_on = {
+        name: str(dict(segments[row[0]]).get("at", "")) if row[0] in segments else str(row[0])
+        for name, row in points.items()
+    }
     hangs_on.update({name: str(row[0]) for name, row in bones.items()})
     wanted: set[str] = set()
     for name in hangs_on:
@@ -350,7 +372,7 @@ class _Builder:
             ready = [
                 n
                 for n, (kind, row) in waiting.items()
-                if (at.get(row[0]) if kind == "point" else row[0]) in self.place_of
+                if (at.get(row[0], row[0]) if kind == "point" else row[0]) in self.place_of
             ]
             if not ready:
                 raise SkeletonError(
@@ -360,7 +382,7 @@ class _Builder:
             for name in ready:
                 kind, row = waiting.pop(name)
                 if kind == "point":
-                    self._add_point(name, at[row[0]], row)
+                    self._add_point(name, at.get(str(row[0]), str(row[0])), row)
                 else:
                     self._add_bone(name, row)
 
@@ -379,14 +401,19 @@ class _Builder:
 
     def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
         forward, left, up = (float(x) for x in row[1:4])
-        segment = self.segments.index(row[0])
-        shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
-        self._put(Node(name, self.place_of[at], segment, False, (forward, left, up), shape, _PLAIN))
+        shape = _NOBODYS
+        if row[0] in self.segments:
+            shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
+        self._put(Node(name, self.place_of[at], self._mover(row[0]), False, (forward, left, up), shape, _PLAIN))
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
-            segment = self.segments.index(self.partner.get(str(row[0]), str(row[0])))
-            self._put(Node(other, parent, segment, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
+            mover = self._mover(self.partner.get(str(row[0]), str(row[0])))
+            self._put(Node(other, parent, mover, False, (forward, -left, up), shape, (1.0, -1.0, 1.0)))
+
+    def _mover(self, name: str) -> int:
+        """The number of a segment, or of that of a point."""
+        return self.segments.index(name) if name in self.segments else self.nodes[self.place_of[name]].mover
 
     def _add_bone(self, name: str, row: Sequence[Any]) -> None:
         length = float(row[1])
@@ -458,11 +485,16 @@ class _Builder:
         return self.segments.index(name)
 
     def finish(
-        self, keypoints: Sequence[str], limits: tuple[Limit, ...], spread: float, size_spread: float, size_m: float
+        self,
+        keypoints: Sequence[str],
+        limits: tuple[Limit, ...],
+        spreads: tuple[float, float],
+        least_sd_m: float,
+        size_m: float,
     ) -> Tree:
         """The tree, and how shapes differ between people."""
-        shape = np.array(self.shape_m)
-        own = np.maximum(spread * np.abs(shape), _LEAST_SD * size_m / ADULT_M)
+        shape, (spread, size_spread) = np.array(self.shape_m), spreads
+        own = np.maximum(spread * np.abs(shape), least_sd_m)
         covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)
         return Tree(
             tuple(self.segments),
@@ -476,6 +508,40 @@ class _Builder:
             frozen(np.array(self.rest).reshape(-1, 3)),
             size_m,
         )
+
+
+def sided(tree: Tree, side: str) -> Tree:
+    """A tree of a left side with names of that side; mirrored, where that is ``right``.
+
+    Args:
+        tree: with names that say nothing of a side.
+        side: ``left`` or ``right``.
+    """
+    mirror = _MIRROR if side == "right" else np.ones(3)
+    # A mirror turns the sense of a cross product round, but for its part across.
+    of_hinge = -_MIRROR if side == "right" else np.ones(3)
+    nodes = tuple(
+        replace(
+            node,
+            name=f"{side}_{node.name}",
+            place_m=node.place_m if node.is_bone else tuple((mirror * node.place_m).tolist()),
+            sign=node.sign if node.is_bone else tuple((mirror * node.sign).tolist()),
+        )
+        for node in tree.nodes
+    )
+    limits = tuple(
+        replace(limit, axis=tuple(((of_hinge if limit.kind == HINGE else mirror) * limit.axis).tolist()))
+        for limit in tree.limits
+    )
+    return replace(
+        tree,
+        segments=tuple(f"{side}_{name}" for name in tree.segments),
+        bones=tuple(f"{side}_{name}" for name in tree.bones),
+        nodes=nodes,
+        limits=limits,
+        shape_names=tuple(f"{side}_{name}" for name in tree.shape_names),
+        rest=frozen(mirror * tree.rest),
+    )
 
 
 def _unit(vector: np.ndarray) -> tuple[float, float, float]:

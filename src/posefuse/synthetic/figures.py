@@ -83,8 +83,9 @@ def human(stature_m: float = _STATURE_M) -> Figure:
         limbs = _arm(side, sign) + _leg(side, sign) + _side_of_head(side, sign)
         nodes += limbs
         joints += [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")]
-        joints += [f"{side}_{finger}_{i}" for finger in _FINGERS for i in (1, 2)]
+        joints += [f"{side}_{finger}_{i}" for finger in FINGERS for i in (1, 2, 3)]
     nodes += _face()
+    joints.append("jaw")
     names = tuple(name for name, _, _ in nodes)
     parents = tuple(names.index(parent) if parent else -1 for _, parent, _ in nodes)
     offsets = np.array([offset for _, _, offset in nodes]) * (stature_m / _STATURE_M)
@@ -125,7 +126,7 @@ def creature(skeleton: Skeleton, size_m: float, rng: np.random.Generator) -> Fig
     )
 
 
-_FINGERS = ("thumb", "index_finger", "middle_finger", "ring_finger", "pinky_finger")
+FINGERS = ("thumb", "index_finger", "middle_finger", "ring_finger", "pinky_finger")
 
 
 def _arm(side: str, sign: float) -> list[tuple[str, str, tuple[float, float, float]]]:
@@ -138,7 +139,7 @@ def _arm(side: str, sign: float) -> list[tuple[str, str, tuple[float, float, flo
         (f"{side}_index", f"{side}_wrist", (0.03, 0.0, -0.095)),
         (f"{side}_thumb", f"{side}_wrist", (0.045, -0.01 * sign, -0.06)),
     ]
-    for i, finger in enumerate(_FINGERS):
+    for i, finger in enumerate(FINGERS):
         forward = 0.035 - 0.018 * i
         first = (0.02, -0.01 * sign, -0.03) if finger == "thumb" else (forward, 0.0, -0.09)
         length = 0.03 if finger == "thumb" else 0.042 - 0.006 * abs(i - 2)
@@ -173,7 +174,7 @@ def _side_of_head(side: str, sign: float) -> list[tuple[str, str, tuple[float, f
 
 
 def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
-    """The 68 face keypoints on their curves, and a mesh as a spiral on the face; both rigid on the head."""
+    """The 68 face keypoints on their curves, of which chin and lower lip ride on the jaw, and a mesh as a spiral."""
     curve = np.linspace(0.0, 1.0, 17)
     points = [
         (0.01 + 0.07 * np.sin(np.pi * t), -0.07 * np.cos(np.pi * t), -0.01 - 0.1 * np.sin(np.pi * t)) for t in curve
@@ -189,7 +190,11 @@ def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
     for n, width, height in ((12, 0.025, 0.012), (8, 0.018, 0.005)):
         angles = np.pi * (1.0 - 2.0 * np.arange(n) / n)
         points += [(0.09, width * np.cos(a), -0.06 + height * np.sin(a)) for a in angles]
-    nodes = [(f"face_{i:02d}", "head", tuple(float(c) for c in point)) for i, point in enumerate(points)]
+    nodes: list[tuple[str, str, tuple[float, float, float]]] = [("jaw", "head", (0.0, 0.0, -0.01))]
+    for i, (forward, left, up) in enumerate(points):
+        on_jaw = 5 <= i <= 11 or 55 <= i <= 59 or i >= 65
+        place = (float(forward), float(left), float(up) + (0.01 if on_jaw else 0.0))
+        nodes.append((f"face_{i:02d}", "jaw" if on_jaw else "head", place))
     golden = np.pi * (3.0 - np.sqrt(5.0))
     for i in range(478):
         off_axis = 1.25 * np.sqrt((i + 0.5) / 478)
@@ -198,5 +203,6 @@ def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
             0.07 * np.sin(off_axis) * np.cos(i * golden),
             0.1 * np.sin(off_axis) * np.sin(i * golden) - 0.01,
         )
-        nodes.append((f"mesh_{i:03d}", "head", tuple(float(c) for c in spot)))
-    return nodes  # type: ignore[return-value]
+        forward, left, up = spot
+        nodes.append((f"mesh_{i:03d}", "head", (float(forward), float(left), float(up))))
+    return nodes

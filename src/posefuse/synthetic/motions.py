@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from posefuse.synthetic.figures import Figure
+from posefuse.synthetic.figures import FINGERS, Figure
 from posefuse.synthetic.options import ACTIVITIES, Activity
 
 _CROSSOVER_S = 0.5
@@ -138,7 +138,7 @@ class HumanMotion:
             for joint, bends in pose.items():
                 bend = np.stack([np.broadcast_to(b, time_s.shape) for b in bends], axis=-1)
                 total[joint] = total.get(joint, 0.0) + weights[activity][:, None] * bend
-        return total
+        return total | {joint: np.stack(bends, axis=-1) for joint, bends in small_movements(time_s, self.phase).items()}
 
 
 @dataclass(frozen=True)
@@ -196,8 +196,24 @@ def walk_pose(gait: np.ndarray, swing: float | np.ndarray = 1.0) -> dict[str, tu
         pose[f"{side}_ankle"] = (-8.0 * np.sin(leg + 0.6) - 4.0, zero, zero)
         pose[f"{side}_shoulder"] = (20.0 * swing * np.sin(leg), 8.0 * sign + zero, zero)
         pose[f"{side}_elbow"] = (-22.0 + 10.0 * np.sin(leg), zero, zero)
-        for finger in ("index_finger", "middle_finger", "ring_finger", "pinky_finger"):
-            pose[f"{side}_{finger}_1"] = (zero, 15.0 * sign + zero, zero)
+    return pose
+
+
+def small_movements(time_s: np.ndarray, phase: float) -> dict[str, tuple[np.ndarray, ...]]:
+    """Bends of hands that open and close, finger after finger, and of a jaw that talks, in degrees.
+
+    Args:
+        time_s: shape (time,).
+        phase: of the person, radians.
+    """
+    zero = np.zeros_like(time_s)
+    pose = {"jaw": (12.0 * np.sin(2.0 * np.pi * 0.9 * time_s + phase) ** 2, zero, zero)}
+    for side, sign, hand in (("left", 1.0, 0.0), ("right", -1.0, 2.0)):
+        for i, finger in enumerate(FINGERS):
+            closed = 0.5 - 0.5 * np.cos(2.0 * np.pi * 0.4 * time_s + phase + hand + 0.3 * i)
+            most = (15.0, 25.0, 25.0) if finger == "thumb" else (65.0, 75.0, 45.0)
+            for j, bend in enumerate(most):
+                pose[f"{side}_{finger}_{j + 1}"] = (zero, sign * (8.0 + bend * closed), zero)
     return pose
 
 

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from posefuse.synthetic.figures import Figure
-from posefuse.synthetic.motions import FEET, joint_rotations, smooth_step, soft_minimum, walk_pose
+from posefuse.synthetic.motions import FEET, joint_rotations, small_movements, smooth_step, soft_minimum, walk_pose
 
 GRID_HZ = 50.0
 _LEAST_GAP_M = 0.62
@@ -71,7 +71,7 @@ class Walk:
         pace = np.sqrt(step_m * GRID_HZ / size) / _STRIDE_M
         gait = np.interp(time_s, grid, self.phase + 2.0 * np.pi * np.cumsum(pace) / GRID_HZ)
         swing = np.interp(time_s, grid, gaussian_filter1d(smooth_step(step_m * GRID_HZ / 1.2), 0.1 * GRID_HZ))
-        angles = walk_pose(gait, swing)
+        angles = walk_pose(gait, swing) | small_movements(time_s, self.phase)
         embrace = np.interp(time_s, grid, self.embrace)
         mixed = _mix(angles, _embracing(embrace), embrace)
         rotations = np.stack([joint_rotations(mixed, joint, len(time_s)) for joint in figure.joints], axis=1)

@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from posefuse.model.trees import Tree
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.trees import Node, Tree
 from posefuse.tracking.twist import carrier, full_rotations, least_rotation, near_node, rest_frames
 
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -43,6 +44,41 @@ def joint_angles(
     return names, np.degrees(np.stack([angle for _, angle in found], axis=-1))
 
 
+def whole_angles(
+    skeleton: Skeleton, turns: np.ndarray, directions: np.ndarray, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """All angles of a skeleton's body and of its parts, segments and bones of the body first.
+
+    A part's root is a segment in what carries it: of a hand the forearm, of a face the head.
+
+    Args:
+        skeleton: with a tree.
+        turns: shape (..., segment, 3, 3), as for :func:`joint_angles`.
+        directions: shape (..., bone, 3).
+        up: of the world.
+
+    Returns:
+        Names and angles, as of :func:`joint_angles`.
+    """
+    body = skeleton.tree
+    assert body is not None
+    s, b = len(body.segments), len(body.bones)
+    frames, _ = full_rotations(body, turns[..., :s, :, :], directions[..., :b, :])
+    found = [joint_angles(body, turns[..., :s, :, :], directions[..., :b, :], up)]
+    for part in skeleton.parts:
+        n, m = len(part.tree.segments), len(part.tree.bones)
+        mine, theirs = turns[..., s : s + n, :, :], directions[..., b : b + m, :]
+        names, angles = joint_angles(part.tree, mine, theirs)
+        at = body.nodes[body.keypoint_nodes[part.at]]
+        own = _axes_at(body, at, turns, frames)
+        successive = np.degrees(np.stack(_in_carrier(own, mine[..., 0, :, :]), axis=-1))
+        root = tuple(f"{part.tree.segments[0]}.{name}" for name in ("bend", "lean", "turn"))
+        # The part's own root angles, in the world, are the first three.
+        found.append(((*root, *names[3:]), np.concatenate([successive, angles[..., 3:]], axis=-1)))
+        s, b = s + n, b + m
+    return tuple(name for names, _ in found for name in names), np.concatenate([a for _, a in found], axis=-1)
+
+
 def _world(up: tuple[float, float, float]) -> np.ndarray:
     """World from axes forward, left, up, shape (3, 3): forward is the first world axis that is across."""
     above = np.array(up) / np.linalg.norm(up)
@@ -61,12 +97,7 @@ def _of_segments(
             heading, tilt, to_right = _successive(world.T @ turn)
             yield from ((f"{name}.heading", heading), (f"{name}.tilt", tilt), (f"{name}.list", to_right))
             continue
-        own = _own_axes(tree, s, turns, frames)
-        relative = np.swapaxes(own, -1, -2) @ turn
-        # Ry(bend) Rx(lean) Rz(turn)
-        lean = np.arcsin(np.clip(-relative[..., 1, 2], -1.0, 1.0))
-        bend = np.arctan2(relative[..., 0, 2], relative[..., 2, 2])
-        about = np.arctan2(relative[..., 1, 0], relative[..., 1, 1])
+        bend, lean, about = _in_carrier(_own_axes(tree, s, turns, frames), turn)
         yield from ((f"{name}.bend", bend), (f"{name}.lean", lean), (f"{name}.turn", about))
 
 
@@ -79,10 +110,24 @@ def _successive(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
+def _in_carrier(own: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bend, lean and turn of a segment in the axes of what carries it, in this order: Ry Rx Rz."""
+    relative = np.swapaxes(own, -1, -2) @ turn
+    return (
+        np.arctan2(relative[..., 0, 2], relative[..., 2, 2]),
+        np.arcsin(np.clip(-relative[..., 1, 2], -1.0, 1.0)),
+        np.arctan2(relative[..., 1, 0], relative[..., 1, 1]),
+    )
+
+
 def _own_axes(tree: Tree, segment: int, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """The axes of what carries a segment, as they are when the body stands straight, shape (..., 3, 3)."""
     first = next(node for node in tree.nodes if not node.is_bone and node.mover == segment)
-    at = tree.nodes[first.parent]
+    return _axes_at(tree, tree.nodes[first.parent], turns, frames)
+
+
+def _axes_at(tree: Tree, at: Node, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """The axes of what moves a node, as they are when the body stands straight, shape (..., 3, 3)."""
     if at.is_bone:
         return frames[..., at.mover, :, :] @ rest_frames(tree)[at.mover].T
     return turns[..., at.mover, :, :]

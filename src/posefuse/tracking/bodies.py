@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import Body, State
 from posefuse.model.trees import Tree
 
 
 def body_of(tree: Tree) -> Body:
     """A tree as kernels take it."""
-    arrays = (*tree.packed, tree.keypoint_nodes, *tree.packed_limits)
+    # Frozen also where the tree was pickled: for kernels a writable array is another type, to be compiled for anew.
+    arrays = (*tree.packed, frozen(tree.keypoint_nodes, np.int64), *tree.packed_limits)
     return Body._make(arrays)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.errors import DetectionsError
 from posefuse.model.frames import Frame
 
-SAME_TIME_S = 1e-3
+_SAME_TIME_S = 1e-3
 """Views that differ by less are of one time."""
 _LEAST_S = 1e-4
 
@@ -70,7 +70,7 @@ class Clock:
                 "(--rate-hz, Options.rate_hz) or times."
             )
         # Views of a frame that were taken one after the other are taken into account one after the other.
-        return float(known.mean() if np.ptp(known) < SAME_TIME_S else known.max())
+        return float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
 
     def _goes_on(self, frame: Frame) -> bool:
         """Whether some view is later than it was, and none is earlier."""
@@ -93,8 +93,8 @@ def moments(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
     """
     known = _taken(frame)
     there = frame.time_s[known]
-    if not len(there) or there.max() - there.min() < SAME_TIME_S:
+    if not len(there) or there.max() - there.min() < _SAME_TIME_S:
         return [(float(there.max()) if len(there) else time_s, np.ones(len(known), dtype=bool))]
     times = np.where(known, frame.time_s, there.min())
-    rounded = np.round(times / SAME_TIME_S)
+    rounded = np.round(times / _SAME_TIME_S)
     return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

@@ -15,7 +15,8 @@ from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import chosen, uncertain
-from posefuse.tracking.records import People, Person, Remembered
+from posefuse.tracking.parts import PartFollower
+from posefuse.tracking.records import People, Person, Remembered, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -131,18 +132,7 @@ class History:
         Raises:
             DetectionsError: if the frame is not later than the last.
         """
-        if self.numbers and people.number <= self.numbers[-1]:
-            raise DetectionsError(
-                f"Frame {people.number} comes after frame {self.numbers[-1]}; a history takes frames in order."
-            )
-        self.numbers.append(people.number)
-        self.time_s.append(people.time_s)
-        here = len(self.numbers) - 1
-        if not self._blocks or people.time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
-            self._blocks.append(_Block(here))
-            # A block stays open for another one, since people are believed some time after they were first seen.
-            if len(self._blocks) > 2 and self._blocks[-3].file is None:
-                self._blocks[-3].spool(self._file)
+        here = self._next(people.number, people.time_s)
         told = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             past = tracker.remembered.get(track.name)
@@ -150,6 +140,33 @@ class History:
             if past:
                 fresh = not self._add_past(track.number, past, here)
             self._put(track.number, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
+
+    def add_parts(self, follower: PartFollower, tracks: list[Track], people: People) -> None:
+        """What is known of everybody's part after a frame; the history is one of that part.
+
+        Raises:
+            DetectionsError: if the frame is not later than the last.
+        """
+        here = self._next(people.number, people.time_s)
+        numbers = {track.name: track.number for track in tracks}
+        for p, (part, person) in enumerate(zip(follower.tracks, follower.people, strict=True)):
+            self._put(numbers[part.name], _entry(here, part.fresh, chosen(follower.state, [p]), person))
+
+    def _next(self, number: int, time_s: float) -> int:
+        """Which frame, counted from 0, the one of that number will be."""
+        if self.numbers and number <= self.numbers[-1]:
+            raise DetectionsError(
+                f"Frame {number} comes after frame {self.numbers[-1]}; a history takes frames in order."
+            )
+        self.numbers.append(number)
+        self.time_s.append(time_s)
+        here = len(self.numbers) - 1
+        if not self._blocks or time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
+            self._blocks.append(_Block(here))
+            # A block stays open for another one, since people are believed some time after they were first seen.
+            if len(self._blocks) > 2 and self._blocks[-3].file is None:
+                self._blocks[-3].spool(self._file)
+        return here
 
     def _add_past(self, number: int, past: list[Remembered], here: int) -> bool:
         """Put states from before somebody was believed where they belong; whether there are any.

@@ -86,11 +86,9 @@ def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray
 def _turn(
     tree: Tree, segment: int, known: np.ndarray, places: np.ndarray, origin: np.ndarray, parent: np.ndarray
 ) -> np.ndarray:
-    mine = [
-        n
-        for n, node in enumerate(tree.nodes)
-        if node.parent >= 0 and not node.is_bone and node.mover == segment and np.isfinite(known[n, 0])
-    ]
+    riding = [n for n, node in enumerate(tree.nodes) if node.parent >= 0 and not node.is_bone and node.mover == segment]
+    # Points beside points of the segment are not placed from where it turns.
+    mine = [n for n in riding if tree.nodes[n].parent == tree.nodes[riding[0]].parent and np.isfinite(known[n, 0])]
     start = known[tree.nodes[mine[0]].parent] if mine else origin
     start = start if np.isfinite(start[0]) else origin
     moments = _moments(known[mine] - start, places[mine], np.ones(len(mine))) if mine else np.zeros((3, 3))

@@ -22,8 +22,6 @@ from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again,
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
-_FACE_VALUE = 0.3
-"""Which share of what a frame says, its errors taken as its own, is known beyond what the smoother believes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,7 +359,9 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         to = slice(start, min(start + _CHUNK, frames))
         covariance = state.covariance[to].copy()
         if information is not None:
-            known = np.eye(n + h) + _FACE_VALUE * information[to] @ covariance[:, : n + h, : n + h]
+            known = (
+                np.eye(n + h) + settings.options.smoother_own_share * information[to] @ covariance[:, : n + h, : n + h]
+            )
             covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(known)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
         foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))

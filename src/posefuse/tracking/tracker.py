@@ -17,6 +17,7 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
+from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
@@ -55,6 +56,9 @@ class ArticulatedTracker:
         self.events: list[Event] = []
         self.exchanged: list[tuple[tuple[int, int], float]] = []
         """Whose names, as was found in the last frame, belong to each other, by number, and since when."""
+        self.parts = tuple(PartFollower(part, settings) for part in settings.skeleton.parts)
+        """Hands and faces; nothing of them goes back to the bodies."""
+        self.sides = sides_of(self.parts, settings.skeleton.mirror)
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -71,7 +75,10 @@ class ArticulatedTracker:
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used, dt_s)
-        return self._told(frame, rows, used)
+        sight = self._foreseen() if self.parts else self._placed()
+        if self.parts:
+            self._follow_parts(frame, rows, used, sight, dt_s)
+        return self._told(frame.number, rows, used, sight)
 
     @property
     def time_s(self) -> float:
@@ -105,8 +112,7 @@ class ArticulatedTracker:
         self.stages.prior.settle(self.state, self.lately)
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
-        self.sight = Sight.room(n, views, keypoints)
-        foresee_people(s.cameras, s.body, self.state, *self.sight.arrays)
+        self.sight = self._foreseen()
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
@@ -405,8 +411,32 @@ class ArticulatedTracker:
         self.remembered[track.name] = past
         return p, counted
 
-    def _told(self, frame: Frame, rows: np.ndarray, used: np.ndarray) -> People:
-        sight = self._placed()
+    def _foreseen(self) -> Sight:
+        """Where everybody is, and where views see them."""
+        s = self.settings
+        sight = Sight.room(len(self.tracks), len(s.rig), len(s.skeleton))
+        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        return sight
+
+    def _follow_parts(self, frame: Frame, rows: np.ndarray, used: np.ndarray, sight: Sight, dt_s: float) -> None:
+        """Follow hands and faces; where they are, and what counted of them, into ``sight`` and ``used``."""
+        names = tuple(track.name for track in self.tracks)
+        labels = np.tile(np.arange(len(self.settings.skeleton)), (*rows.shape, 1))
+        for sides in self.sides:
+            swap_sides(labels, frame, rows, sight, sides, self.settings.tree.scale)
+        bodies = Bodies.of(names, rows, labels, sight, self.state)
+        for follower in self.parts:
+            for numbers, _ in self.exchanged:
+                follower.exchange({track.name for track in self.tracks if track.number in numbers})
+            follower.update(frame, self.time_s, dt_s, bodies)
+        for follower in self.parts:
+            k = follower.part.keypoints
+            for person in follower.people:
+                p = names.index(person.name)
+                sight.points_m[p, k], sight.covariance_m2[p, k] = person.points_m, person.covariance_m2
+                used[p][:, k] = person.used
+
+    def _told(self, number: int, rows: np.ndarray, used: np.ndarray, sight: Sight) -> People:
         people = [
             Person(
                 track.name,
@@ -436,7 +466,7 @@ class ArticulatedTracker:
                         0.0,
                     )
                 )
-        return People(frame.number, self.time_s, tuple(people), tuple(self.events))
+        return People(number, self.time_s, tuple(people), tuple(self.events))
 
 
 def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:

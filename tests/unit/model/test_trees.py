@@ -172,7 +172,7 @@ def test_size_says_what_lengths_in_options_are():
         ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis is {}, it is the root"),
         ({"segments": {"pelvis": {}, "head": {}}}, 'tree.segments.head is { at = "the point that it turns about" }'),
         ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "'left_foot' but no 'right_foot': name both"),
-        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose is [segment, forward, left, up]"),
+        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose is [segment or point, forward, left, up]"),
         ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
         ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee is [point, length] or"),
         ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee is"),

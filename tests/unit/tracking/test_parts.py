@@ -1,0 +1,204 @@
+"""Hands and faces: told where bodies have them, followed, let go, found again; and bodies know nothing of it."""
+
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.arrays import frozen
+from posefuse.cli.reconstruct import angles_of
+from posefuse.following import tracker_of, usual_noise
+from posefuse.kernels.anchors import tell_anchors
+from posefuse.kernels.smoothing import apply_changes
+from posefuse.model.frames import Frame
+from posefuse.model.options import Options
+from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.model.status import PointStatus
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.pipeline import reconstruct
+from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.options import CLEAN
+from posefuse.tracking.bodies import chosen
+from posefuse.tracking.posing import newborn
+from posefuse.tracking.records import People, Person
+
+WHOLE = shipped_skeleton("coco_wholebody_133")
+LEFT, RIGHT, FACE = WHOLE.parts
+assert WHOLE.tree is not None
+BODY = np.flatnonzero(WHOLE.tree.keypoint_nodes >= 0)
+RATE_HZ = 25.0
+
+
+@pytest.fixture(scope="module")
+def scene() -> CrowdScene:
+    """One person whose fingers open and close, 50 frames of a good detector."""
+    return simulate_crowd(
+        CrowdOptions(people=1, duration_s=2.0, seed=3, skeleton=WHOLE.name, detector=CLEAN, faults=NO_FAULTS)
+    )
+
+
+def run(
+    scene: CrowdScene, skeleton: Skeleton = WHOLE, change: Callable[[int, Frame], Frame] = lambda _, frame: frame
+) -> list[People]:
+    options = Options()
+    tracker = tracker_of(scene.rig, skeleton, usual_noise(scene.rig, options), options)
+    return [tracker.update(change(i, Frame.of(scene.detections, i))) for i in range(scene.detections.n_frames)]
+
+
+@pytest.fixture(scope="module")
+def told(scene: CrowdScene) -> list[People]:
+    return run(scene)
+
+
+def one(people: People) -> Person:
+    return next(person for person in people.people if person.state == TrackState.ACTIVE)
+
+
+def error_m(scene: CrowdScene, told: Sequence[People], keypoints: np.ndarray, frame: int) -> float:
+    truth = np.asarray(scene.truth.layers["measured"].points_m)[frame, 0, keypoints]
+    return float(np.linalg.norm(one(told[frame]).points_m[keypoints] - truth, axis=1).mean())
+
+
+def without(frame: Frame, keypoints: np.ndarray) -> Frame:
+    pixels, confidence = frame.keypoints_px.copy(), frame.confidence.copy()
+    pixels[:, keypoints], confidence[:, keypoints] = np.nan, np.nan
+    return replace(frame, keypoints_px=frozen(pixels), confidence=frozen(confidence))
+
+
+def test_hands_and_faces_are_where_they_are(scene, told):
+    for part in WHOLE.parts:
+        assert error_m(scene, told, part.keypoints, -1) < 0.02
+        person = one(told[-1])
+        assert np.isfinite(person.covariance_m2[part.keypoints]).all()
+        assert person.used[:, part.keypoints].mean() > 0.9
+
+
+def test_bodies_know_nothing_of_their_parts(scene, told):
+    bare = run(scene, replace(WHOLE, parts=()))
+    for mine, theirs in zip(told, bare, strict=True):
+        for a, b in zip(mine.people, theirs.people, strict=True):
+            np.testing.assert_array_equal(a.points_m[BODY], b.points_m[BODY])
+            np.testing.assert_array_equal(a.covariance_m2[BODY], b.covariance_m2[BODY])
+    assert np.isnan(one(bare[-1]).points_m[LEFT.keypoints]).all()
+
+
+def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
+    hidden_from, back = 20, 40
+
+    def change(i: int, frame: Frame) -> Frame:
+        return without(frame, LEFT.keypoints) if hidden_from <= i < back else frame
+
+    told = run(scene, change=change)
+    there = [bool(np.isfinite(one(people).points_m[LEFT.keypoints]).all()) for people in told[hidden_from:]]
+    stays = int(TrackerOptions().lost_after_s * RATE_HZ) - 1
+    assert all(there[:stays])
+    assert not any(there[stays + 2 : back - hidden_from])
+    assert all(there[back - hidden_from :])
+    assert not one(told[back - 1]).used[:, LEFT.keypoints].any()
+    assert error_m(scene, told, RIGHT.keypoints, -1) < 0.02
+    assert error_m(scene, told, LEFT.keypoints, -1) < 0.03
+
+
+def test_a_hand_goes_on_in_one_view(scene):
+    def change(i: int, frame: Frame) -> Frame:
+        if i < 35:
+            return frame
+        lone, first = without(frame, RIGHT.keypoints), frame.view[:, None] == 0
+        pixels = np.where(first[..., None], frame.keypoints_px, lone.keypoints_px)
+        return replace(
+            lone,
+            keypoints_px=frozen(pixels),
+            confidence=frozen(np.where(first, frame.confidence, lone.confidence)),
+        )
+
+    told = run(scene, change=change)
+    used = one(told[-1]).used[:, RIGHT.keypoints]
+    assert used[0].any()
+    assert not used[1:].any()
+    assert error_m(scene, told, RIGHT.keypoints, -1) < 0.08
+
+
+def test_hands_exchanged_in_a_view_are_put_right(scene, told):
+    def change(_: int, frame: Frame) -> Frame:
+        rows = frame.rows_of(1)
+        pixels = frame.keypoints_px.copy()
+        both = np.concatenate([LEFT.keypoints, RIGHT.keypoints])
+        pixels[rows[:, None], both] = frame.keypoints_px[rows[:, None], WHOLE.mirror[both]]
+        return replace(frame, keypoints_px=frozen(pixels))
+
+    swapped = run(scene, change=change)
+    for part in (LEFT, RIGHT):
+        assert error_m(scene, swapped, part.keypoints, -1) < error_m(scene, told, part.keypoints, -1) + 0.005
+
+
+def test_a_tracker_with_hands_goes_on_from_a_pickle(scene):
+    options = Options()
+    tracker = tracker_of(scene.rig, WHOLE, usual_noise(scene.rig, options), options)
+    frames = [Frame.of(scene.detections, i) for i in range(20)]
+    for frame in frames[:15]:
+        tracker.update(frame)
+    other = pickle.loads(pickle.dumps(tracker))
+    for frame in frames[15:]:
+        mine, theirs = tracker.update(frame), other.update(frame)
+        np.testing.assert_allclose(one(mine).points_m, one(theirs).points_m, rtol=0, atol=1e-9)
+
+
+def test_anchors_are_told_as_kalman_says(rng):
+    tree = FACE.tree
+    state = newborn(
+        tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
+    )
+    size = state.covariance.shape[1]
+    root = rng.normal(size=(size, size)) / size
+    state.covariance[0] += root @ root.T
+    before = chosen(state, [0])
+    place, noise = state.root + 0.1, np.diag([0.01, 0.02, 0.03])
+    packed = noise[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]][None]
+    nothing = np.full((1, 3, 3), np.nan)
+    tell_anchors(place, packed, nothing, np.zeros((1, 6)), np.empty((6, size)), np.empty(size), state)
+    seen = np.eye(size)[:3]
+    gain = before.covariance[0] @ seen.T @ np.linalg.inv(seen @ before.covariance[0] @ seen.T + noise)
+    expected = (np.eye(size) - gain @ seen) @ before.covariance[0]
+    np.testing.assert_allclose(state.covariance[0], expected, atol=1e-12)
+    apply_changes((gain @ [0.1, 0.1, 0.1])[None], before)
+    np.testing.assert_allclose(state.root, before.root)
+    np.testing.assert_allclose(state.turns, before.turns)
+    np.testing.assert_allclose(state.shape, before.shape)
+
+
+def test_a_turn_that_is_surely_known_is_taken(rng):
+    tree = FACE.tree
+    state = newborn(
+        tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
+    )
+    size = state.covariance.shape[1]
+    turn = state.turns[0, 0] @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    sure = np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]]) * 1e-12
+    tell_anchors(np.full((1, 3), np.nan), sure, turn[None], sure, np.empty((6, size)), np.empty(size), state)
+    np.testing.assert_allclose(state.turns[0, 0], turn, atol=1e-6)
+
+
+def test_a_recording_of_whole_bodies_from_end_to_end(scene):
+    result = reconstruct(scene.rig, scene.detections, Options(people="many"))
+    model, measured = result.layers["model"], result.layers["measured"]
+    truth = np.asarray(scene.truth.layers["measured"].points_m)
+    status = np.asarray(model.status)
+    hands = np.concatenate([LEFT.keypoints, RIGHT.keypoints])
+    assert (status[10:, 0] == PointStatus.OK).all()
+    assert np.isfinite(np.asarray(model.covariance_m2)[10:, 0]).all()
+    off = np.linalg.norm(np.asarray(model.points_m)[10:, 0] - truth[10:, 0], axis=-1)
+    assert off[:, hands].mean() < 0.02
+    assert off[:, FACE.keypoints].mean() < 0.02
+    assert (np.asarray(model.n_views)[10:, 0, hands] > 2).mean() > 0.9
+    assert np.isfinite(np.asarray(measured.points_m)[10:, 0, hands]).all()
+    assert result.poses is not None
+    assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
+    names, degrees = angles_of(result)
+    assert len(set(names)) == len(names) == degrees.shape[-1]
+    assert np.isfinite(degrees[10:, 0, names.index("left_palm.bend")]).all()
+    # The index finger opens and closes.
+    assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
