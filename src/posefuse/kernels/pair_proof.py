@@ -22,8 +22,8 @@ MOST_VIEWS = 6
 ProofRoom = namedtuple("ProofRoom", "quadratic branch picks points centre")
 """Of one lane:
 
-quadratic: shape (3 MOST_VIEWS, 15): of the left and the right observation of each view, and of none, the parts of A (6),
-b (3) and c of the squared error x'Ax + 2b'x + c at x from the centre, its depth there (4) in units of that at the
+quadratic: shape (3 MOST_VIEWS, 15): of the left and the right observation of each view, and of none, the parts of A
+(6), b (3) and c of the squared error x'Ax + 2b'x + c at x from the centre, its depth there (4) in units of that at the
 centre, and 0, or inf where there is no observation.
 branch: shape (MOST_VIEWS + 1, ROWS): a branch after so many views.
 picks: shape (3, MOST_VIEWS), int64: the label each point takes in the branch's views, and these views.
@@ -76,13 +76,13 @@ def _make_quadratic(rows, weight, v, j, centre, out):
         depth += rows[v, 8 + i, j] * centre[i]
     inverse = 1.0 / abs(depth)
     w = weight * inverse * inverse
-    k = 0
+    part = 0
     for i in range(3):
         out[6 + i] = w * (rows[v, i, j] * g + rows[v, 4 + i, j] * h)
         out[_DEPTH + i] = rows[v, 8 + i, j] * inverse
-        for l in range(i, 3):
-            out[k] = w * (rows[v, i, j] * rows[v, l, j] + rows[v, 4 + i, j] * rows[v, 4 + l, j])
-            k += 1
+        for k in range(i, 3):
+            out[part] = w * (rows[v, i, j] * rows[v, k, j] + rows[v, 4 + i, j] * rows[v, 4 + k, j])
+            part += 1
     out[9] = w * (g * g + h * h)
     out[_DEPTH + 3] = depth * inverse
     out[_ABSENT] = 0.0 if weight > 0.0 else math.inf

@@ -83,22 +83,24 @@ def _prove(rows, weights, seen, full, none, couples, sums, room):
     bound = full + (none - full) * (1.0 / 3.0)
     better = couples[PROPOSALS]
     for j in range(BLOCK):
-        cost = math.inf
+        few = 2 <= seen[j] <= MOST_VIEWS
         for i in range(6):
-            better[i, j] = math.nan
+            better[i, j] = couples[0, i, j] if few else math.nan
+        if not few:
+            continue
+        cost = math.inf
         for couple in couples[:PROPOSALS]:
-            if couple[COUPLE_COST, j] < cost:
+            # What one costs that has not settled is not to be believed: it may be about to give a point up.
+            if not couple[MOVED, j] < _SETTLED:
+                couple[COUPLE_COST, j] = math.inf
+            elif couple[COUPLE_COST, j] < cost:
                 cost = couple[COUPLE_COST, j]
                 for i in range(6):
                     better[i, j] = couple[i, j]
-        for label in range(2):
-            for v in range(weights.shape[1]):
-                cost -= 0.0 if weights[label, v, j] > 0.0 else bound
-        if 2 <= seen[j] <= MOST_VIEWS:
-            prove_lane(rows, weights, full, none, better, cost, j, sums, room)
-        else:
-            for i in range(6):
-                better[i, j] = math.nan
+        for v in range(weights.shape[1]):
+            cost -= 0.0 if weights[0, v, j] > 0.0 else bound
+            cost -= 0.0 if weights[1, v, j] > 0.0 else bound
+        prove_lane(rows, weights, full, none, better, cost, j, sums, room)
 
 
 @inline
