@@ -268,6 +268,8 @@ def prove_lane(rows, weights, full, none, couple, cost, j, sums, room):
             total = _finish(rows, weights, room, n, j, full, none, sums)
             if total < cost - _LESS:
                 cost = total
+                # Where there is one point only, it is the first.
+                first = 0 if room.points[0, 1] == room.points[0, 1] else 1
                 for i in range(3):
-                    couple[i, j] = room.points[0, 1 + i]
-                    couple[3 + i, j] = room.points[1, 1 + i]
+                    couple[i, j] = room.points[first, 1 + i]
+                    couple[3 + i, j] = room.points[1 - first, 1 + i]
