@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 
-from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.jit import inline, kernel, step
 from posefuse.kernels.pair_choice import choose, doubt
+from posefuse.kernels.pair_proof import MOST_VIEWS, make_proof_room, prove_lane
 from posefuse.kernels.pair_refine import COUPLE_COST, COUPLE_ROWS, MOVED, settle
 from posefuse.kernels.pair_results import (
     assign,
@@ -76,15 +77,45 @@ def _empty(couple):
     return lanes == 0
 
 
+@step
+def _prove(rows, weights, seen, full, none, couples, sums, room):
+    """Where views are few, put a couple last that costs less than the cheapest of the others, if there is any."""
+    bound = full + (none - full) * (1.0 / 3.0)
+    better = couples[PROPOSALS]
+    for j in range(BLOCK):
+        few = 2 <= seen[j] <= MOST_VIEWS
+        for i in range(6):
+            better[i, j] = couples[0, i, j] if few else math.nan
+        if not few:
+            continue
+        cost = math.inf
+        for couple in couples[:PROPOSALS]:
+            # What one costs that has not settled is not to be believed: it may be about to give a point up.
+            if not couple[MOVED, j] < _SETTLED:
+                couple[COUPLE_COST, j] = math.inf
+            elif couple[COUPLE_COST, j] < cost:
+                cost = couple[COUPLE_COST, j]
+                for i in range(6):
+                    better[i, j] = couple[i, j]
+        for v in range(weights.shape[1]):
+            cost -= 0.0 if weights[0, v, j] > 0.0 else bound
+            cost -= 0.0 if weights[1, v, j] > 0.0 else bound
+        prove_lane(rows, weights, full, none, better, cost, j, sums, room)
+
+
 @inline
-def _refine(full, none, prior_sigma, previous, room):
+def _refine(full, none, prior_sigma, previous, room, proof_room):
     """Sketch what the proposals become over all views, choose the cheapest couple, and settle that."""
     bound = full + (none - full) * (1.0 / 3.0)
-    # One loop for both, so that its body is compiled once.
-    for i in range(PROPOSALS + 1):
+    # One loop for all, so that its body is compiled once.
+    for i in range(PROPOSALS + 2):
         if i < PROPOSALS:
             begin = 0
             couple, end = room.couples[i], 1 if _empty(room.couples[i]) else _GENEROUS + _SKETCH_ROUNDS
+        elif i == PROPOSALS:
+            _prove(room.rows, room.weights, room.seen, full, none, room.couples, room.sums[0], proof_room)
+            couple, begin = room.couples[i], _GENEROUS
+            end = _GENEROUS if _empty(couple) else _GENEROUS + _SKETCH_ROUNDS
         else:
             choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
             couple, begin, end = room.couple, _GENEROUS, _MOST_ROUNDS
@@ -102,9 +133,9 @@ def _take_given(given, room):
         room.couple[MOVED, j] = 0.0
         for axis in range(6):
             room.couple[axis, j] = given[n, k, axis] if n >= 0 else math.nan
-            for i in range(PROPOSALS):
+            for i in range(PROPOSALS + 1):
                 room.couples[i, axis, j] = math.nan
-        for i in range(PROPOSALS):
+        for i in range(PROPOSALS + 1):
             room.totals[i, j] = 0.0
 
 
@@ -199,11 +230,11 @@ def solve_pairs(
         seen=np.empty(BLOCK, np.int64),
         any_trust=np.empty((n_views, BLOCK)),
         any_weights=np.empty((n_views, BLOCK)),
-        couples=np.empty((PROPOSALS, COUPLE_ROWS, BLOCK)),
+        couples=np.empty((PROPOSALS + 1, COUPLE_ROWS, BLOCK)),
         couple=np.empty((COUPLE_ROWS, BLOCK)),
         trial=np.empty((COUPLE_ROWS, BLOCK)),
         shares=np.empty((4, BLOCK)),
-        totals=np.empty((PROPOSALS, BLOCK)),
+        totals=np.empty((PROPOSALS + 1, BLOCK)),
         best=np.empty(BLOCK, np.int64),
         labels=np.empty((2, n_views, BLOCK), np.int64),
         evidence=np.empty((n_views, BLOCK)),
@@ -219,6 +250,7 @@ def solve_pairs(
         status=np.empty(BLOCK, np.int64),
     )
     search_room = make_search_room(n_views, tries.shape[0])
+    proof_room = make_proof_room()
     full, none = full_sigma * full_sigma, none_sigma * none_sigma
     bound = full + (none - full) / 3.0
     for first in range(0, total, BLOCK):
@@ -240,7 +272,7 @@ def solve_pairs(
             _take_given(given, room)
         else:
             _propose(tries, full, none, room, search_room)
-            _refine(full, none, prior_sigma, previous, room)
+            _refine(full, none, prior_sigma, previous, room, proof_room)
         assign(room.rows, room.weights, full, none, room.couple, room.labels, room.evidence)
         put_in_order(room.trust, room.couple, room.labels, room.evidence)
         for side in range(2):

@@ -40,30 +40,27 @@ def sorted_points(result: SolvedPairs) -> np.ndarray:
 
 def gaps(trials: int, seed: int) -> np.ndarray:
     """By how much the cost exceeds the least over all states of all views, two to six of them."""
+    bound = FULL + (NONE - FULL) / 3
     out = []
     for views in (2, 3, 4, 5, 6):
         data = scene(trials, 7, outlier=0.2, missing=0.15, apart_m=0.25, seed=seed + views)
         data = seen_by(data, list(np.random.default_rng(views).permutation(7)[:views]))
-        result = solved(data, enumerated.solve)
-        for i in np.flatnonzero(np.isfinite(result.cost[:, 0])):
-            out.append(result.cost[i, 0] - cheapest(data.rig, data.pixels[i], data.sigma_px, FULL, NONE))
-    return np.array(out)
-
-
-def assert_exhaustive(gap: np.ndarray, most: float) -> None:
-    """Never below, hardly ever above; where above, at another local minimum of the same states."""
-    assert gap.min() > -2e-3
-    assert (gap > 2e-3).mean() <= most
-    assert gap.max() < 0.5 * (FULL + (NONE - FULL) / 3)
+        # With no point nothing is explained, but for one observation that may be that of a point which it does not fix.
+        seen = np.isfinite(data.pixels).all(axis=-1).sum(axis=(1, 2))
+        cost = solved(data, enumerated.solve).cost[:, 0]
+        cost = np.where(np.isnan(cost), bound * np.maximum(seen - 1, 0), cost)
+        least = [cheapest(data.rig, pixels, data.sigma_px, FULL, NONE) for pixels in data.pixels]
+        out.append(cost - least)
+    return np.concatenate(out)
 
 
 def test_cost_is_the_exhaustive_minimum():
-    assert_exhaustive(gaps(20, 100), 0.03)
+    assert np.abs(gaps(20, 100)).max() < 2e-3
 
 
 @pytest.mark.long
 def test_cost_is_the_exhaustive_minimum_on_two_thousand_cases():
-    assert_exhaustive(gaps(400, 200), 0.02)
+    assert np.abs(gaps(400, 200)).max() < 2e-3
 
 
 @pytest.mark.parametrize("cameras", [4, 5, 8, 16])
