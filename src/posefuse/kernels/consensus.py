@@ -448,6 +448,8 @@ def triangulate_consensus(
     lens_codes = np.empty((n_views, BLOCK), np.int64)
     block_codes = np.empty((n_views, BLOCK), np.int64)
     ranks = np.empty((n_views, BLOCK), np.int64)
+    pair = np.empty((2, 12, BLOCK))
+    pair_weights = np.empty((2, BLOCK))
     scratch = np.empty((6, BLOCK))
     best = np.empty((7, BLOCK))
     sums = np.empty((_BEND + 6, BLOCK))
@@ -469,7 +471,10 @@ def triangulate_consensus(
         if thorough:
             rank_views(trust, weights, ranks, used)
             tries = brief if sought == _BRIEF else 0
-            if search(rows, weights, ranks, used, pairs, enough, tries, bound, scratch, best) > 0:
+            undecided = search(
+                rows, weights, ranks, used, pairs, enough, tries, bound, pair, pair_weights, scratch, best
+            )
+            if undecided > 0:
                 _leave_undecided(places, n_keypoints, best, used, pending, waiting)
             _start(best, min_views, used, state, lanes)
         else:
