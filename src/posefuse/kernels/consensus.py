@@ -61,6 +61,7 @@ _HOPELESS = 10.0
 # that takes from the second derivatives.
 _FALLING = SUM_ROWS
 _BEND = SUM_ROWS + 1
+# Where less of the second derivatives is left, steps are those of Gauss and Newton.
 _LEAST_LEFT = 0.1
 
 
@@ -257,10 +258,10 @@ def _leave_contested(places, n_keypoints, min_views, brief, used, agreeing, lane
 
 
 @inline
-def _leave_undecided(places, n_keypoints, best, used, pending, waiting):
-    """Put off the lanes for which more pairs than the first few have to be tried."""
+def _leave_undecided(undecided, places, n_keypoints, best, used, pending, waiting):
+    """Put off the lanes, if there are any, for which more pairs than the first few have to be tried."""
     for j in range(BLOCK):
-        if best[3, j] < best[6, j]:
+        if undecided > 0 and best[3, j] < best[6, j]:
             _put_off(places, n_keypoints, j, used, pending, waiting, 1)
 
 
@@ -448,8 +449,7 @@ def triangulate_consensus(
     lens_codes = np.empty((n_views, BLOCK), np.int64)
     block_codes = np.empty((n_views, BLOCK), np.int64)
     ranks = np.empty((n_views, BLOCK), np.int64)
-    pair = np.empty((2, 12, BLOCK))
-    pair_weights = np.empty((2, BLOCK))
+    pair, pair_weights = np.empty((2, 12, BLOCK)), np.empty((2, BLOCK))
     scratch = np.empty((6, BLOCK))
     best = np.empty((7, BLOCK))
     sums = np.empty((_BEND + 6, BLOCK))
@@ -474,8 +474,7 @@ def triangulate_consensus(
             undecided = search(
                 rows, weights, ranks, used, pairs, enough, tries, bound, pair, pair_weights, scratch, best
             )
-            if undecided > 0:
-                _leave_undecided(places, n_keypoints, best, used, pending, waiting)
+            _leave_undecided(undecided, places, n_keypoints, best, used, pending, waiting)
             _start(best, min_views, used, state, lanes)
         else:
             _start_quickly(rows, weights, min_views, sums, state, used, lanes)
