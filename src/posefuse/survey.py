@@ -21,6 +21,7 @@ from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.triangulation import consensus, told
 from posefuse.triangulation import noise as noise_scale
+from posefuse.triangulation.told import Sample
 
 _LAW_ROUNDS = 4
 _SAME_EXPONENT = 0.03
@@ -36,15 +37,14 @@ def survey(
     sampled = partial(_sample, detections, subjects)
     agree = partial(_agree, rig, _agreeing(options))
     if noise.origin != "assumed":
-        layers = agree(*sampled(few=True), noise)
+        layer = agree(sampled(few=True), noise)
     else:
-        noise, layers = find_noise(rig, sampled, agree, noise, progress)
-    points = [np.asarray(layer.points_m) for layer in layers]
+        noise, layer = find_noise(rig, sampled, agree, noise, progress)
     findings = (
         coincidence_finding(rig),
-        agreement_finding(layers, rig, noise),
-        camera_finding(layers, rig),
-        scale_finding(points, detections.skeleton, rig.metres_per_unit),
+        agreement_finding([layer], rig, noise),
+        camera_finding([layer], rig),
+        scale_finding([np.asarray(layer.points_m)], detections.skeleton, rig.metres_per_unit),
     )
     said = tuple(finding for finding in findings if finding is not None)
     for finding in said:
@@ -93,8 +93,8 @@ def find_law(
     exponent = 0.0
     rounds = 0
     while True:
-        noise, layers = find_noise(rig, sampled, agree, noise_scale.assumed(rig, exponent), progress)
-        law = fit_law(told.gather(rig, *sampled(few=False), layers, noise), exponent)
+        noise, layer = find_noise(rig, sampled, agree, noise_scale.assumed(rig, exponent), progress)
+        law = fit_law(told.gather(rig, sampled(few=False), layer, noise), exponent)
         if law is None or noise.origin == "assumed":
             raise DetectionsError(
                 "Too few points are seen by three views that agree: a detector's noise cannot be told from them. "
@@ -113,21 +113,21 @@ def _agreeing(options: Options) -> TriangulationOptions:
 
 def find_noise(
     rig: CameraRig,
-    sampled: Callable[..., tuple[list[Detections], list[Tracks]]],
-    agree: Callable[[list[Detections], list[Tracks], NoiseModel], list[Layer]],
+    sampled: Callable[..., Sample],
+    agree: Callable[[Sample, NoiseModel], Layer],
     otherwise: NoiseModel,
     progress: Progress,
-) -> tuple[NoiseModel, list[Layer]]:
+) -> tuple[NoiseModel, Layer]:
     """The noise of a recording: from below up to the first that explains itself, see docs/methods.md, "Noise".
 
     Returns:
         The noise, or ``otherwise`` where the recording tells too little; and the sample as it was triangulated.
     """
-    pieces, tracks = sampled(few=True)
+    sample = sampled(few=True)
     trial = noise_scale.finest(rig, otherwise.exponent)
     progress.start("surveying", noise_scale.MOST_ROUNDS)
     for _ in range(noise_scale.MOST_ROUNDS):
-        found = noise_scale.estimate(rig, pieces, tracks, agree(pieces, tracks, trial), trial)
+        found = noise_scale.estimate(rig, sample, agree(sample, trial), trial)
         progress.advance(1)
         following = noise_scale.coarser(trial, found)
         if following is None:
@@ -135,26 +135,22 @@ def find_noise(
         trial = following
     else:
         trial = otherwise
-    pieces, tracks = sampled(few=False)
-    layers = agree(pieces, tracks, trial)
+    sample = sampled(few=False)
+    layer = agree(sample, trial)
     progress.finish()
-    noise = noise_scale.of_right_views(rig, pieces, tracks, layers, trial)
+    noise = noise_scale.of_right_views(rig, sample, layer, trial)
     if noise is None:
-        return otherwise, layers
-    layers = agree(pieces, tracks, noise)
-    return replace(noise, spread=noise_scale.spread(rig, pieces, tracks, layers, noise)), layers
+        return otherwise, layer
+    layer = agree(sample, noise)
+    return replace(noise, spread=noise_scale.spread(rig, sample, layer, noise)), layer
 
 
-def _sample(detections: Detections, subjects: Subjects, *, few: bool) -> tuple[list[Detections], list[Tracks]]:
-    spans = noise_scale.sample(detections, few=few)
-    return [detections.frames(*span) for span in spans], [subjects.follow(*span) for span in spans]
+def _sample(detections: Detections, subjects: Subjects, *, few: bool) -> Sample:
+    spans = noise_scale.spans(detections, few=few)
+    starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
+    tracks = Tracks.concatenate([subjects.follow(*span) for span in spans])
+    return Sample(detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 
-def _agree(
-    rig: CameraRig,
-    options: TriangulationOptions,
-    pieces: list[Detections],
-    tracks: list[Tracks],
-    noise: NoiseModel,
-) -> list[Layer]:
-    return [consensus.solve(rig, *pair, noise, options) for pair in zip(pieces, tracks, strict=True)]
+def _agree(rig: CameraRig, options: TriangulationOptions, sample: Sample, noise: NoiseModel) -> Layer:
+    return consensus.solve(rig, sample.detections, sample.tracks, noise, options)

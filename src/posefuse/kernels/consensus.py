@@ -57,11 +57,17 @@ _BRIEF = 1
 _WHOLE = 2
 # Far from the algebraic point of all views a cost does not fall to a tenth in the rounds that follow.
 _HOPELESS = 10.0
+# Rows of the array of sums, after those of all solvers: how fast each lane's weight falls in the view at hand, and what
+# that takes from the second derivatives.
+_FALLING = SUM_ROWS
+_BEND = SUM_ROWS + 1
+# Where less of the second derivatives is left, steps are those of Gauss and Newton.
+_LEAST_LEFT = 0.1
 
 
 @inline
-def robust_equations(rows, weights, state, full, none, sums):
-    """Reweighted Gauss-Newton equations: views within ``full`` count whole, beyond ``none`` not at all.
+def robust_equations(rows, weights, strict, state, full, none, sums):
+    """Newton's equations of the bounded cost: views within ``full`` count whole, beyond ``none`` not at all.
 
     Both in squared sigma units. Between them the weight falls as ``(1 - u)^2``, u from 0 to 1; the cost is its
     integral.
@@ -69,7 +75,11 @@ def robust_equations(rows, weights, state, full, none, sums):
     span = none - full
     inverse_span = 1.0 / span
     clear_sums(sums)
+    for k in range(6):
+        for j in range(BLOCK):
+            sums[_BEND + k, j] = 0.0
     for v in range(weights.shape[0]):
+        between = 0
         for j in range(BLOCK):
             depth, r, s = residual(rows, v, j, state[X, j], state[X + 1, j], state[X + 2, j])
             weight = weights[v, j]
@@ -80,6 +90,65 @@ def robust_equations(rows, weights, state, full, none, sums):
             add_view(rows, v, j, depth, r, s, weight * fall * fall, sums)
             cost = min(squared, full) + span * (1.0 - fall * fall * fall) * (1.0 / 3.0)
             sums[TOTAL, j] += cost if weight > 0.0 else 0.0
+            falling = 4.0 * weight * weight * inverse_span * fall if u > 0.0 else 0.0
+            sums[_FALLING, j] = falling
+            between += 1 if falling > 0.0 else 0
+        if strict and between > 0:
+            for j in range(BLOCK):
+                _add_bend(rows, v, j, state, sums)
+    if strict:
+        _bend(sums)
+
+
+@inline
+def _add_bend(rows, v, j, state, sums):
+    """What the second derivatives of a lane's cost lose because the weight of a view falls as it moves away."""
+    depth, r, s = residual(rows, v, j, state[X, j], state[X + 1, j], state[X + 2, j])
+    inverse = 1.0 / depth
+    along = r * r + s * s
+    q0 = inverse * (r * rows[v, 0, j] + s * rows[v, 4, j] - along * rows[v, 8, j])
+    q1 = inverse * (r * rows[v, 1, j] + s * rows[v, 5, j] - along * rows[v, 9, j])
+    q2 = inverse * (r * rows[v, 2, j] + s * rows[v, 6, j] - along * rows[v, 10, j])
+    w0 = sums[_FALLING, j] * q0
+    w1 = sums[_FALLING, j] * q1
+    w2 = sums[_FALLING, j] * q2
+    sums[_BEND, j] += w0 * q0
+    sums[_BEND + 1, j] += w0 * q1
+    sums[_BEND + 2, j] += w0 * q2
+    sums[_BEND + 3, j] += w1 * q1
+    sums[_BEND + 4, j] += w1 * q2
+    sums[_BEND + 5, j] += w2 * q2
+
+
+@inline
+def _bend(sums):
+    """Newton's matrix in place of Gauss and Newton's, where it is positive definite and no step grows tenfold by it.
+
+    With falling weights left out of the derivatives, points with a view between the two bounds would come near only
+    slowly, and all of a block would wait for them. The ratio of the determinants is the product of the shares that
+    are left along three directions, none of which is above one.
+    """
+    for j in range(BLOCK):
+        xx = sums[0, j] - sums[_BEND, j]
+        xy = sums[1, j] - sums[_BEND + 1, j]
+        xz = sums[2, j] - sums[_BEND + 2, j]
+        yy = sums[3, j] - sums[_BEND + 3, j]
+        yz = sums[4, j] - sums[_BEND + 4, j]
+        zz = sums[5, j] - sums[_BEND + 5, j]
+        whole = _determinant(sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j])
+        left = _determinant(xx, xy, xz, yy, yz, zz)
+        downhill = (xx > 0.0) & (xx * yy > xy * xy) & (left > _LEAST_LEFT * whole)
+        sums[0, j] = xx if downhill else sums[0, j]
+        sums[1, j] = xy if downhill else sums[1, j]
+        sums[2, j] = xz if downhill else sums[2, j]
+        sums[3, j] = yy if downhill else sums[3, j]
+        sums[4, j] = yz if downhill else sums[4, j]
+        sums[5, j] = zz if downhill else sums[5, j]
+
+
+@inline
+def _determinant(xx, xy, xz, yy, yz, zz):
+    return xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy)
 
 
 @inline
@@ -109,7 +178,7 @@ def refine(rows, weights, thorough, full, none, used, sums, state, lanes):
                 state[SCALE, j] = 1.0
         widening = 4.0 if turn < _GENEROUS_ROUNDS else 1.0
         widening = widening if thorough else 1e6
-        robust_equations(rows, weights, state, widening * full, widening * none, sums)
+        robust_equations(rows, weights, turn >= _GENEROUS_ROUNDS, state, widening * full, widening * none, sums)
         if not thorough:
             for j in range(BLOCK):
                 hopeless = not sums[TOTAL, j] < _HOPELESS * full * used[j]
@@ -189,10 +258,10 @@ def _leave_contested(places, n_keypoints, min_views, brief, used, agreeing, lane
 
 
 @inline
-def _leave_undecided(places, n_keypoints, best, used, pending, waiting):
-    """Put off the lanes for which more pairs than the first few have to be tried."""
+def _leave_undecided(undecided, places, n_keypoints, best, used, pending, waiting):
+    """Put off the lanes, if there are any, for which more pairs than the first few have to be tried."""
     for j in range(BLOCK):
-        if best[3, j] < best[6, j]:
+        if undecided > 0 and best[3, j] < best[6, j]:
             _put_off(places, n_keypoints, j, used, pending, waiting, 1)
 
 
@@ -380,9 +449,10 @@ def triangulate_consensus(
     lens_codes = np.empty((n_views, BLOCK), np.int64)
     block_codes = np.empty((n_views, BLOCK), np.int64)
     ranks = np.empty((n_views, BLOCK), np.int64)
+    pair, pair_weights = np.empty((2, 12, BLOCK)), np.empty((2, BLOCK))
     scratch = np.empty((6, BLOCK))
     best = np.empty((7, BLOCK))
-    sums = np.empty((SUM_ROWS, BLOCK))
+    sums = np.empty((_BEND + 6, BLOCK))
     state = np.empty((STATE_ROWS, BLOCK))
     places = np.empty((2, BLOCK), np.int64)
     used = np.empty(BLOCK, np.int64)
@@ -401,8 +471,10 @@ def triangulate_consensus(
         if thorough:
             rank_views(trust, weights, ranks, used)
             tries = brief if sought == _BRIEF else 0
-            if search(rows, weights, ranks, used, pairs, enough, tries, bound, scratch, best) > 0:
-                _leave_undecided(places, n_keypoints, best, used, pending, waiting)
+            undecided = search(
+                rows, weights, ranks, used, pairs, enough, tries, bound, pair, pair_weights, scratch, best
+            )
+            _leave_undecided(undecided, places, n_keypoints, best, used, pending, waiting)
             _start(best, min_views, used, state, lanes)
         else:
             _start_quickly(rows, weights, min_views, sums, state, used, lanes)

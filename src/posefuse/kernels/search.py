@@ -37,6 +37,19 @@ def rank_views(trust, weights, ranks, used):
 
 
 @inline
+def _copy_pair(rows, weights, ranks, first, second, pair, pair_weights):
+    """Rows and weights of each lane's views of two ranks: side by side, what follows works on all lanes at once."""
+    for j in range(BLOCK):
+        a = ranks[first, j]
+        b = ranks[second, j]
+        pair_weights[0, j] = weights[a, j]
+        pair_weights[1, j] = weights[b, j]
+        for i in range(12):
+            pair[0, i, j] = rows[a, i, j]
+            pair[1, i, j] = rows[b, i, j]
+
+
+@inline
 def two_view_point(rows, weights, j, a, b):
     """The algebraic point of views ``a`` and ``b`` of lane ``j``.
 
@@ -97,7 +110,7 @@ def _score(rows, weights, bound, trial):
 
 
 @inline
-def search(rows, weights, ranks, used, pairs, enough, brief, bound, trial, best):
+def search(rows, weights, ranks, used, pairs, enough, brief, bound, pair, pair_weights, trial, best):
     """The best-scoring two-view point of each lane.
 
     Args:
@@ -110,6 +123,8 @@ def search(rows, weights, ranks, used, pairs, enough, brief, bound, trial, best)
             pairs a better point is no longer to be expected.
         brief: after so many pairs the search may end with a few lanes undecided; 0 if it may not.
         bound: what a view that disagrees costs, in squared sigma units.
+        pair: shape (2, 12, BLOCK), scratch.
+        pair_weights: shape (2, BLOCK), scratch.
         trial: shape (6, BLOCK), scratch.
         best: shape (7, BLOCK), written: point, pairs tried, cost, views that agree, pairs to try.
 
@@ -124,10 +139,9 @@ def search(rows, weights, ranks, used, pairs, enough, brief, bound, trial, best)
     for p in range(pairs.shape[0]):
         first = pairs[p, 0]
         second = pairs[p, 1]
+        _copy_pair(rows, weights, ranks, first, second, pair, pair_weights)
         for j in range(BLOCK):
-            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(
-                rows, weights, j, ranks[first, j], ranks[second, j]
-            )
+            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(pair, pair_weights, j, 0, 1)
         _score(rows, weights, bound, trial)
         for j in range(BLOCK):
             # A lane that has tried enough takes no notice of what its neighbours still try.

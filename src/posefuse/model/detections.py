@@ -213,6 +213,26 @@ class Detections:
             depth=None if self.depth is None else np.asarray(self.depth[rows]),
         )
 
+    def pieces(self, spans: Sequence[tuple[int, int]]) -> "Detections":
+        """The frames of several ranges (counted from 0, ascending), one after the other, in memory."""
+
+        def joined(source: ArraySource, *bounds: tuple[int, int]) -> np.ndarray:
+            return np.concatenate([np.asarray(source[start:stop]) for start, stop in bounds])
+
+        cells = [(start * self.n_views, stop * self.n_views) for start, stop in spans]
+        rows = [(int(self.offsets[start]), int(self.offsets[stop])) for start, stop in cells]
+        return replace(
+            self,
+            frame_numbers=joined(self.frame_numbers, *spans),
+            time_s=joined(self.time_s, *spans),
+            offsets=_starts(joined(np.diff(self.offsets), *cells)),
+            keypoints_px=joined(self.keypoints_px, *rows),
+            confidence=joined(self.confidence, *rows),
+            recorded=joined(self.recorded, *spans),
+            track_ids=joined(self.track_ids, *rows),
+            depth=None if self.depth is None else joined(self.depth, *rows),
+        )
+
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Detections"]:
         """The recording in consecutive ranges of frames, each in memory."""
         for start, stop in ranges(self.n_frames, size):

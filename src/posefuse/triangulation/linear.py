@@ -24,6 +24,9 @@ def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tup
     return residuals, jacobians
 
 
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
 @dataclass(frozen=True)
 class LinearPoints:
     """Observations, linear about a point each.
@@ -41,13 +44,6 @@ class LinearPoints:
         """Linear about given points, shape (point, 3), which should lie near where the views see them."""
         return cls(*linear_rows(observations.rig, points_m, observations.pixels))
 
-    @classmethod
-    def concatenate(cls, parts: Sequence[Self]) -> Self:
-        """One after the other."""
-        return cls(
-            np.concatenate([part.residuals_px for part in parts]), np.concatenate([part.jacobians for part in parts])
-        )
-
     def fit(self, sigma_px: np.ndarray, used: np.ndarray | None = None) -> "LinearFit":
         """The maximum-likelihood point of each row.
 
@@ -57,19 +53,33 @@ class LinearPoints:
         """
         counts = np.isfinite(sigma_px) & np.isfinite(self.residuals_px[..., 0])
         used = counts if used is None else counts & used
-        weight = np.where(counts, 1.0 / sigma_px, 0.0)[..., None]
-        residual = np.where(counts[..., None], self.residuals_px, 0.0) * weight
-        jacobian = np.where(counts[..., None, None], self.jacobians, 0.0) * weight[..., None]
-        rows = np.where(used[..., None, None], jacobian, 0.0).reshape(len(jacobian), -1, 3)
-        information = rows.transpose(0, 2, 1) @ rows
-        # The trace makes a matrix without any views invertible, and is nothing to one that has them.
-        trace = np.trace(information, axis1=1, axis2=2)
-        covariance = np.linalg.inv(information + (1e-12 * trace + 1e-300)[:, None, None] * np.eye(3))
-        shift = covariance @ (rows.transpose(0, 2, 1) @ residual.reshape(len(rows), -1, 1))
-        residual = residual - (jacobian @ shift[:, None])[..., 0]
-        along = (jacobian.reshape(rows.shape) @ covariance).reshape(jacobian.shape)
-        share = (along[..., :, None, :] * jacobian[..., None, :, :]).sum(axis=-1)
-        return LinearFit(used, residual, share)
+        # Points last: sums over views and axes are then sums of long rows.
+        weight = np.where(counts, 1.0 / sigma_px, 0.0).T
+        residual = np.where(counts.T, self.residuals_px.transpose(2, 1, 0), 0.0) * weight
+        jacobian = np.where(counts.T, self.jacobians.transpose(2, 3, 1, 0), 0.0) * weight
+        kept = jacobian * used.T
+        covariance = _inverse_3x3([(kept[:, i] * jacobian[:, k]).sum(axis=(0, 1)) for i, k in _UPPER])
+        gradient = [(kept[:, i] * residual).sum(axis=(0, 1)) for i in range(3)]
+        along = np.stack([sum(jacobian[:, i] * covariance[i][k] for i in range(3)) for k in range(3)], axis=1)
+        residual = residual - sum(along[:, i] * gradient[i] for i in range(3))
+        share = (along[:, None] * jacobian[None]).sum(axis=2)
+        return LinearFit(used, residual.transpose(2, 1, 0), share.transpose(3, 2, 0, 1))
+
+
+def _inverse_3x3(upper: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    """Rows of the inverses of symmetric matrices, given as six numbers each of shape (point,); large if singular."""
+    xx, xy, xz, yy, yz, zz = upper
+    # The trace makes a matrix without any views invertible, and is nothing to one that has them.
+    least = 1e-12 * (xx + yy + zz) + 1e-300
+    w0 = 1.0 / (xx + least)
+    l1, l2 = xy * w0, xz * w0
+    w1 = 1.0 / np.maximum(yy + least - l1 * xy, least)
+    e = yz - l1 * xz
+    l3 = e * w1
+    w2 = 1.0 / np.maximum(zz + least - l2 * xz - l3 * e, least)
+    m = l1 * l3 - l2
+    a, b, c = -l1 * w1 - m * l3 * w2, m * w2, -l3 * w2
+    return [[w0 + l1**2 * w1 + m**2 * w2, a, b], [a, w1 + l3**2 * w2, c], [b, c, w2]]
 
 
 @dataclass(frozen=True)
@@ -106,7 +116,7 @@ class LinearFit:
         """
         used = self.used[..., None, None]
         inverse = np.where(used, np.eye(2) - self.shares, inverse_2x2(np.eye(2) + self.shares))
-        residuals = (inverse_2x2(inverse) @ self.residuals[..., None])[..., 0]
+        residuals = times_2(inverse_2x2(inverse), self.residuals)
         return np.where(self.used[..., None], residuals, self.residuals), inverse
 
 
@@ -115,3 +125,8 @@ def inverse_2x2(symmetric: np.ndarray) -> np.ndarray:
     determinant = symmetric[..., 0, 0] * symmetric[..., 1, 1] - symmetric[..., 0, 1] ** 2
     adjugate = np.trace(symmetric, axis1=-2, axis2=-1)[..., None, None] * np.eye(2) - symmetric
     return adjugate / np.maximum(determinant, 1e-9)[..., None, None]
+
+
+def times_2(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Products of 2x2 matrices with vectors."""
+    return matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.triangulation.linear import LinearFit
+from posefuse.triangulation.linear import LinearFit, times_2
 
 _ROUNDS = 150
 _SETTLED = 2e-4
@@ -49,8 +49,9 @@ def separate(fit: LinearFit, start: Mixture | None = None) -> Mixture:
     with np.errstate(divide="ignore"):
         distance = np.log(np.linalg.norm(left_out, axis=-1) / _NEAREST)
     # By so much a point's sum of squares falls if the view is left out.
-    gain = (left_out * (inverse @ left_out[..., None])[..., 0]).sum(axis=-1)
-    root = np.sqrt(np.maximum(np.linalg.det(inverse), 1e-9))
+    gain = (left_out * times_2(inverse, left_out)).sum(axis=-1)
+    determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
+    root = np.sqrt(np.maximum(determinant, 1e-9))
     views = fit.used.sum(axis=1)
     may_go = fit.used & (views > 2)[:, None]
     squared, freedom = fit.squared, fit.freedom

@@ -1,7 +1,6 @@
 """How noisy the detections are, from how far they lie from the points they agree on."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +11,9 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
-from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import LinearFit
 from posefuse.triangulation.mixture import separate
-from posefuse.triangulation.told import checked, gather
+from posefuse.triangulation.told import Sample, checked, gather
 
 MOST_ROUNDS = 16
 
@@ -38,7 +36,7 @@ cameras count as alike."""
 _LEAST_FACTOR, _MOST_FACTOR = 0.5, 4.0
 
 
-def sample(detections: Detections, *, few: bool = False) -> list[tuple[int, int]]:
+def spans(detections: Detections, *, few: bool = False) -> list[tuple[int, int]]:
     """Ranges of frames that represent a recording: all of a short one, evenly spread pieces of a long one."""
     n_frames = detections.n_frames
     per_frame = len(detections.skeleton) * detections.n_views
@@ -84,46 +82,29 @@ def coarser(noise: NoiseModel, found: NoiseModel | None) -> NoiseModel | None:
     return replace(noise, scale_px=min(ratio, _STRIDE) * noise.scale_px)
 
 
-def estimate(
-    rig: CameraRig,
-    pieces: Sequence[Detections],
-    tracks: Sequence[Tracks],
-    layers: Sequence[Layer],
-    before: NoiseModel,
-) -> NoiseModel | None:
+def estimate(rig: CameraRig, sample: Sample, layer: Layer, before: NoiseModel) -> NoiseModel | None:
     """The noise of the views that agree, or None where too few do.
 
     Args:
         rig: the cameras.
-        pieces: of the recording.
-        tracks: whose detection is whose, in each piece.
-        layers: the pieces as the method ``consensus`` triangulates them with the noise ``before``.
+        sample: of the recording.
+        layer: the sample as the method ``consensus`` triangulates it with the noise ``before``.
         before: the noise so far.
     """
-    squares = [
-        squared_scales(layer, piece, people.rows(piece), before.exponent)
-        for layer, piece, people in zip(layers, pieces, tracks, strict=True)
-    ]
-    found = np.concatenate(squares)
+    found = squared_scales(layer, sample.detections, sample.tracks.rows(sample.detections), before.exponent)
     if len(found) < _FEWEST_POINTS:
         return None
     scale = max(float(np.sqrt(np.median(found))), _FINEST_PX)
     return NoiseModel(np.full(len(rig), scale), before.exponent, "estimated")
 
 
-def of_right_views(
-    rig: CameraRig,
-    pieces: Sequence[Detections],
-    tracks: Sequence[Tracks],
-    layers: Sequence[Layer],
-    before: NoiseModel,
-) -> NoiseModel | None:
+def of_right_views(rig: CameraRig, sample: Sample, layer: Layer, before: NoiseModel) -> NoiseModel | None:
     """The noise of each camera's right observations, or None where too few points tell.
 
     Views that are wrong, but not by enough to be rejected, make :func:`estimate` too large; here they are told apart
     by what the other views of the point say. Arguments as of :func:`estimate`.
     """
-    told = gather(rig, pieces, tracks, layers, before)
+    told = gather(rig, sample, layer, before)
     points, sigma = told.points, np.where(told.used, told.sigma_px, np.inf)
     if len(sigma) < 2 * _FEWEST_POINTS:
         return None
@@ -141,19 +122,13 @@ def of_right_views(
     return NoiseModel(np.maximum(before.scale_px * factor, _FINEST_PX), before.exponent, "estimated")
 
 
-def spread(
-    rig: CameraRig,
-    pieces: Sequence[Detections],
-    tracks: Sequence[Tracks],
-    layers: Sequence[Layer],
-    noise: NoiseModel,
-) -> float:
+def spread(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> float:
     """How far the errors of accepted observations spread, in units of the noise; 1 where they are as Gaussian as it.
 
     Heavy tails, and wrong views not told from right ones, lie in it: regions that are to hold what they say must be
     larger by this factor. Arguments as of :func:`estimate`.
     """
-    told = gather(rig, pieces, tracks, layers, noise)
+    told = gather(rig, sample, layer, noise)
     fit = told.points.fit(told.sigma_px, told.used)
     freedom = fit.freedom.sum()
     return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _FEWEST_POINTS else 1.0

@@ -1,7 +1,7 @@
 """Points of a recording whose views check each other: what there is to be learnt about its noise."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,52 +37,65 @@ class Told:
     confidence: np.ndarray
 
 
-def gather(
-    rig: CameraRig,
-    pieces: Sequence[Detections],
-    tracks: Sequence[Tracks],
-    layers: Sequence[Layer],
-    noise: NoiseModel,
-) -> Told:
+@dataclass(frozen=True)
+class Sample:
+    """Frames that represent a recording.
+
+    Attributes:
+        detections: of pieces of the recording, one after the other, in memory.
+        tracks: whose detection is whose, of the same frames.
+        starts: the first frame of each piece, counted in the sample.
+    """
+
+    detections: Detections
+    tracks: Tracks
+    starts: tuple[int, ...]
+
+
+def gather(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> Told:
     """Points enough, spread evenly over the pieces of a recording.
 
     Args:
         rig: the cameras.
-        pieces: of the recording.
-        tracks: whose detection is whose, in each piece.
-        layers: the pieces as the method ``consensus`` triangulates them.
-        noise: they were triangulated with.
+        sample: of the recording.
+        layer: the sample as the method ``consensus`` triangulates it.
+        noise: it was triangulated with.
     """
     most = min(max(_FREEDOM // (2 * len(rig) - 3), _FEWEST_POINTS), _MOST_POINTS)
-    each = most // (2 * len(pieces)) + 1
-    parts = [
-        _pairs(rig, piece, people.rows(piece), layer, noise, each)
-        for layer, piece, people in zip(layers, pieces, tracks, strict=True)
-    ]
-    return Told(
-        LinearPoints.concatenate([part.points for part in parts]),
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("used", "sigma_px", "confidence")),
-    )
-
-
-def _pairs(
-    rig: CameraRig, detections: Detections, rows: np.ndarray, layer: Layer, noise: NoiseModel, most: int
-) -> Told:
     status = np.asarray(layer.view_status)
-    telling = checked(status)
-    later = np.zeros_like(telling)
-    later[:-1] = telling[1:]
-    first = np.flatnonzero(telling)
-    first = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
-    chosen = np.stack([first, np.where(later.ravel()[first], first + telling[0].size, first)], axis=-1).ravel()
+    chosen = telling_pairs(checked(status), sample.starts, most // (2 * len(sample.starts)) + 1)
     status = status.reshape(-1, status.shape[-1])[chosen]
-    observations = Observations.gather(rig, detections, rows.reshape(-1, rows.shape[-1]), noise, chosen)
+    rows = sample.tracks.rows(sample.detections)
+    observations = Observations.gather(rig, sample.detections, rows.reshape(-1, rows.shape[-1]), noise, chosen)
     points = LinearPoints.at(observations, np.asarray(layer.points_m).reshape(-1, 3)[chosen])
     confidence = np.where(np.isfinite(observations.confidence), observations.confidence, 1.0)
-    counts = np.isin(status, (ViewStatus.USED, ViewStatus.OUTLIER))
+    used = status == ViewStatus.USED
     with np.errstate(divide="ignore"):
-        sigma = np.where(counts, noise.scale_px / confidence**noise.exponent, np.inf)
-    return Told(points, status == ViewStatus.USED, sigma, confidence)
+        sigma = np.where(used | (status == ViewStatus.OUTLIER), noise.scale_px / confidence**noise.exponent, np.inf)
+    return Told(points, used, sigma, confidence)
+
+
+def telling_pairs(telling: np.ndarray, starts: tuple[int, ...], most: int) -> np.ndarray:
+    """Pairs of points that tell, at most so many from each piece, as one row of places.
+
+    Args:
+        telling: shape (frame, person, keypoint), bool.
+        starts: the first frame of each piece.
+        most: pairs of a piece.
+    """
+    later = np.zeros_like(telling)
+    later[:-1] = telling[1:]
+    # What follows the last frame of a piece is not the next frame.
+    later[np.array(starts[1:], dtype=int) - 1] = False
+    found = np.flatnonzero(telling)
+    bounds = np.searchsorted(found, [*(start * telling[0].size for start in starts), telling.size])
+    first = np.concatenate([found[_evenly(begin, end, most)] for begin, end in pairwise(bounds)])
+    return np.stack([first, np.where(later.ravel()[first], first + telling[0].size, first)], axis=-1).ravel()
+
+
+def _evenly(begin: int, end: int, most: int) -> np.ndarray:
+    """At most so many numbers from ``begin`` to before ``end``, evenly spread."""
+    return begin + np.unique(np.linspace(0, end - begin - 1, min(most, end - begin)).astype(int))
 
 
 def checked(view_status: np.ndarray) -> np.ndarray:

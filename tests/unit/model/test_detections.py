@@ -46,6 +46,15 @@ def test_ranges_of_frames_put_together_are_the_whole(rng):
     assert parts[1].frame_numbers.tolist() == [14, 15]
 
 
+def test_pieces_are_their_ranges_one_after_the_other(rng):
+    whole = ragged(rng)
+    joined = whole.pieces([(0, 2), (3, 6)])
+    assert joined.frame_numbers.tolist() == whole.frame_numbers[[0, 1, 3, 4, 5]].tolist()
+    for f, of in enumerate((0, 1, 3, 4, 5)):
+        for v in range(3):
+            np.testing.assert_array_equal(people(joined, f, v), people(whole, of, v))
+
+
 def test_chosen_views_keep_their_people(rng):
     whole = ragged(rng)
     chosen = whole.views(["view_2", "view_0"])

@@ -7,6 +7,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.triangulation.linear import LinearPoints
 from posefuse.triangulation.mixture import separate
 from posefuse.triangulation.observations import Observations
+from posefuse.triangulation.told import telling_pairs
 from tests.scenes import LENSES, body_points, ring
 
 SIGMA_PX = 2.0
@@ -85,3 +86,24 @@ def test_scale_follows_the_units(rng):
     linear = LinearPoints.at(observations, truth)
     one, other = (separate(linear.fit(np.full((300, 5), sigma))).scale for sigma in (1.0, 4.0))
     assert one == pytest.approx(4.0 * other, rel=0.01)
+
+
+def test_pairs_are_followed_within_their_piece():
+    """By the next frame where that tells, too, by themselves where it does not, or is of another piece."""
+    telling = np.ones((6, 1, 2), dtype=bool)
+    telling[1, 0, 0] = False
+    pairs = telling_pairs(telling, (0, 4), 100).reshape(-1, 2).tolist()
+    assert pairs == [[0, 0], [1, 3], [3, 5], [4, 6], [5, 7], [6, 6], [7, 7], [8, 10], [9, 11], [10, 10], [11, 11]]
+    few = telling_pairs(telling, (0, 4), 2).reshape(-1, 2)[:, 0].tolist()
+    assert few == [0, 7, 8, 11]
+    assert telling_pairs(np.zeros((3, 1, 2), dtype=bool), (0, 1), 5).tolist() == []
+
+
+def test_points_without_views_have_no_residuals(rng):
+    observations, truth = observed(rng, n=4)
+    sigma = np.full((4, 5), SIGMA_PX)
+    sigma[1] = np.inf
+    fit = LinearPoints.at(observations, truth).fit(sigma)
+    assert not fit.used[1].any()
+    assert (fit.residuals[1] == 0.0).all()
+    assert np.isfinite(fit.residuals).all()

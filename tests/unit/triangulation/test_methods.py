@@ -64,6 +64,29 @@ def test_numbers_status_and_views_tell_the_same(method, ugly):
     np.testing.assert_allclose(layer.reprojection_error_px[layer.has_point], mean[layer.has_point], rtol=1e-4)
 
 
+def bounded_cost(data: Walk, points_m: np.ndarray, sigma_px: np.ndarray) -> np.ndarray:
+    """Shape (frame, keypoint): what consensus minimises at last, in squared sigmas, by its description."""
+    full, none = 2.5**2, 5.0**2
+    projected = np.moveaxis(data.rig.project(points_m), 0, 1)
+    squared = (np.square(projected - data.pixels).sum(axis=-1)) / np.square(sigma_px[:, None])
+    fall = 1.0 - np.clip((squared - full) / (none - full), 0.0, 1.0)
+    return (np.minimum(squared, full) + (none - full) * (1.0 - fall**3) / 3.0).sum(axis=1)
+
+
+def test_consensus_ends_in_a_minimum_of_the_bounded_cost(ugly):
+    """Where weights fall, too: there the second derivatives are those of the cost, not of its squares."""
+    result = triangulate(ugly.rig, ugly.detections, Options(pairs="labels", noise_scale_px=2.0))
+    layer = result.layers["measured"]
+    points, there = layer.points_m[:, 0], layer.has_point[:, 0]
+    lowest = bounded_cost(ugly, points, result.noise.scale_px)
+    between = ((layer.view_error_px > 5.0) & (layer.view_error_px < 10.0)).any(axis=-1)[:, 0]
+    assert (between & there).sum() > 100
+    for axis in np.eye(3):
+        step = 0.05 * layer.sd_m[:, 0] * axis
+        for sign in (1, -1):
+            assert (bounded_cost(ugly, points + sign * step, result.noise.scale_px) > lowest)[there].all()
+
+
 @pytest.mark.parametrize(
     ("method", "far_share"),
     [("consensus", 0.0005), ("ransac", 0.002), ("irls", 0.02), ("weighted_subsets", 0.04), ("percentile_filter", 0.04)],
