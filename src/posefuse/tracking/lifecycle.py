@@ -180,7 +180,7 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
 
 def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
     """Let two people go on as each other: names, and what is known of lengths, change places; poses stay."""
-    for name in ("name", "born_s", "trusted", "settled_s"):
+    for name in ("name", "born_s", "trusted", "settled_s", "sought_s"):
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)

@@ -20,13 +20,14 @@ def test_what_is_known_of_lengths_goes_with_the_name(settings: Settings):
     state = joined(first, second)
     state.shape[1] *= 1.1
     state.root[1] += 1.0
-    settle_shape(one, state, 0, 1e3, settings)
+    one.firm_s = 1e3
+    settle_shape(one, state, 0, 1e3, 1e3, settings)
     roots, shapes, covariance = state.root.copy(), state.shape.copy(), state.covariance.copy()
     n, h = settings.tree.n_pose, settings.tree.n_shape
     exchange([one, other], state, 0, 1)
-    assert [(t.number, t.name, t.trusted is not None) for t in (one, other)] == [
-        (1, "person_2", False),
-        (2, "person_1", True),
+    assert [(t.number, t.name, t.trusted is not None, t.sought_s) for t in (one, other)] == [
+        (1, "person_2", False, 0.0),
+        (2, "person_1", True, 1e3),
     ]
     np.testing.assert_array_equal(state.root, roots)
     np.testing.assert_array_equal(state.shape, shapes[::-1])

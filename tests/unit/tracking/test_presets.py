@@ -55,7 +55,7 @@ def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
 
 
 def somebody() -> Track:
-    return newcomer("person_1", 0.0, 0.5)
+    return newcomer(1, 0.0, 0.5)
 
 
 def unknown() -> Lately:
