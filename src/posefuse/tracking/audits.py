@@ -22,7 +22,8 @@ _MOST_LOOK_S = 3.0
 _FRAMES, _FEWEST = 12, 4
 _EVERY_S = 0.03
 _FRAMES_KEPT = 100
-_CLEAR = 2.0
+_CLEAR = 4.6
+"""A hundred to one: movement had it otherwise, and it is not taken back."""
 
 
 @dataclass

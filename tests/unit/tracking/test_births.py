@@ -25,12 +25,12 @@ def settings_with(**options: float) -> Settings:
     return Settings.of(RIG, SKELETON, NoiseModel(np.full(4, 4.5), 1.0), replace(TrackerOptions(), **options))
 
 
-def standing_still(settings: Settings, times_s: np.ndarray) -> list[Evidence]:
-    """Somebody at rest, seen where they are."""
+def standing_still(settings: Settings, times_s: np.ndarray, size: float = 1.0) -> list[Evidence]:
+    """Somebody at rest, that much larger than others, seen where they are."""
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
-    body = newborn(tree, points, tree.shape_m, tree.shape_covariance, settings.options.motion)
+    body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     sight = Sight.room(1, len(RIG), len(SKELETON))
     foresee_people(settings.cameras, settings.body, body, *sight.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
