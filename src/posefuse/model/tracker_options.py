@@ -153,7 +153,7 @@ class TrackerOptions:
             deviation, x, y and z together; it ends at 8.7); None leaves it to the time.
         outside_s: Nor who is lost and has for longer been where no two views overlap, nor within 0.5 m of it (G); None
             lets people come back.
-        shape_settle_s: How long a body's lengths are sought before they are kept.
+        shape_settle_s: For how long two views show somebody before the lengths of their body are kept.
         max_people: No more are followed at a time.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
