@@ -18,7 +18,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, tempering
-from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, bone_axes, first_with, see_pose, tell_again, what_was_said
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
@@ -202,7 +202,8 @@ class _Window:
     Attributes:
         root_m: shape (frame, 3): as first filtered, to know the frames by.
         state: a State with frames where people stand: as filtered again.
-        information: shape (frame, pose + shape, pose + shape): what each frame says, errors taken as its own.
+        information: shape (frame, pose + shape, pose + shape): what each frame says, errors taken as its own; in the
+            axes of ``state``.
     """
 
     root_m: np.ndarray
@@ -234,10 +235,12 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
     dt_s = np.diff(rest.time_s)
     said = what_was_said(rest.frames(0, len(rest) - 1).state, dt_s, rest.frames(1, len(rest)).state, settings)
     again = tell_again(rest.state, rest.time_s, said, share[n - 1 :], chosen(known.state, [n - 1]), settings)
+    turn = bone_axes(again, rest.state, settings)[1:]
+    curvature = turn.transpose(0, 2, 1) @ said.curvature @ turn
     return _Window(
         part.state.root,
         State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True))),
-        np.concatenate([known.information[:n], told[n:, None, None] * said.curvature]),
+        np.concatenate([known.information[:n], told[n:, None, None] * curvature]),
     )
 
 

@@ -126,8 +126,7 @@ def next_with(
     if was_free and not is_free:
         _keep_shape(now, told.shape[0])
     # What the frame said is in the axes of the first run's bones, whose frames went other ways.
-    turn = np.eye(n + h)
-    turn[:n, :n] = _bone_axes(now, told, settings)
+    turn = bone_axes(now, told, settings)[0]
     rows = uncertain(n, h, was_free and is_free)
     _learn(now, told, share * (turn.T @ curvature @ turn), share * (turn.T @ gradient), rows, len(rows) - n)
     if is_free and not was_free:
@@ -138,7 +137,7 @@ def next_with(
 def see_pose(state: State, seen: State, settings: Settings) -> None:
     """Tell a state of one person, in place, the pose that another source has, as an observation of that covariance."""
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    turn = _bone_axes(state, seen, settings)
+    turn = bone_axes(state, seen, settings)[0, :n, :n]
     curvature = turn.T @ np.linalg.inv(seen.covariance[0, :n, :n]) @ turn
     _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
 
@@ -158,19 +157,29 @@ def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, setti
     _learn(state, chosen(state, [0]), whole, pull, uncertain(n, h, free=True), n + h)
 
 
-def _bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
-    """Shape (pose, pose): makes changes in one state's axes those in another's, whose bones' frames began elsewhere."""
+def bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
+    """For each frame what makes changes in the axes of one state those in another's, whose bones' frames lie otherwise.
+
+    Args:
+        state: a State with frames where people stand.
+        seen: a State likewise.
+        settings: of the tracker whose states they are.
+
+    Returns:
+        Rotations of pose and shape, shape (frame, pose + shape, pose + shape).
+    """
     n, first = settings.tree.n_pose, 3 + 3 * len(settings.tree.segments)
-    change = np.zeros((1, state.covariance.shape[1]))
+    frames = np.arange(len(state.root))
+    change = np.zeros((len(frames), state.covariance.shape[1]))
     compare_states(state, seen, change)
     change[:, :first] = 0.0
     change[:, n:] = 0.0
-    carried = chosen(state, [0])
+    carried = chosen(state, frames)
     apply_changes(change, carried)
-    turn = np.eye(n)
+    turn = np.tile(np.eye(n + settings.tree.n_shape), (len(frames), 1, 1))
     for b in range(len(settings.tree.bones)):
         c = first + 2 * b
-        turn[c : c + 2, c : c + 2] = (seen.bones[0, b].T @ carried.bones[0, b])[:2, :2]
+        turn[:, c : c + 2, c : c + 2] = (seen.bones[:, b].transpose(0, 2, 1) @ carried.bones[:, b])[:, :2, :2]
     return turn
 
 

@@ -17,7 +17,7 @@ from posefuse.tracking.history import Run
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.smoothing import smooth_run, smooth_states
-from posefuse.tracking.tempering import ahead, first_with, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again, what_was_said
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree
@@ -232,6 +232,18 @@ def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng,
     straight = tell_again(states, t, said, share, first, settings)
     turned = tell_again(states, t, said, share, with_bones_turned(first, angles), settings)
     close(turned, with_bones_turned(straight, angles), 1e-9)
+
+
+def test_axes_of_bones_are_carried_into_others(settings, rng):
+    """Information is the inverse of the covariance in either."""
+    states, angles = filtered(settings, 5, rng), rng.uniform(-3.0, 3.0, len(settings.tree.bones))
+    spread = np.diag(rng.uniform(0.5, 2.0, 2 * N + H))
+    states.covariance[:] = spread @ states.covariance @ spread
+    turned = with_bones_turned(states, angles)
+    turn = bone_axes(turned, states, settings)
+    ours, theirs = (np.linalg.inv(each.covariance[:, : N + H, : N + H]) for each in (turned, states))
+    np.testing.assert_allclose(turn.transpose(0, 2, 1) @ theirs @ turn, ours, atol=1e-9 * np.abs(ours).max())
+    assert np.abs(theirs - ours).max() > 1e-3 * np.abs(ours).max()
 
 
 def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
