@@ -177,9 +177,9 @@ def bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
     carried = chosen(state, frames)
     apply_changes(change, carried)
     turn = np.tile(np.eye(n + settings.tree.n_shape), (len(frames), 1, 1))
-    for b in range(len(settings.tree.bones)):
-        c = first + 2 * b
-        turn[:, c : c + 2, c : c + 2] = (seen.bones[:, b].transpose(0, 2, 1) @ carried.bones[:, b])[:, :2, :2]
+    columns = np.arange(first, n).reshape(-1, 2)
+    between = seen.bones.transpose(0, 1, 3, 2) @ carried.bones
+    turn[:, columns[:, :, None], columns[:, None]] = between[:, :, :2, :2]
     return turn
 
 
