@@ -32,7 +32,7 @@ from posefuse.kernels.points import (
     take_step,
 )
 from posefuse.kernels.rows import BLOCK, residual, rows_block
-from posefuse.kernels.search import rank_views, search, two_view_point
+from posefuse.kernels.search import copy_pair, rank_views, search, two_view_point
 from posefuse.kernels.views import (
     linear_errors,
     load_block,
@@ -262,7 +262,7 @@ def _leave_undecided(undecided, places, n_keypoints, best, used, pending, waitin
     """Put off the lanes, if there are any, for which more pairs than the first few have to be tried."""
     for j in range(BLOCK):
         if undecided > 0 and best[3, j] < best[6, j]:
-            _put_off(places, n_keypoints, j, used, pending, waiting, 1)
+            _put_off(places, n_keypoints, j, used, pending, waiting, np.int64(1))
 
 
 @inline
@@ -320,7 +320,7 @@ def _mark_outliers(accepted, status, view_codes):
 
 
 @step
-def _rival(rows, weights, accepted, j, bound):
+def _rival(rows, weights, accepted, j, bound, pair, pair_weights):
     """The best two-view point of lane ``j`` that rests on a view which was not accepted: ``(cost, x, y, z)``."""
     n_views = weights.shape[0]
     lowest = math.inf
@@ -331,7 +331,8 @@ def _rival(rows, weights, accepted, j, bound):
         for b in range(a):
             if weights[a, j] == 0.0 or weights[b, j] == 0.0 or (accepted[a, j] > 0.0 and accepted[b, j] > 0.0):
                 continue
-            found, x, y, z = two_view_point(rows, weights, j, a, b)
+            copy_pair(rows, weights, a, b, j, pair, pair_weights)
+            found, x, y, z = two_view_point(pair, pair_weights, j)
             if found == 0.0:
                 continue
             cost = 0.0
@@ -349,9 +350,9 @@ def _rival(rows, weights, accepted, j, bound):
 
 
 @step
-def _doubt(rows, weights, accepted, state, j, cost, bound):
+def _doubt(rows, weights, accepted, state, j, cost, bound, pair, pair_weights):
     """What to say of a point that hardly more views agree on than disagree: its code if it has a rival, else OK."""
-    rival, x, y, z = _rival(rows, weights, accepted, j, bound)
+    rival, x, y, z = _rival(rows, weights, accepted, j, bound, pair, pair_weights)
     if rival >= cost + _CLEAR_LEAD * bound:
         return codes.POINT_OK
     x -= state[X, j]
@@ -365,7 +366,7 @@ def _doubt(rows, weights, accepted, state, j, cost, bound):
 
 
 @inline
-def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, status):
+def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, pair, pair_weights, status):
     """From what came of the search to point codes."""
     for j in range(BLOCK):
         code = codes.POINT_OK if agreeing[j] > 2 else codes.POINT_TWO_VIEWS
@@ -380,7 +381,7 @@ def _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, stat
         elif lanes[j] == SINGULAR:
             code = codes.POINT_DEGENERATE
         elif agreeing[j] < used[j] and (agreeing[j] <= 3 or 2 * agreeing[j] <= used[j] + 1):
-            code = max(code, _doubt(rows, weights, accepted, state, j, best[4, j], bound))
+            code = max(code, _doubt(rows, weights, accepted, state, j, best[4, j], bound, pair, pair_weights))
         status[j] = code
 
 
@@ -450,8 +451,7 @@ def triangulate_consensus(
     block_codes = np.empty((n_views, BLOCK), np.int64)
     ranks = np.empty((n_views, BLOCK), np.int64)
     pair, pair_weights = np.empty((2, 12, BLOCK)), np.empty((2, BLOCK))
-    scratch = np.empty((6, BLOCK))
-    best = np.empty((7, BLOCK))
+    scratch, best = np.empty((6, BLOCK)), np.empty((7, BLOCK))
     sums = np.empty((_BEND + 6, BLOCK))
     state = np.empty((STATE_ROWS, BLOCK))
     places = np.empty((2, BLOCK), np.int64)
@@ -460,7 +460,9 @@ def triangulate_consensus(
     lanes = np.empty(BLOCK, np.int64)
     point_codes = np.empty(BLOCK, np.int64)
     bound, full, none = bound_sigma * bound_sigma, full_sigma * full_sigma, none_sigma * none_sigma
-    pending, waiting, first = np.empty((2, total), np.int64), np.zeros(2, np.int64), 0
+    pending, waiting = np.empty((2, total), np.int64), np.zeros(2, np.int64)
+    # A plain 0 is a type of its own, and what takes it would be compiled twice.
+    pending, waiting, first = np.empty((2, total), np.int64), np.zeros(2, np.int64), np.int64(0)
     while first < total or waiting[0] + waiting[1] > 0:
         sought, first = _next_block(first, total, n_views, n_keypoints, brief, pending, waiting, places)
         thorough = sought != _QUICK
@@ -482,7 +484,21 @@ def triangulate_consensus(
         accept(rows, weights, state, none if thorough else full, accepted, agreeing)
         if not thorough:
             _leave_contested(places, n_keypoints, min_views, brief, used, agreeing, lanes, best, pending, waiting)
-        _judge(rows, weights, accepted, best, bound, min_views, used, agreeing, state, lanes, point_codes)
+        _judge(
+            rows,
+            weights,
+            accepted,
+            best,
+            bound,
+            min_views,
+            used,
+            agreeing,
+            state,
+            lanes,
+            pair,
+            pair_weights,
+            point_codes,
+        )
         _spread(rows, accepted, thorough, sums, state, point_codes)
         reproject_block(cameras, distorted, fisheye, pixels, state, errors)
         linear_errors(rows, accepted, state, errors)

@@ -213,7 +213,7 @@ def normal_equations(rows, weights, state, sums):
 
 @inline
 def take_step(sums, state, lanes):
-    """One damped Gauss-Newton step of every active lane, from the sums at its point.
+    """One damped Gauss-Newton step of every active lane, from the sums at its point; steps take the gradients' place.
 
     A step that put the point behind a used view, or raised the cost, is halved instead. No branches: they would keep
     the compiler from using vector instructions.
@@ -228,6 +228,9 @@ def take_step(sums, state, lanes):
         solved, sx, sy, sz = solve_symmetric(
             sums[0, j], sums[1, j], sums[2, j], sums[3, j], sums[4, j], sums[5, j], gx, gy, gz
         )
+        sums[_GRADIENT, j] = sx
+        sums[_GRADIENT + 1, j] = sy
+        sums[_GRADIENT + 2, j] = sz
         # The product of step and gradient is the squared step in units of the point's standard error.
         step_squared = sx * sx + sy * sy + sz * sz
         depth = sums[DEPTH, j]
@@ -241,14 +244,12 @@ def take_step(sums, state, lanes):
         active = lanes[j] == ACTIVE
         go = active & (not failed)
         advance = go & better
-        state[X, j] -= (sx if better else -scale * state[STEP, j]) if go else 0.0
-        state[X + 1, j] -= (sy if better else -scale * state[STEP + 1, j]) if go else 0.0
-        state[X + 2, j] -= (sz if better else -scale * state[STEP + 2, j]) if go else 0.0
+        for k in range(3):
+            step = sums[_GRADIENT + k, j]
+            state[X + k, j] -= (step if better else -scale * state[STEP + k, j]) if go else 0.0
+            state[STEP + k, j] = step if advance else state[STEP + k, j]
         state[SCALE, j] = scale if go else state[SCALE, j]
         state[COST, j] = cost if advance else best
-        state[STEP, j] = sx if advance else state[STEP, j]
-        state[STEP + 1, j] = sy if advance else state[STEP + 1, j]
-        state[STEP + 2, j] = sz if advance else state[STEP + 2, j]
         for k in range(6):
             state[INFORMATION + k, j] = sums[k, j] if advance else state[INFORMATION + k, j]
         code = BEHIND if not better else SINGULAR

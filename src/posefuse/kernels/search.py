@@ -37,43 +37,40 @@ def rank_views(trust, weights, ranks, used):
 
 
 @inline
-def _copy_pair(rows, weights, ranks, first, second, pair, pair_weights):
-    """Rows and weights of each lane's views of two ranks: side by side, what follows works on all lanes at once."""
-    for j in range(BLOCK):
-        a = ranks[first, j]
-        b = ranks[second, j]
-        pair_weights[0, j] = weights[a, j]
-        pair_weights[1, j] = weights[b, j]
-        for i in range(12):
-            pair[0, i, j] = rows[a, i, j]
-            pair[1, i, j] = rows[b, i, j]
+def copy_pair(rows, weights, a, b, j, pair, pair_weights):
+    """Rows and weights of a lane's views ``a`` and ``b``: side by side, what follows works on all lanes at once."""
+    pair_weights[0, j] = weights[a, j]
+    pair_weights[1, j] = weights[b, j]
+    for i in range(12):
+        pair[0, i, j] = rows[a, i, j]
+        pair[1, i, j] = rows[b, i, j]
 
 
 @inline
-def two_view_point(rows, weights, j, a, b):
-    """The algebraic point of views ``a`` and ``b`` of lane ``j``.
+def two_view_point(pair, pair_weights, j):
+    """The algebraic point of the pair of lane ``j``.
 
     Returns:
         ``(found, x, y, z)``, found 1.0 where there is one in front of both, else 0.0.
     """
-    u = weights[a, j]
-    w = weights[b, j]
-    g0 = rows[a, 0, j]
-    g1 = rows[a, 1, j]
-    g2 = rows[a, 2, j]
-    g3 = rows[a, 3, j]
-    h0 = rows[a, 4, j]
-    h1 = rows[a, 5, j]
-    h2 = rows[a, 6, j]
-    h3 = rows[a, 7, j]
-    k0 = rows[b, 0, j]
-    k1 = rows[b, 1, j]
-    k2 = rows[b, 2, j]
-    k3 = rows[b, 3, j]
-    l0 = rows[b, 4, j]
-    l1 = rows[b, 5, j]
-    l2 = rows[b, 6, j]
-    l3 = rows[b, 7, j]
+    u = pair_weights[0, j]
+    w = pair_weights[1, j]
+    g0 = pair[0, 0, j]
+    g1 = pair[0, 1, j]
+    g2 = pair[0, 2, j]
+    g3 = pair[0, 3, j]
+    h0 = pair[0, 4, j]
+    h1 = pair[0, 5, j]
+    h2 = pair[0, 6, j]
+    h3 = pair[0, 7, j]
+    k0 = pair[1, 0, j]
+    k1 = pair[1, 1, j]
+    k2 = pair[1, 2, j]
+    k3 = pair[1, 3, j]
+    l0 = pair[1, 4, j]
+    l1 = pair[1, 5, j]
+    l2 = pair[1, 6, j]
+    l3 = pair[1, 7, j]
     solved, x, y, z = solve_symmetric(
         u * (g0 * g0 + h0 * h0) + w * (k0 * k0 + l0 * l0),
         u * (g0 * g1 + h0 * h1) + w * (k0 * k1 + l0 * l1),
@@ -85,8 +82,8 @@ def two_view_point(rows, weights, j, a, b):
         -u * (g1 * g3 + h1 * h3) - w * (k1 * k3 + l1 * l3),
         -u * (g2 * g3 + h2 * h3) - w * (k2 * k3 + l2 * l3),
     )
-    depth_a = rows[a, 8, j] * x + rows[a, 9, j] * y + rows[a, 10, j] * z + rows[a, 11, j]
-    depth_b = rows[b, 8, j] * x + rows[b, 9, j] * y + rows[b, 10, j] * z + rows[b, 11, j]
+    depth_a = pair[0, 8, j] * x + pair[0, 9, j] * y + pair[0, 10, j] * z + pair[0, 11, j]
+    depth_b = pair[1, 8, j] * x + pair[1, 9, j] * y + pair[1, 10, j] * z + pair[1, 11, j]
     return 1.0 if solved & (depth_a > 0.0) & (depth_b > 0.0) else 0.0, x, y, z
 
 
@@ -139,9 +136,10 @@ def search(rows, weights, ranks, used, pairs, enough, brief, bound, pair, pair_w
     for p in range(pairs.shape[0]):
         first = pairs[p, 0]
         second = pairs[p, 1]
-        _copy_pair(rows, weights, ranks, first, second, pair, pair_weights)
         for j in range(BLOCK):
-            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(pair, pair_weights, j, 0, 1)
+            copy_pair(rows, weights, ranks[first, j], ranks[second, j], j, pair, pair_weights)
+        for j in range(BLOCK):
+            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(pair, pair_weights, j)
         _score(rows, weights, bound, trial)
         for j in range(BLOCK):
             # A lane that has tried enough takes no notice of what its neighbours still try.

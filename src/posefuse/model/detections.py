@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -201,17 +202,23 @@ class Detections:
         start, stop, _ = slice(start, stop).indices(self.n_frames)
         cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
         rows = slice(int(cells[0]), int(cells[-1]))
-        return replace(
-            self,
-            frame_numbers=self.frame_numbers[start:stop],
-            time_s=self.time_s[start:stop],
-            offsets=cells - cells[0],
-            keypoints_px=np.asarray(self.keypoints_px[rows]),
-            confidence=np.asarray(self.confidence[rows]),
-            recorded=self.recorded[start:stop],
-            track_ids=np.asarray(self.track_ids[rows]),
-            depth=None if self.depth is None else np.asarray(self.depth[rows]),
-        )
+        parts: dict[str, Any] = {
+            "frame_numbers": self.frame_numbers[start:stop],
+            "time_s": self.time_s[start:stop],
+            "offsets": frozen(cells - cells[0], np.int64),
+            "keypoints_px": np.asarray(self.keypoints_px[rows]),
+            "confidence": np.asarray(self.confidence[rows]),
+            "recorded": self.recorded[start:stop],
+            "track_ids": np.asarray(self.track_ids[rows]),
+            "depth": None if self.depth is None else np.asarray(self.depth[rows]),
+        }
+        if not in_memory(self.keypoints_px):
+            return replace(self, **parts)
+        # A range of what has been checked needs no check, and would cost as much as triangulating it.
+        part = object.__new__(Detections)
+        for each in fields(self):
+            object.__setattr__(part, each.name, parts.get(each.name, getattr(self, each.name)))
+        return part
 
     def pieces(self, spans: Sequence[tuple[int, int]]) -> "Detections":
         """The frames of several ranges (counted from 0, ascending), one after the other, in memory."""
