@@ -1,5 +1,6 @@
 """When frames are: views that are late, drop a frame, or record none."""
 
+import statistics
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,11 +52,11 @@ class Clock:
             self.period_s = (time_s - before) / (frame.number - self.number)
         seen = _taken(frame)
         last = self.views_s if len(self.views_s) else np.full(len(seen), -np.inf)
-        apart_s = (frame.time_s - last)[seen & np.isfinite(last)]
+        apart_s = (frame.time_s - last)[seen & np.isfinite(last)].tolist()
         self.views_s = np.where(seen, frame.time_s, last)
         self.time_s, self.number = time_s, frame.number
         dt_s = 0.0 if np.isnan(before) else time_s - before
-        self.apart_s = float(np.median(apart_s)) if len(apart_s) else dt_s
+        self.apart_s = statistics.median(apart_s) if apart_s else dt_s
         return dt_s
 
     def _time_of(self, frame: Frame) -> float:
