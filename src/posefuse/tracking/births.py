@@ -4,7 +4,7 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, foresee_people, predict_people, update_people
 from posefuse.tracking.bodies import Sight, chosen
-from posefuse.tracking.posing import newborn
+from posefuse.tracking.posing import aim, bones_shown, newborn
 from posefuse.tracking.records import Evidence, Remembered
 from posefuse.tracking.settings import Settings, tempering
 
@@ -34,6 +34,7 @@ def begin(
     spread = tree.shape_covariance if covariance is None else covariance
     state = newborn(tree, evidence[0].points_m, mean, spread, settings.options.motion)
     past: list[Remembered] = []
+    seen = np.zeros(len(tree.bones), dtype=bool)
     for i, each in enumerate(evidence):
         since_s = each.time_s - evidence[i - 1].time_s if i else np.inf
         if i:
@@ -41,6 +42,9 @@ def begin(
                 np.array([since_s]), settings.decay_s, settings.power, settings.most,
                 settings.options.motion.shape_walk, state,
             )  # fmt: skip
+        shown = bones_shown(tree, each.points_m)
+        aim(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
+        seen |= np.isfinite(shown).all(axis=1)
         put_right(state, each, settings, since_s)
         past.append(Remembered(each.number, each.time_s, chosen(state, [0]), each.rows))
     return state, past[:-1], error_sigma(state, evidence[-1], settings)

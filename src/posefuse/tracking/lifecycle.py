@@ -7,6 +7,7 @@ from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, chosen, put
 from posefuse.tracking.lengths import told_of_lengths
+from posefuse.tracking.posing import aim, bones_shown
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tempering import see_lengths
@@ -196,17 +197,29 @@ def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
     state.free[[p, q]] = state.free[[q, p]]
 
 
-def set_limb_anew(state: State, p: int, keypoint: int, settings: Settings) -> bool:
-    """Make the bones that lead to a keypoint as little known as those of somebody new; whether there are any."""
+def set_limb_anew(state: State, p: int, keypoint: int, points_m: np.ndarray, settings: Settings) -> bool:
+    """Turn the bones that lead to a keypoint to where they are shown, as little known as those of somebody new.
+
+    Args:
+        state: in and out.
+        p: whose.
+        keypoint: at the end of the limb.
+        points_m: shape (keypoint, 3): where the views show the body's points, NaN where they do not.
+        settings: of the tracker.
+
+    Returns:
+        Whether any bones lead there.
+    """
     tree = settings.tree
     node = int(tree.keypoint_nodes[keypoint])
-    columns: list[int] = []
+    bones: list[int] = []
     while node > 0 and tree.nodes[node].is_bone:
-        first = 3 + 3 * len(tree.segments) + 2 * tree.nodes[node].mover
-        columns += [first, first + 1]
+        bones.append(tree.nodes[node].mover)
         node = tree.nodes[node].parent
-    if not columns:
+    if not bones:
         return False
+    aim(state.bones[p], bones_shown(tree, points_m), bones)
+    columns = [3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)]
     cov, n = state.covariance[p], tree.n_pose
     velocities = [len(cov) - n + column for column in columns]
     for column in (*columns, *velocities):

@@ -1,6 +1,9 @@
 """A first pose of a body from triangulated keypoints; the filter goes on from there."""
 
+from collections.abc import Iterable
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.articulated import State
 from posefuse.model.tracker_options import MotionOptions
@@ -111,6 +114,40 @@ def _frame_along(direction: np.ndarray) -> np.ndarray:
     first = across - direction * (direction @ across)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(direction, first), direction], axis=1)
+
+
+def bones_shown(tree: Tree, points_m: np.ndarray) -> np.ndarray:
+    """Shape (bone, 3): from end to end of bones by a body's points, shape (keypoint, 3); NaN where one is not there."""
+    known = np.full((len(tree.nodes), 3), np.nan)
+    has = tree.keypoint_nodes >= 0
+    known[tree.keypoint_nodes[has]] = points_m[has]
+    shown = np.full((len(tree.bones), 3), np.nan)
+    for n, node in enumerate(tree.nodes):
+        if node.is_bone:
+            shown[node.mover] = known[n] - known[node.parent]
+    return shown
+
+
+def aim(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
+    """Turn bones, by the least rotation, to where they are shown; those of which nothing is shown stay.
+
+    A direction that is far off is not found by small steps from where it is thought to be.
+
+    Args:
+        frames: shape (bone, 3, 3), in and out.
+        shown: shape (bone, 3), from :func:`bones_shown`.
+        bones: which.
+    """
+    for b in bones:
+        length = float(np.linalg.norm(shown[b]))
+        if not length > 1e-9:
+            continue
+        old, new = frames[b][:, 2], shown[b] / length
+        across = np.cross(old, new)
+        sine = float(np.linalg.norm(across))
+        axis = across / sine if sine > 1e-9 else frames[b][:, 0]
+        turn = Rotation.from_rotvec(axis * np.arctan2(sine, float(old @ new)))
+        frames[b] = turn.as_matrix() @ frames[b]
 
 
 def newborn(

@@ -117,7 +117,7 @@ class ArticulatedTracker:
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
         use = self._put_right(frame, rows, labels, before, dt_s)
-        self._set_limbs_anew(frame, use, dt_s)
+        self._set_limbs_anew(frame, rows, use, dt_s)
         p, v = np.nonzero(rows >= 0)
         self.lately.swapped[p, v] = swapped[p, rows[p, v]]
         self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
@@ -167,18 +167,28 @@ class ArticulatedTracker:
             use[:, views] = part[:, views]
         return use
 
-    def _set_limbs_anew(self, frame: Frame, use: np.ndarray, dt_s: float) -> None:
-        """Limbs that most views have seen elsewhere for some time are as good as unknown."""
+    def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, use: np.ndarray, dt_s: float) -> None:
+        """Limbs that most views have seen elsewhere for some time are where those show them, and as good as unknown."""
         gated, used = (use == GATED).sum(axis=1), (use == USED).sum(axis=1)
         off_s = self.lately.off_s
         off_s[:] = np.where((gated >= 2) & (gated > used), off_s + dt_s, 0.0)
         for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
             k = int(off_s[p].argmax())
             off_s[p] = 0.0
-            if lifecycle.set_limb_anew(self.state, int(p), k, self.settings):
+            points = self._points_shown(frame, rows[p])
+            if lifecycle.set_limb_anew(self.state, int(p), k, points, self.settings):
                 name = self.settings.skeleton.keypoints[k]
                 why = f"{gated[p, k]} cameras see the {name} elsewhere"
                 self.events.append(Event(frame.number, self.time_s, self.tracks[p].name, "limb set anew", why))
+
+    def _points_shown(self, frame: Frame, rows: np.ndarray) -> np.ndarray:
+        """Shape (keypoint, 3): where the detections of one person, shape (view,), put their points by themselves."""
+        mine = np.zeros(len(frame.view), dtype=bool)
+        mine[rows[rows >= 0]] = True
+        proposals = self.propose(frame, mine)
+        if not len(proposals):
+            return np.full((len(self.settings.skeleton), 3), np.nan)
+        return proposals.points_m[int(proposals.n_views.argmax())]
 
     def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         """Rows (track, view), and whose sides are exchanged (track, row, group)."""
