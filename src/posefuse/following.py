@@ -24,6 +24,7 @@ from posefuse.model.tracks import Tracks, TrackState
 from posefuse.progress import Progress
 from posefuse.survey import known_noise
 from posefuse.tracking.history import History
+from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
@@ -192,13 +193,15 @@ class Followed:
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
             out.used[f, p] = person.run.used[seen]
-            out.put(person, (f, p), seen, everywhere, (0, 0))
+            out.put(person, (f, p), seen, everywhere, (0, 0), person.body.directions[seen])
         tree = self.history.settings.tree
         first = (len(tree.segments), len(tree.bones))
         for part, found in zip(self.skeleton.parts, people.parts, strict=True):
             for person in found:
                 cells, seen = self._cells_with_bodies(person, start, out)
-                out.put(person, cells, seen, part.keypoints, first)
+                body = person.body
+                sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
+                out.put(person, cells, seen, part.keypoints, first, sure)
             first = (first[0] + len(part.tree.segments), first[1] + len(part.tree.bones))
         rows = self.follow(start, stop).rows(detections)
         layer = model_layer(
@@ -295,6 +298,7 @@ class _Stood:
         seen: np.ndarray,
         keypoints: np.ndarray,
         first: tuple[int, int],
+        directions: np.ndarray,
     ) -> None:
         """Somebody's body, or a part of it.
 
@@ -304,13 +308,14 @@ class _Stood:
             seen: which of the person's frames these are.
             keypoints: shape (point,): places of the keypoints.
             first: places of the first segment and the first bone.
+            directions: shape (frame, bone, 3): of its bones in those frames.
         """
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
         self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
         self.turns[f, p, first[0] : first[0] + body.turns.shape[1]] = body.turns[seen]
-        self.directions[f, p, first[1] : first[1] + body.directions.shape[1]] = body.directions[seen]
+        self.directions[f, p, first[1] : first[1] + directions.shape[1]] = directions
 
 
 def model_layer(

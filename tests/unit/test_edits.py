@@ -219,7 +219,7 @@ class TestErrors:
             ("[[edit]]\ndo = 'merg'\n", "edit 1: do cannot be 'merg'. Did you mean 'merge'?"),
             ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. It needs person, into."),
             ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. It has person, from_frame, to_frame."),
-            ("[[edit]]\ndo = 'drop'\n", "drop needs a person, or from_frame and to_frame"),
+            ("[[edit]]\ndo = 'drop'\n", "drop needs a person, from_frame or to_frame"),
             ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) comes before from_frame (5)"),
             ("[[edit]]\ndo = 'drop'\nperson = 3\n", "person cannot be 3. Expected `str | null`, got `int`."),
             ("[[edit]]\ndo = 'swap'\npeople = ['a', 'a']\nfrom_frame = 1\n", "people are two different names"),

@@ -94,7 +94,7 @@ class Drop:
 
     def __post_init__(self) -> None:
         if self.person is None and self.from_frame is None and self.to_frame is None:
-            raise EditError("drop needs a person, or from_frame and to_frame, or all three.")
+            raise EditError("drop needs a person, from_frame or to_frame, or several of them.")
         if self.from_frame is not None and self.to_frame is not None and self.to_frame < self.from_frame:
             raise EditError(f"to_frame ({self.to_frame}) comes before from_frame ({self.from_frame}).")
 

@@ -127,7 +127,8 @@ class TrackerOptions:
         iterations: Gauss-Newton steps a frame, at most.
         nu: Degrees of freedom of detections' errors, Student's t.
         gate: The largest squared innovation of a keypoint, in its own covariance, that counts (tau_joint).
-        limb_anew_s: A limb that most views see elsewhere for this long is sought anew.
+        limb_anew_s: A limb that most views see elsewhere for this long is turned to where their detections put it, and
+            sought anew.
         model_floor_m: By how much a body's points are not what the detector means by their name.
         error_memory_s: For how long detections' errors last: so much less a frame counts.
         limit_sigma: How far a joint limit is overstepped, as a sine or cosine.

@@ -48,8 +48,8 @@ class Clock:
                     f"Frame {frame.number} is of {time_s:.4f} s, the last was of {before:.4f} s. Frames come in order."
                 )
             time_s = before + _LEAST_S
-        elif frame.number > self.number:
-            self.period_s = (time_s - before) / (frame.number - self.number)
+        elif np.isfinite(before):
+            self.period_s = (time_s - before) / self._frames_since(frame)
         seen = _taken(frame)
         last = self.views_s if len(self.views_s) else np.full(len(seen), -np.inf)
         apart_s = (frame.time_s - last)[seen & np.isfinite(last)].tolist()
@@ -64,14 +64,18 @@ class Clock:
         if not len(known) and not len(frame.view):
             known = frame.time_s[np.isfinite(frame.time_s)]
             if not len(known) and np.isfinite(self.period_s):
-                return self.time_s + self.period_s * max(1, frame.number - self.number)
+                return self.time_s + self.period_s * self._frames_since(frame)
         if not len(known):
             raise DetectionsError(
-                f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate "
-                "(--rate-hz, Options.rate_hz) or times."
+                f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate of the "
+                "recording (--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
             )
         # Views of a frame that were taken one after the other are taken into account one after the other.
         return float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
+
+    def _frames_since(self, frame: Frame) -> int:
+        """How many frames after the last this is; one if frames are not numbered."""
+        return max(1, frame.number - self.number)
 
     def _goes_on(self, frame: Frame) -> bool:
         """Whether some view is later than it was, and none is earlier."""

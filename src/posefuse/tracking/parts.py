@@ -19,13 +19,15 @@ from posefuse.model.frames import Frame
 from posefuse.model.parts import Part
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import TrackState
+from posefuse.model.trees import Tree
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.clock import moments
 from posefuse.tracking.records import Evidence, Person
 from posefuse.tracking.settings import Settings, tempering
 
-_ROOT_PLACES = np.array([0, 3, 5])
+_VARIANCES = np.array([0, 3, 5])
+_SURE_SHARE = 0.35
 _SWAPPED_M = 0.1
 """By so much, of a human, hands must be nearer to each other's wrists than to their own to be each other's."""
 
@@ -179,7 +181,7 @@ class PartFollower:
         options = self.settings.options.parts
         again = float(tempering(np.array(dt_s), options.anchor_memory_s))
         noise = bodies.covariance_m2[order, part.at].copy()
-        noise[:, _ROOT_PLACES] += options.anchor_sd_m**2
+        noise[:, _VARIANCES] += options.anchor_sd_m**2
         turns, turn_noise = np.full((n, 3, 3), np.nan), np.zeros((n, 6))
         if part.like >= 0:
             turns = np.ascontiguousarray(bodies.turns[order, part.like])
@@ -287,6 +289,29 @@ class PartFollower:
             )
             for p, track in enumerate(self.tracks)
         )  # fmt: skip
+
+
+def sure_directions(tree: Tree, directions: np.ndarray, points_m: np.ndarray, covariance_m2: np.ndarray) -> np.ndarray:
+    """Directions of a part's bones, NaN where its end is hardly better known than the bone is long.
+
+    A finger is as long as a detector errs: its end can be known well enough, and its direction not at all.
+
+    Args:
+        tree: of the part.
+        directions: shape (frame, bone, 3).
+        points_m: shape (frame, keypoint, 3).
+        covariance_m2: shape (frame, keypoint, 6).
+    """
+    keypoint_of = {int(node): k for k, node in enumerate(tree.keypoint_nodes) if node >= 0}
+    sure = directions.copy()
+    for n, node in enumerate(tree.nodes):
+        end, start = keypoint_of.get(n), keypoint_of.get(node.parent)
+        if not node.is_bone or end is None or start is None:
+            continue
+        length_m = np.linalg.norm(points_m[:, end] - points_m[:, start], axis=-1)
+        sd_m = np.sqrt(covariance_m2[:, end][:, _VARIANCES].mean(axis=-1))
+        sure[~(sd_m < _SURE_SHARE * length_m), node.mover] = np.nan
+    return sure
 
 
 def sides_of(followers: Sequence[PartFollower], mirror: np.ndarray) -> tuple[tuple[Part, Part], ...]:

@@ -43,6 +43,14 @@ class TestOpenPose:
         np.testing.assert_array_equal(found.track_ids, crowd.track_ids)
         assert found.frame_numbers.tolist() == crowd.frame_numbers.tolist()
 
+    def test_results_beside_them_are_no_camera(self, walk, tmp_path):
+        write_openpose(tmp_path, walk)
+        results = tmp_path / "result"
+        results.mkdir()
+        (results / "reconstruction.nc").write_bytes(b"")
+        (results / "evaluation.json").write_text('{"people": []}')
+        assert read_detections(tmp_path).view_names == ("cam_0_json", "cam_1_json", "cam_2_json")
+
     def test_frames_missing_in_one_view(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "cam_1_000000000004_keypoints.json").unlink()

@@ -1,5 +1,6 @@
 """A body fitted to the few frames that showed somebody new is as sure as those frames allow."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -25,22 +26,30 @@ def settings_with(**options: float) -> Settings:
     return Settings.of(RIG, SKELETON, NoiseModel(np.full(4, 4.5), 1.0), replace(TrackerOptions(), **options))
 
 
-def standing_still(settings: Settings, times_s: np.ndarray, size: float = 1.0) -> list[Evidence]:
-    """Somebody at rest, that much larger than others, seen where they are."""
+def standing(
+    settings: Settings, times_s: np.ndarray, posed: Callable[[State], None], size: float = 1.0
+) -> list[Evidence]:
+    """Somebody who does not move, ``posed`` from rest, that much larger than others, seen where they are."""
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
     body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
+    posed(body)
     sight = Sight.room(1, len(RIG), len(SKELETON))
     foresee_people(settings.cameras, settings.body, body, *sight.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Evidence(
-            float(t), i, sight.pixels[0], trust, np.zeros(len(RIG), dtype=np.int64), sight.points_m[0],
+            float(t), i, sight.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64), sight.points_m[0].copy(),
             sight.covariance_m2[0], sight.points_m[0, 0], 10.0, 1.0,
         )
         for i, t in enumerate(times_s)
     ]  # fmt: skip
+
+
+def standing_still(settings: Settings, times_s: np.ndarray, size: float = 1.0) -> list[Evidence]:
+    """Somebody at rest."""
+    return standing(settings, times_s, lambda body: None, size)
 
 
 def born(settings: Settings, times_s: np.ndarray) -> State:

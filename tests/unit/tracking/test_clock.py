@@ -49,6 +49,11 @@ def test_a_frame_that_no_camera_recorded_is_when_it_should_have_been():
     assert moments(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
 
 
+def test_frames_without_numbers_have_periods_too():
+    clock = after(frame(0, 0.0, 0.0), frame(0, 0.1, 0.1))
+    assert clock.take(frame(0, NAN, NAN)) == pytest.approx(0.1)
+
+
 def test_people_without_a_time_are_an_error():
     clock = after(frame(0, 0.0, 0.0), frame(1, 0.1, 0.1))
     with pytest.raises(DetectionsError, match="Frame 2 has no time"):

@@ -1,18 +1,14 @@
 """Limbs that are far from where they are thought to be are found all the same."""
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse import Options
-from posefuse.following import tracker_of, usual_noise
-from posefuse.model.frames import Frame
-from posefuse.model.tracks import TrackState
-from posefuse.synthetic.crowd_options import CrowdOptions
-from posefuse.synthetic.crowds import simulate_crowd
+from posefuse.kernels.articulated import State, foresee_people
+from posefuse.tracking.births import begin
+from posefuse.tracking.bodies import Sight
 from posefuse.tracking.posing import aim, bones_shown
-from tests.unit.tracking.test_smoothing import SKELETON
-
-LEG = ("right_knee", "right_ankle")
+from tests.unit.tracking.test_births import SKELETON, settings_with, standing
 
 
 def test_bones_are_turned_to_where_they_are_shown(rng):
@@ -39,22 +35,21 @@ def test_bones_go_from_joint_to_joint(rng):
     assert np.isnan(shown[tree.bones.index("left_wrist")]).all()
 
 
-def test_a_leg_taken_to_point_the_other_way_comes_back():
-    """From the wrong side small steps do not find it: the robust weights of what is so far off are next to nothing."""
-    simulated = simulate_crowd(CrowdOptions(people=1, duration_s=2.0, seed=2))
-    noise = usual_noise(simulated.rig, Options())
-    tracker = tracker_of(simulated.rig, SKELETON, noise, Options())
-    truth = np.asarray(simulated.truth.layers["measured"].points_m)[:, 0]
-    leg = [SKELETON.index(name) for name in ("right_knee", "right_ankle")]
-    tree = SKELETON.tree
-    assert tree is not None
-    off = np.full(len(truth), np.nan)
-    for f in range(len(truth)):
-        for person in tracker.update(Frame.of(simulated.detections, f)).people:
-            if person.state == TrackState.ACTIVE:
-                off[f] = np.linalg.norm(person.points_m[leg] - truth[f, leg], axis=-1).max()
-        if f == 25:
-            for bone in ("right_knee", "right_ankle"):
-                tracker.state.bones[0, tree.bones.index(bone)] *= [1.0, -1.0, -1.0]
-    assert off[26] > 0.5
-    assert np.nanmax(off[38:]) < 0.25
+@pytest.mark.parametrize("thigh", [[0.6, 0.0, 0.8], [0.4, -0.3, 0.9]])
+def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
+    """From where a leg at rest is, small steps do not find it: the robust weights of what is so far off are nothing."""
+    settings = settings_with()
+    tree, leg = settings.tree, [SKELETON.index(name) for name in ("right_knee", "right_ankle")]
+    shown = np.full((len(tree.bones), 3), np.nan)
+    shown[tree.bones.index("right_knee")] = thigh
+
+    def lift_leg(body: State) -> None:
+        aim(body.bones[0], shown, range(len(tree.bones)))
+
+    seen = standing(settings, np.arange(5) / 25.0, lift_leg)
+    for each in seen[:3]:
+        each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
+    state = begin(seen, settings)[0]
+    sight = Sight.room(1, 0, len(SKELETON))
+    foresee_people(settings.cameras[:0], settings.body, state, *sight.arrays)
+    np.testing.assert_allclose(sight.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

@@ -23,6 +23,7 @@ from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
 from posefuse.tracking.bodies import chosen
+from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import People, Person
 
@@ -202,3 +203,21 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert np.isfinite(degrees[10:, 0, names.index("left_palm.bend")]).all()
     # The index finger opens and closes.
     assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
+
+
+def test_the_direction_of_a_bone_is_given_where_its_end_is_known_better_than_it_is_long():
+    tree = LEFT.tree
+    ends = [n for n, node in enumerate(tree.nodes) if node.is_bone]
+    place = {int(node): k for k, node in enumerate(tree.keypoint_nodes) if node >= 0}
+    tip = ends[-1]
+    points = np.zeros((2, len(LEFT.keypoints), 3))
+    points[:, place[tip], 0] = 0.02
+    covariance = np.zeros((2, len(LEFT.keypoints), 6))
+    covariance[:, :, [0, 3, 5]] = 1e-12
+    covariance[1, place[tip], [0, 3, 5]] = 0.03**2
+    directions = np.ones((2, len(tree.bones), 3))
+    sure = sure_directions(tree, directions, points, covariance)
+    bone = tree.nodes[tip].mover
+    assert np.isfinite(sure[0, bone]).all()
+    assert np.isnan(sure[1, bone]).all()
+    assert np.isfinite(directions).all()

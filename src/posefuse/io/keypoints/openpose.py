@@ -55,7 +55,9 @@ def camera_folders(path: Path) -> list[Path]:
 
 
 def frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a camera."""
+    """The JSON files of a camera; a folder of results, which holds other JSON files, is none."""
+    if (folder / "reconstruction.nc").exists():
+        return []
     found = (entry for entry in folder.iterdir() if entry.suffix == ".json" and entry.is_file())
     return sorted(found, key=lambda entry: natural_key(entry.name))
 
