@@ -112,6 +112,7 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = F
     """
     told: list[People] = []
     history = History(tracker.settings)
+    numbers: list[dict[str, int]] = []
     spent = np.empty(scene.detections.n_frames)
     for i in range(len(spent)):
         frame = Frame.of(scene.detections, i)
@@ -120,8 +121,9 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = F
         spent[i] = time.process_time() - start
         if smoothed:
             history.add(tracker, told[-1])
+            numbers.append({track.name: track.number for track in tracker.tracks})
     events = tuple(event for people in told for event in people.events)
-    data = _points(scene, _smoothed(history, told) if smoothed else told)
+    data = _points(scene, _smoothed(history, told, numbers) if smoothed else told)
     bumped = [span.view for span in scene.spans if span.what == "bumped" and span.view is not None]
     return Run(
         score_people(data),
@@ -133,14 +135,14 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = F
     )
 
 
-def _smoothed(history: History, told: Sequence[People]) -> list[People]:
-    """The same people where the smoother has them."""
-    places: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+def _smoothed(history: History, told: Sequence[People], numbers: Sequence[dict[str, int]]) -> list[People]:
+    """The same people where the smoother has them; ``numbers`` are their bodies', by frame and name."""
+    places: dict[tuple[int, int | None], tuple[np.ndarray, np.ndarray]] = {}
     for each in PeopleSmoother(history).take(len(told)):
         for i, place in enumerate(each.places):
-            places[int(place), each.name] = each.body.points_m[i], each.body.covariance_m2[i]
+            places[int(place), each.number] = each.body.points_m[i], each.body.covariance_m2[i]
     return [
-        replace(people, people=tuple(_moved(p, places.get((f, p.name))) for p in people.people))
+        replace(people, people=tuple(_moved(p, places.get((f, numbers[f].get(p.name)))) for p in people.people))
         for f, people in enumerate(told)
     ]
 
@@ -242,8 +244,9 @@ def _median_worst(values: Sequence[float], form: str, *, least: bool = False) ->
 
 
 def scenes(names: Sequence[str], seeds: int, baseline_seeds: int) -> None:
-    """Print the table of scenes."""
-    lines = [HEAD]
+    """Print the table of scenes, a row as soon as it is known, and then what there is to remark."""
+    print(HEAD, flush=True)
+    remarks: list[str] = []
     for name in names:
         runs, others = [], []
         for seed in range(seeds):
@@ -252,11 +255,10 @@ def scenes(names: Sequence[str], seeds: int, baseline_seeds: int) -> None:
             runs.append(follow(scene, tracker_for(scene, TrackerOptions())))
             if seed < baseline_seeds:
                 others.append(baseline(scene))
-        lines.append(row(name, runs, others))
-        lines += _remarks(name, runs)
-    _say("")
-    print("\n".join(line for line in lines if line.startswith("|")))
-    print("\n".join(line for line in lines if not line.startswith("|")))
+        _say("")
+        print(row(name, runs, others), flush=True)
+        remarks += _remarks(name, runs)
+    print("\n".join(remarks))
 
 
 def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
