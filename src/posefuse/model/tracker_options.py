@@ -116,6 +116,15 @@ class PartOptions:
     begin_share: float = 0.5
     begin_within_m: float = 0.3
 
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise OptionsError(f"tracker.parts.{each.name} must be a finite number of at least 0, got {value}.")
+        for name in ("begin_share", "smoother_own_share"):
+            if getattr(self, name) > 1.0:
+                raise OptionsError(f"tracker.parts.{name} is a share, at most 1, got {getattr(self, name)}.")
+
 
 @dataclass(frozen=True)
 class TrackerOptions:

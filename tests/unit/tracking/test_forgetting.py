@@ -9,7 +9,7 @@ from posefuse.errors import OptionsError
 from posefuse.kernels.articulated import State, foresee_people
 from posefuse.model.noise import NoiseModel
 from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.tracker_options import PartOptions, TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.bodies import Sight
@@ -70,6 +70,19 @@ def test_inside_is_where_two_views_overlap(x_m, inside):
     foresee_people(settings.cameras, settings.body, body, *sight.arrays)
     note_inside([track], sight, 5.0, settings)
     assert (track.inside_s == 5.0) == inside
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("begin_share", -3.0, "finite number of at least 0, got -3"),
+        ("begin_share", 7.0, "is a share, at most 1, got 7"),
+        ("anchor_sd_m", np.nan, "finite number"),
+    ],
+)
+def test_options_of_parts_are_checked(name, value, words):
+    with pytest.raises(OptionsError, match=rf"tracker.parts.{name} .*{words}"):
+        PartOptions(**{name: value})
 
 
 def test_limits_are_positive():
