@@ -212,7 +212,6 @@ HEAD = (
 def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
     """A line of the table: median (worst) of the seeds."""
     scores = [run.scores for run in runs]
-    covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
     beside = ["-", "-"]
     if others:
         ours, theirs = (np.mean([each.mpjpe_mm for each in of]) for of in (scores[: len(others)], others))
@@ -223,6 +222,19 @@ def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
     cells = [
         name,
         str(len(runs)),
+        *_common_cells(runs),
+        _median_worst([each.jitter.ratio for each in scores], "{:.2f}"),
+        f"{1e3 * np.median([np.median(run.frame_s) for run in runs]):.2f}",
+        *beside,
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _common_cells(runs: Sequence[Run]) -> list[str]:
+    """What all tables say of a scene, from who is right to the NEES: median (worst) of the seeds."""
+    scores = [run.scores for run in runs]
+    covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
+    return [
         f"{sum(run.is_fine for run in runs)} of {len(runs)}",
         _median_worst([float(each.clear[0].switches) for each in scores], "{:.0f}"),
         _median_worst([float(each.clear[0].fragments) for each in scores], "{:.0f}"),
@@ -231,11 +243,7 @@ def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
         _median_worst([each.mpjpe_mm for each in scores], "{:.1f}"),
         " / ".join(_median_worst(each, "{:.0f}", least=True) for each in covered),
         _median_worst([each.nees.mean for each in scores], "{:.1f}"),
-        _median_worst([each.jitter.ratio for each in scores], "{:.2f}"),
-        f"{1e3 * np.median([np.median(run.frame_s) for run in runs]):.2f}",
-        *beside,
     ]
-    return f"| {' | '.join(cells)} |"
 
 
 def _median_worst(values: Sequence[float], form: str, *, least: bool = False) -> str:
@@ -346,21 +354,7 @@ def ablations(seeds: int) -> None:
 
 def ablation_row(what: str, scene: str, runs: Sequence[Run]) -> str:
     """A line of the table: median (worst) of the seeds."""
-    scores = [run.scores for run in runs]
-    covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
-    cells = [
-        what,
-        scene,
-        f"{sum(run.is_fine for run in runs)} of {len(runs)}",
-        _median_worst([float(each.clear[0].switches) for each in scores], "{:.0f}"),
-        _median_worst([float(each.clear[0].fragments) for each in scores], "{:.0f}"),
-        _median_worst([100 * each.recall_after_entry for each in scores], "{:.2f}", least=True),
-        _median_worst([float(_ghost(each)) for each in scores], "{:.0f}"),
-        _median_worst([each.mpjpe_mm for each in scores], "{:.1f}"),
-        " / ".join(_median_worst(each, "{:.0f}", least=True) for each in covered),
-        _median_worst([each.nees.mean for each in scores], "{:.1f}"),
-    ]
-    return f"| {' | '.join(cells)} |"
+    return f"| {' | '.join([what, scene, *_common_cells(runs)])} |"
 
 
 SPEEDS = {

@@ -19,7 +19,7 @@ _BESIDE_M = 0.5
 
 def newcomer(number: int, time_s: float, score: float) -> Track:
     """Somebody just believed, with that score."""
-    return Track(number, f"person_{number}", TrackState.ACTIVE, score, time_s, time_s, np.zeros(3))
+    return Track(number, f"person_{number}", TrackState.ACTIVE, score, time_s, np.zeros(3))
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
@@ -181,7 +181,7 @@ def take_back(track: Track, state: State, p: int, found: State, settings: Settin
 
 def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
     """Let two people go on as each other: names, and what is known of lengths, change places; poses stay."""
-    for name in ("name", "born_s", "trusted", "settled_s", "sought_s"):
+    for name in ("name", "trusted", "settled_s", "sought_s"):
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)

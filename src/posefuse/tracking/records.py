@@ -19,7 +19,6 @@ class Track:
         name: of the person whom it is taken for.
         state: ACTIVE or LOST.
         log_odds: that they are there; another preset's score of it.
-        born_s: when they were first believed.
         seen_s: when they were last supported.
         firm_s: when two views last supported them: one alone does not fix how far away somebody is.
         trusted: the shape and its covariance before they were last in doubt.
@@ -33,7 +32,6 @@ class Track:
     name: str
     state: TrackState
     log_odds: float
-    born_s: float
     seen_s: float
     lost_at_m: np.ndarray
     sought_s: float = 0.0

@@ -75,7 +75,7 @@ class ArticulatedTracker:
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
         rows, used = self._bear(frame, rows, used, dt_s)
-        sight = self._foreseen() if self.parts else self._placed()
+        sight = self._foreseen(self.settings.cameras if self.parts else self.settings.cameras[:0])
         if self.parts:
             self._follow_parts(frame, rows, used, sight, dt_s)
         return self._told(frame.number, rows, used, sight)
@@ -112,7 +112,7 @@ class ArticulatedTracker:
         self.stages.prior.settle(self.state, self.lately)
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
-        self.sight = self._foreseen()
+        self.sight = self._foreseen(s.cameras)
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
@@ -302,16 +302,17 @@ class ArticulatedTracker:
         scale = self.settings.tree.scale
         audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
+            sight = self._foreseen(self.settings.cameras[:0])
             for p, track in enumerate(self.tracks):
                 if supported[p].sum() > 1:
-                    audits.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p))
+                    audits.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p, sight))
             renamed: set[str] = set()
             for finding in audits.audit(self.contacts, self.tracks, self.state, self.time_s, self.settings):
                 if not renamed & set(finding.names):
                     self._conclude(finding, number)
                     renamed |= set(finding.names) if finding.exchange else set()
 
-    def _shown(self, frame: Frame, rows: np.ndarray, p: int) -> Evidence:
+    def _shown(self, frame: Frame, rows: np.ndarray, p: int, sight: Sight) -> Evidence:
         """What this frame showed of somebody who is followed."""
         s = self.settings
         shape = (len(s.rig), len(s.skeleton))
@@ -319,18 +320,10 @@ class ArticulatedTracker:
         for v in np.flatnonzero(rows >= 0):
             order = self.labels[self._keep[p], v]
             pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
-        sight = self._placed()
         points, covariance = sight.points_m[p], sight.covariance_m2[p]
         return Evidence(
             self.time_s, frame.number, pixels, trust, rows, points, covariance, self.state.root[p].copy(), 0.0, 1.0
         )
-
-    def _placed(self) -> Sight:
-        """Where everybody is, seen by no view."""
-        s = self.settings
-        sight = Sight.room(len(self.tracks), 0, len(s.skeleton))
-        foresee_people(s.cameras[:0], s.body, self.state, *sight.arrays)
-        return sight
 
     def _conclude(self, finding: audits.Finding, number: int) -> None:
         place = {track.name: p for p, track in enumerate(self.tracks)}
@@ -421,11 +414,11 @@ class ArticulatedTracker:
         self.remembered[track.name] = past
         return p, counted
 
-    def _foreseen(self) -> Sight:
-        """Where everybody is, and where views see them."""
+    def _foreseen(self, cameras: np.ndarray) -> Sight:
+        """Where everybody is, and where these cameras, none or all of them, see them."""
         s = self.settings
-        sight = Sight.room(len(self.tracks), len(s.rig), len(s.skeleton))
-        foresee_people(s.cameras, s.body, self.state, *sight.arrays)
+        sight = Sight.room(len(self.tracks), len(cameras), len(s.skeleton))
+        foresee_people(cameras, s.body, self.state, *sight.arrays)
         return sight
 
     def _follow_parts(self, frame: Frame, rows: np.ndarray, used: np.ndarray, sight: Sight, dt_s: float) -> None:
