@@ -95,7 +95,7 @@ _POINT_SENTENCES = {
     PointStatus.WEAK_GEOMETRY: "measured, but the rays are so nearly parallel that the depth is poorly known",
     PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
-    PointStatus.NOT_SEEN: "no view has a valid detection, or nothing that is followed has it",
+    PointStatus.NOT_SEEN: "no valid detection, or nothing followed has it",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
     PointStatus.DEGENERATE: "the rays do not fix a point",
     PointStatus.BEHIND_CAMERA: "the rays meet behind a camera",
