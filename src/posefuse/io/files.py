@@ -8,6 +8,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from posefuse.errors import FileError, choices
 
@@ -50,6 +51,20 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise FileError(f"{path} is not TOML: {error}. Was it cut short?") from None
+
+
+def parse_xml(path: Path, text: str) -> ElementTree.Element:
+    """The root of an XML text. Entities are refused: a short text of them unfolds to any size.
+
+    Raises:
+        FileError: if it is not XML, or declares entities.
+    """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise FileError(f"{path} declares XML entities, which a calibration has no use for; it is not read.")
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise FileError(f"{path} is not whole XML: {error}. Was it cut short?") from None
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

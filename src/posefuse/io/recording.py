@@ -9,11 +9,15 @@ import numpy as np
 from posefuse.errors import FileError, PosefuseError, RecordingError
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.files import must_exist, natural_key
+from posefuse.io.keypoints import openpose
 from posefuse.io.keypoints.openpose import camera_folders
 from posefuse.io.keypoints.read import find_format as keypoint_format
 
 _DEPTH = 3
-_CALIBRATION_SUFFIXES = (".toml", ".txt", ".xml")
+_CALIBRATION_SUFFIXES = (
+    ".toml", ".txt", ".xml", ".xcp", ".yml", ".yaml", ".json", ".mat", ".parquet", ".calib", ".pickle", ".npy",
+)  # fmt: skip
+_MOST_JSON_FILES = 50
 _SETTINGS = ("Config.toml", "pyproject.toml")
 
 
@@ -122,14 +126,22 @@ def camera_like(folder: Path) -> bool:
     return first is not None and first.suffix.lower() in media and not camera_folders(folder)
 
 
-def _find_calibrations(folder: Path, depth: int) -> Iterator[Found]:
-    for entry in _entries(folder):
+def _find_calibrations(folder: Path, depth: int, known: frozenset[str] = frozenset()) -> Iterator[Found]:
+    """The calibrations in a folder; one that is a file a camera is its folder, and ``known`` below it."""
+    entries = _entries(folder)
+    whole = calibration_format(folder)
+    if whole is not None and whole.name not in known:
+        yield Found(folder, whole.name)
+        known |= {whole.name}
+    # More than a few are the frames of a recording.
+    too_many = sum(entry.suffix == ".json" for entry in entries) > _MOST_JSON_FILES
+    for entry in entries:
         if entry.is_dir():
-            if depth > 0 and not camera_folders(entry) and not camera_like(entry):
-                yield from _find_calibrations(entry, depth - 1)
+            if depth > 0 and not openpose.matches(entry) and not camera_like(entry):
+                yield from _find_calibrations(entry, depth - 1, known)
         elif entry.suffix in _CALIBRATION_SUFFIXES and entry.name not in _SETTINGS:
-            form = calibration_format(entry)
-            if form is not None:
+            form = None if too_many and entry.suffix == ".json" else calibration_format(entry)
+            if form is not None and form.name not in known:
                 yield Found(entry, form.name)
 
 

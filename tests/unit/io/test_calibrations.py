@@ -170,7 +170,7 @@ def test_what_is_no_calibration(tmp_path):
         read_cameras(tmp_path)
     notes = tmp_path / "notes.txt"
     notes.write_text("hello")
-    with pytest.raises(FileError, match=r"no calibration in a known format. Known: pose2sim"):
+    with pytest.raises(FileError, match=r"no calibration in a known format. Known: caliscope"):
         read_cameras(notes)
     settings = tmp_path / "settings.toml"
     settings.write_text("a = 1")

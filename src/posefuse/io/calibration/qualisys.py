@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.errors import CameraError, FileError
 from posefuse.io.calibration.tables import METRES
-from posefuse.io.files import read_text
+from posefuse.io.files import parse_xml, read_text
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.options import LengthUnit
 
@@ -33,13 +33,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         FileError: if the file is not what its format says.
         CameraError: if a camera's numbers cannot be.
     """
-    text = read_text(path)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise FileError(f"{path} declares XML entities, which a calibration has no use for; it is not read.")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise FileError(f"{path} is not whole XML: {error}. Was it cut short?") from None
+    root = parse_xml(path, read_text(path))
     scale = METRES[unit or "mm"]
     elements = root.findall("./cameras/camera")
     if not elements:

@@ -11,7 +11,7 @@ from posefuse.model.options import LengthUnit
 
 
 def find_format(path: Path) -> Format | None:
-    """The format a calibration file is in, or None where it is none."""
+    """The format a calibration file (or folder of a file a camera) is in, or None where it is none."""
     for form in CALIBRATIONS:
         try:
             if form.load().matches(path):
@@ -25,7 +25,7 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
     """Read a calibration file, whatever its format.
 
     Args:
-        path: the file.
+        path: the file; of formats with a file a camera, their folder or one of them.
         length_unit: the unit of its lengths, for formats that do not say.
         up: the world's up axis, for formats that do not say; it overrules those that do.
 
@@ -37,9 +37,11 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
         CameraError: if a camera's numbers cannot be.
     """
     path = must_exist(Path(path), "calibration file")
-    if path.is_dir():
-        raise FileError(f"{path} is a folder; give the calibration file itself.")
     form = find_format(path)
+    if form is None and path.is_dir():
+        raise FileError(
+            f"{path} is a folder without calibrations of a file a camera; give the calibration file itself."
+        )
     if form is None:
         # A file that claims to be TOML or XML but is not deserves that message, not "unknown format".
         for candidate in CALIBRATIONS:

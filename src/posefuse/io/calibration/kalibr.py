@@ -1,0 +1,88 @@
+"""Kalibr's camchain YAML: ``cam0``, ``cam1``, ... with intrinsics, distortion and resolution; metres.
+
+The world is the first camera, ``T_cn_cnm1`` leading from each camera to the next, or, where every camera has
+``T_cam_imu``, the IMU. Lenses: ``radtan`` (``plumb_bob``), ``equidistant`` (a fisheye), ``none``; of camera models
+the pinhole alone.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError, choices
+from posefuse.io.calibration.building import Found, as_numbers, build_rig
+from posefuse.io.calibration.storage import read_yaml, yaml_matches
+from posefuse.io.files import natural_key
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+_LENSES = ("radtan", "plumb_bob", "equidistant", "none")
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    return bool(_cameras(yaml_matches(path)))
+
+
+def _cameras(data: Any) -> dict[str, dict[str, Any]]:
+    if not isinstance(data, dict):
+        return {}
+    found = {
+        str(key): value
+        for key, value in data.items()
+        if isinstance(value, dict) and {"intrinsics", "camera_model"} <= set(value)
+    }
+    return {key: found[key] for key in sorted(found, key=natural_key)}
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, in the order of their numbers.
+
+    Raises:
+        FileError: if the file is not what its format says, or a camera's model is another than a pinhole.
+        CameraError: if a camera's numbers cannot be.
+    """
+    tables = _cameras(read_yaml(path))
+    poses = _poses(path, tables)
+    found = [_camera(path, name, table, pose) for (name, table), pose in zip(tables.items(), poses, strict=True)]
+    return build_rig(path, found, unit, "m")
+
+
+def _poses(path: Path, tables: dict[str, dict[str, Any]]) -> list[np.ndarray]:
+    """Shape (4, 4) each: camera from world."""
+    if all("T_cam_imu" in table for table in tables.values()):
+        return [_matrix(path, name, table, "T_cam_imu") for name, table in tables.items()]
+    poses = []
+    for name, table in tables.items():
+        if not poses:
+            poses.append(np.eye(4))
+            continue
+        if "T_cn_cnm1" not in table:
+            raise FileError(f"{path}, {name}: no T_cn_cnm1 says where it is from the camera before.")
+        poses.append(_matrix(path, name, table, "T_cn_cnm1") @ poses[-1])
+    return poses
+
+
+def _matrix(path: Path, name: str, table: dict[str, Any], key: str) -> np.ndarray:
+    values = as_numbers(table[key], f"{path}, {name}: {key}")
+    if values.size != 16:
+        raise FileError(f"{path}, {name}: {key} should hold 16 numbers, got {values.size}.")
+    return values.reshape(4, 4)
+
+
+def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> Found:
+    model, lens = table.get("camera_model"), table.get("distortion_model", "none")
+    if model != "pinhole" or lens not in _LENSES:
+        raise FileError(
+            f"{path}, {name}: camera model {model!r} with distortion {lens!r}; read are pinhole with "
+            f"{choices(_LENSES)}. Calibrate with one of them."
+        )
+    numbers = as_numbers(table.get("intrinsics"), f"{path}, {name}: intrinsics")
+    if numbers.size != 4:
+        raise FileError(f"{path}, {name}: intrinsics should hold fu fv pu pv, got {numbers.size} numbers.")
+    fu, fv, pu, pv = numbers
+    matrix = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
+    distortion = () if lens == "none" else table.get("distortion_coeffs", ())
+    fisheye = lens == "equidistant"
+    return Found(name, matrix, pose[:3, :3], pose[:3, 3], distortion, table.get("resolution"), fisheye=fisheye)

@@ -1,0 +1,54 @@
+"""DANNCE's and Label3D's ``.mat``: mm, MATLAB's row vectors, so that K and R are stored transposed.
+
+Of a file with ``params`` (and ``camnames``, as ``*_dannce.mat`` and ``label3d_demo.mat`` have it): ``K``,
+``RDistort`` (k1 k2 k3), ``TDistort`` (p1 p2), ``r``, ``t``. Pixels count from 1 in MATLAB, so that principal points
+are one more than OpenCV's, and so are the labelled points: the difference is left in both.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.calibration.building import Found, as_numbers, build_rig
+from posefuse.io.matlab import read_mat, variable_names
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+_FIELDS = ("K", "RDistort", "TDistort", "r", "t")
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    return path.suffix == ".mat" and path.is_file() and "params" in variable_names(path)
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, in the file's order.
+
+    Raises:
+        FileError: if the file is not what its format says.
+        CameraError: if a camera's numbers cannot be.
+    """
+    data = read_mat(path, ("params", "camnames"))
+    params = np.asarray(data["params"], dtype=object).ravel()
+    names = [name for name in np.asarray(data.get("camnames", ()), dtype=object).ravel() if isinstance(name, str)]
+    if len(names) != len(params):
+        names = [f"Camera{i}" for i in range(1, len(params) + 1)]
+    found = [_camera(path, name, entry) for name, entry in zip(names, params, strict=True)]
+    return build_rig(path, found, unit, "mm")
+
+
+def _camera(path: Path, name: str, entry: Any) -> Found:
+    where = f"{path}, camera {name!r}"
+    inside = entry.ravel()[0] if isinstance(entry, np.ndarray) and entry.size else entry
+    missing = [field for field in _FIELDS if not isinstance(inside, dict) or field not in inside]
+    if missing:
+        raise FileError(f"{where}: params has no {missing[0]}; it should have {', '.join(_FIELDS)}.")
+    matrix, radial, tangential, rotation, translation = (
+        as_numbers(inside[f].T if isinstance(inside[f], np.ndarray) else inside[f], f"{where}: {f}") for f in _FIELDS
+    )
+    k1, k2, k3 = np.concatenate([radial, np.zeros(3)])[:3]
+    p1, p2 = np.concatenate([tangential, np.zeros(2)])[:2]
+    return Found(name, matrix, rotation, translation, (k1, k2, p1, p2, k3))

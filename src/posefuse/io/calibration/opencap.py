@@ -1,0 +1,106 @@
+"""OpenCap's ``cameraIntrinsicsExtrinsics.pickle``, one a camera (``Videos/Cam0/...``): mm, world to camera.
+
+The world is the checkerboard, which stands upright; so nobody knows which way is up (``--up``). ``imageSize`` is
+height, width; ``rotation_EulerAngles`` is a Rodrigues vector. Pickles can run programs: of these only numbers and
+arrays are built, and whatever else a file asks for is refused.
+"""
+
+import io
+import pickle
+import pickletools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig
+from posefuse.io.files import natural_key
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+NAME = "cameraIntrinsicsExtrinsics.pickle"
+_NEEDED = ("intrinsicMat", "distortion", "imageSize", "rotation", "translation")
+_MOST_REMEMBERED = 100_000
+_CORES = ("numpy.core.multiarray", "numpy._core.multiarray")
+
+
+class _Numbers(pickle.Unpickler):
+    """Builds arrays and numbers, and refuses everything else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in (("numpy", "ndarray"), ("numpy", "dtype")):
+            return getattr(np, name)
+        if module in _CORES and name in ("_reconstruct", "scalar"):
+            from numpy._core import multiarray
+
+            return getattr(multiarray, name)
+        if (module, name) == ("_codecs", "encode"):
+            return _latin
+        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no calibration needs")
+
+
+def _latin(text: str, encoding: str = "latin1") -> bytes:
+    """How protocol 2 writes bytes; nothing but latin1 is asked for."""
+    return text.encode("latin1")
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one, or folders in the folder hold one each."""
+    return bool(_files(path))
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path] if path.name == NAME else []
+    inside = [entry / NAME for entry in path.iterdir() if entry.is_dir()]
+    return sorted((file for file in inside if file.is_file()), key=lambda file: natural_key(file.parent.name))
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, named by their folders, in the order of these.
+
+    Raises:
+        FileError: if a file is not what its format says, or asks for anything but numbers.
+        CameraError: if a camera's numbers cannot be.
+    """
+    files = _files(path)
+    if path.is_file():
+        # One camera sees no depth: the others' files lie beside it, in folders of their own.
+        files = _files(path.parent.parent) or files
+    return build_rig(path, [_camera(file) for file in files], unit, "mm")
+
+
+def _camera(file: Path) -> Found:
+    data = _load(file)
+    missing = [key for key in _NEEDED if key not in data]
+    if missing:
+        raise FileError(f"{file}: no {missing[0]}; it should have {', '.join(_NEEDED)}.")
+    size = as_numbers(data["imageSize"], f"{file}: imageSize")
+    if size.size != 2:
+        raise FileError(f"{file}: imageSize should hold height and width, got {size.size} numbers.")
+    return Found(
+        file.parent.name, data["intrinsicMat"], data["rotation"], data["translation"], data["distortion"],
+        (size[1], size[0]),
+    )  # fmt: skip
+
+
+def _must_be_small(content: bytes) -> None:
+    """Refuse a pickle that names places of a memory it does not need: making room for them takes gigabytes."""
+    for opcode, argument, _ in pickletools.genops(content):
+        if "PUT" in opcode.name and int(argument or 0) > _MOST_REMEMBERED:
+            raise ValueError(f"it asks for room for {argument} values")
+
+
+def _load(file: Path) -> dict[str, Any]:
+    try:
+        if file.stat().st_size > LARGEST_BYTES:
+            raise ValueError("it is too large for one")
+        content = file.read_bytes()
+        _must_be_small(content)
+        data = _Numbers(io.BytesIO(content)).load()
+    except Exception as error:  # a broken pickle raises whatever its bytes lead to
+        raise FileError(f"{file} is not read as a camera's pickle: {str(error)[:120]}.") from None
+    if not isinstance(data, dict):
+        raise FileError(f"{file}: expected a dict of a camera's numbers, got {type(data).__name__}.")
+    return data

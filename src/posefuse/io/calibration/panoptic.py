@@ -1,0 +1,27 @@
+"""CMU Panoptic's ``calibration_*.json``: cm, y pointing down, world to camera, five coefficients."""
+
+from pathlib import Path
+
+from posefuse.io.calibration.building import Found, build_rig, dict_list, json_matches, read_json
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    cameras = dict_list(json_matches(path), "cameras")
+    return bool(cameras) and all({"K", "R", "t", "distCoef"} <= set(camera) for camera in cameras)
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, in the file's order.
+
+    Raises:
+        FileError: if the file is not what its format says.
+        CameraError: if a camera's numbers cannot be.
+    """
+    found = [
+        Found(str(c.get("name", i)), c.get("K"), c.get("R"), c.get("t"), c.get("distCoef", ()), c.get("resolution"))
+        for i, c in enumerate(dict_list(read_json(path), "cameras"))
+    ]
+    return build_rig(path, found, unit, "cm", "-y")

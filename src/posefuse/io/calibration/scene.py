@@ -1,0 +1,62 @@
+"""The scene JSON of the articulated tracker's specification and of RapidPoseTriangulation.
+
+``cameras`` is a list of objects: ``name``, ``K``, ``DC`` (or ``distortion``), ``R`` (or ``rvec``), ``T``, ``width``
+and ``height``, ``type`` (``pinhole`` or ``fisheye``); metres. ``extrinsic_format``, of the file or of a camera,
+says what R and T are: ``opencv_world_to_camera`` (the default; as of solvePnP) or ``rpt_camera_pose``, the camera's
+pose in the world, whose rotation is the transpose and whose translation the camera's place. Scene files without
+that word that list images (``imgpaths``) are old ones of the second kind.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError, suggestion
+from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.model.cameras import CameraRig, rotation_from_vector
+from posefuse.model.options import LengthUnit
+
+FORMATS = ("opencv_world_to_camera", "rpt_camera_pose")
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    cameras = dict_list(json_matches(path), "cameras")
+    return bool(cameras) and all({"K", "T"} <= set(c) and ("R" in c or "rvec" in c) for c in cameras)
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, in the file's order.
+
+    Raises:
+        FileError: if the file is not what its format says, or names another ``extrinsic_format``.
+        CameraError: if a camera's numbers cannot be.
+    """
+    data = read_json(path)
+    usual = data.get("extrinsic_format") or ("rpt_camera_pose" if "imgpaths" in data else FORMATS[0])
+    found = [_camera(path, i, camera, usual) for i, camera in enumerate(dict_list(data, "cameras"))]
+    return build_rig(path, found, unit, "m")
+
+
+def _camera(path: Path, place: int, camera: dict[str, Any], usual: Any) -> Found:
+    name = str(camera.get("name", place))
+    where = f"{path}, camera {name!r}"
+    kind = camera.get("extrinsic_format", usual)
+    if kind not in FORMATS:
+        raise FileError(f"{where}: extrinsic_format is {kind!r}. {suggestion(str(kind), FORMATS)}")
+    rotation = as_numbers(camera.get("R", camera.get("rvec")), f"{where}: R")
+    translation = as_numbers(camera.get("T"), f"{where}: T")
+    if kind == "rpt_camera_pose" and rotation.size in (3, 9) and translation.size == 3:
+        turn = rotation_from_vector(rotation) if rotation.size == 3 else rotation.reshape(3, 3)
+        rotation, translation = turn.T, -turn.T @ translation
+    size = (camera["width"], camera["height"]) if {"width", "height"} <= set(camera) else None
+    return Found(
+        name,
+        camera.get("K"),
+        rotation,
+        np.asarray(translation),
+        camera.get("DC", camera.get("distortion", ())),
+        size,
+        fisheye=camera.get("type") == "fisheye",
+    )

@@ -1,0 +1,83 @@
+"""Vicon's ``.xcp`` (XML): mm, z up; the video cameras of a system, at their first key frame.
+
+``ORIENTATION`` is a quaternion x y z w, world to camera, ``POSITION`` the camera's place in mm; focal length and
+principal point in px of the sensor, of which the video shows the middle. ``VICON_RADIAL2`` ends in k1 and k2;
+``VICON_RADIAL`` is these.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
+from posefuse.io.files import parse_xml
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    return path.suffix.lower() == ".xcp" and path.is_file()
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the video cameras, in the file's order.
+
+    Raises:
+        FileError: if the file is not what its format says, or holds no video camera.
+        CameraError: if a camera's numbers cannot be.
+    """
+    root = parse_xml(path, small_text(path))
+    elements = list(root.iter("Camera"))
+    videos = [element for element in elements if element.get("SYSTEM") == "DV"]
+    if not videos:
+        raise FileError(f"{path} holds no video camera: expected Camera@SYSTEM = 'DV', got {len(elements)} others.")
+    scale = {"m": 1.0, "cm": 0.01, "mm": 0.001}[unit or "mm"]
+    found = [_camera(path, element, scale) for element in videos]
+    rig = build_rig(path, found, "m", None, "z")
+    return CameraRig(rig.cameras, "z", path.name, scale, rig.notes)
+
+
+def _camera(path: Path, element: ElementTree.Element, scale: float) -> Found:
+    name = element.get("USERID") or element.get("DEVICEID") or ""
+    frame = next(element.iter("KeyFrame"), None)
+    if frame is None:
+        raise FileError(f"{path}, camera {name!r}: no KeyFrame; the camera was not calibrated.")
+
+    def numbers(node: ElementTree.Element, attribute: str, count: int) -> np.ndarray:
+        values = as_numbers((node.get(attribute) or "").split(), f"{path}, camera {name!r}: {attribute}")
+        if values.size != count:
+            raise FileError(f"{path}, camera {name!r}: {attribute} should hold {count} numbers, got {values.size}.")
+        return values
+
+    sensor = numbers(element, "SENSOR_SIZE", 2)
+    video = numbers(element, "VIDEO_SIZE", 2) if element.get("VIDEO_SIZE") else sensor
+    aspect = numbers(element, "PIXEL_ASPECT_RATIO", 1)[0] if element.get("PIXEL_ASPECT_RATIO") else 1.0
+    focal = numbers(frame, "FOCAL_LENGTH", 1)[0]
+    cu, cv = numbers(frame, "PRINCIPAL_POINT", 2) - (sensor - video) / 2.0
+    if not aspect > 0:
+        raise FileError(f"{path}, camera {name!r}: PIXEL_ASPECT_RATIO must be positive, got {aspect:g}.")
+    matrix = np.array([[focal, 0.0, cu], [0.0, focal / aspect, cv], [0.0, 0.0, 1.0]])
+    turn = _rotation(path, name, numbers(frame, "ORIENTATION", 4))
+    centre = numbers(frame, "POSITION", 3) * scale
+    return Found(name, matrix, turn, -turn @ centre, _radial(path, name, frame), tuple(video))
+
+
+def _radial(path: Path, name: str, frame: ElementTree.Element) -> np.ndarray:
+    where = f"{path}, camera {name!r}: radial distortion"
+    if frame.get("VICON_RADIAL2"):
+        tokens = frame.get("VICON_RADIAL2", "").split()[3:5]
+    else:
+        tokens = frame.get("VICON_RADIAL", "").split()[:2]
+    values = as_numbers(tokens, where)
+    return np.concatenate([values, np.zeros(4)])[:4]
+
+
+def _rotation(path: Path, name: str, quaternion: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    if not np.linalg.norm(quaternion) > 0.0:
+        raise FileError(f"{path}, camera {name!r}: ORIENTATION is no rotation: {quaternion.tolist()}.")
+    return Rotation.from_quat(quaternion).as_matrix()
