@@ -12,6 +12,7 @@ from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
 from posefuse.model.cameras import Camera, CameraRig, LensModel, vector_from_rotation
+from tests.files import anipose_toml, pose2sim_toml, qualisys_xml
 
 
 def coefficients(camera: Camera) -> list[float]:
@@ -286,12 +287,24 @@ def projection_texts(rig: CameraRig, folder: Path) -> Path:
     return folder
 
 
+def anipose(rig: CameraRig, folder: Path) -> Path:
+    return _text(folder / "calibration.toml", anipose_toml(rig))
+
+
+def pose2sim(rig: CameraRig, folder: Path) -> Path:
+    return _text(folder / "Calib.toml", pose2sim_toml(rig))
+
+
+def qualisys(rig: CameraRig, folder: Path) -> Path:
+    return _text(folder / "Calib.qca.txt", qualisys_xml(rig))
+
+
 WRITERS: dict[str, Callable[[CameraRig, Path], Path]] = {
     writer.__name__: writer
     for writer in (
         caliscope_old, caliscope_new, vicon, easymocap, opencv_yaml, opencv_xml, jarvis, opencap, mc_dev, association4d,
         panoptic, acinoset, scene, scene_of_poses, old_scene, kalibr, label3d, parameter_table, projections,
-        projection_texts,
+        projection_texts, anipose, pose2sim, qualisys,
     )
 }  # fmt: skip
 

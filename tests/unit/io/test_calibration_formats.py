@@ -22,7 +22,7 @@ FISHEYE = ("caliscope_new", "opencv_yaml", "acinoset", "scene", "scene_of_poses"
 RENAMED = {
     "acinoset": "cam{}", "kalibr": "cam{}", "projections": "{}", "caliscope_old": "cam_{}", "caliscope_new": "cam_{}",
 }  # fmt: skip
-UP = {"vicon": "z", "panoptic": "-y"}
+UP = {"vicon": "z", "panoptic": "-y", "pose2sim": "z", "qualisys": "z"}
 
 
 def rig_for(name: str, lens: str = "mild") -> CameraRig:
@@ -32,7 +32,7 @@ def rig_for(name: str, lens: str = "mild") -> CameraRig:
     world = ring(3).cameras[0].camera_from_world if name == "kalibr" else np.eye(4)
     for i, camera in enumerate(ring(3, lens).cameras):
         distortion = camera.distortion
-        if camera.lens is LensModel.BROWN and name == "kalibr":
+        if camera.lens is LensModel.BROWN and name in ("kalibr", "pose2sim"):
             distortion = (*distortion[:4], 0.0)
         if name == "vicon":
             distortion = (*distortion[:2], 0.0, 0.0, 0.0)

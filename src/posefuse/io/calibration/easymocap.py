@@ -58,6 +58,6 @@ def _camera(path: Path, name: str, entries: dict[str, Any]) -> Found:
     if rotation is None:
         raise FileError(f"{path}: no Rot_{name} or R_{name} says how camera {name!r} is turned.")
     distortion = next((entries[key] for key in (f"dist_{name}", f"D_{name}") if key in entries), ())
-    sizes = [entries.get(f"{letter}_{name}") for letter in "WH"]
-    size = None if None in sizes else sizes
+    sides = [entries[key] for key in (f"W_{name}", f"H_{name}") if key in entries]
+    size = sides if len(sides) == 2 else None
     return Found(name, entries[f"K_{name}"], rotation, entries[f"T_{name}"], distortion, size)
