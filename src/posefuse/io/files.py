@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from posefuse.errors import FileError, choices
+from posefuse.errors import FileError, PosefuseError, choices
 
 
 def must_exist(path: Path, what: str) -> Path:
@@ -65,6 +65,22 @@ def parse_xml(path: Path, text: str) -> ElementTree.Element:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         raise FileError(f"{path} is not whole XML: {error}. Was it cut short?") from None
+
+
+@contextlib.contextmanager
+def reading(path: Path, what: str) -> Iterator[None]:
+    """Say in a sentence that a file is broken, whatever its bytes lead a library to raise.
+
+    Raises:
+        FileError: if what is done within fails otherwise than by an error of ours.
+    """
+    try:
+        yield
+    except PosefuseError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())[:160] or type(error).__name__
+        raise FileError(f"{path} is not a whole {what}: {said}. Was it cut short?") from None
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

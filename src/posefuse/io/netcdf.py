@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import FileError
+from posefuse.io.files import reading
 from posefuse.model.parts import Part
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.trees import ADULT_M, Limit, Node, Tree
@@ -32,8 +33,10 @@ class StoredArray:
             self.dtype: np.dtype[Any] = np.dtype(variable.dtype)
 
     def __getitem__(self, key: Any) -> np.ndarray:
+        if isinstance(key, int) and not -len(self) <= key < len(self):
+            raise IndexError(f"{self!r} has no {key}.")
         # Past the netCDF library, which looks at every variable of the file before it opens one.
-        with h5py.File(self._path, "r") as file:
+        with reading(self._path, "netCDF-4 file"), h5py.File(self._path, "r") as file:
             variable: Any = file[self._name]
             return np.asarray(variable[key])
 
@@ -52,7 +55,7 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
     """
     try:
         file = h5netcdf.File(path, "r")
-    except (OSError, KeyError, ValueError) as error:
+    except Exception as error:  # a broken file raises whatever its bytes lead to
         if path.suffix != ".nc":
             raise FileError(f"{path} is no {kind} file of posefuse's, which end in .nc.") from None
         raise FileError(f"{path} is not a netCDF-4 file that can be read: {error}. Was it cut short?") from None

@@ -15,6 +15,7 @@ from posefuse.io.calibration.projections import take_apart
 from posefuse.io.recording import find_recording
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from tests import calibrations
+from tests.broken import broken
 from tests.calibrations import WRITERS
 from tests.scenes import ring
 
@@ -160,31 +161,6 @@ def test_a_projection_is_taken_apart_whatever_its_factor(factor):
 def test_a_projection_of_no_camera_is_an_error():
     with pytest.raises(FileError, match="is no camera's"):
         take_apart(np.zeros((3, 4)), "here")
-
-
-def broken(original: bytes, rng: np.random.Generator) -> bytes:
-    """Cut short, with bytes changed, doubled or exchanged."""
-    data = bytearray(original)
-    for _ in range(rng.integers(1, 4)):
-        if not data:
-            break
-        at, kind = int(rng.integers(len(data))), rng.integers(6)
-        span = int(rng.integers(1, 30))
-        if kind == 0:
-            del data[at:]
-        elif kind == 1:
-            data[at] = rng.integers(256)
-        elif kind == 2:
-            data[at:at] = data[at : at + span]
-        elif kind == 3:
-            del data[at : at + span]
-        elif kind == 4:
-            word = rng.choice([b"nan", b"1e999", b"null", b"true", b"-", b"[", b"{", b'"', b"99999999999999999999"])
-            data[at : at + len(word)] = word
-        else:
-            other = int(rng.integers(len(data)))
-            data[at : at + span], data[other : other + span] = data[other : other + span], data[at : at + span]
-    return bytes(data)
 
 
 def read_broken(name: str, folder: Path, cases: int) -> int:

@@ -15,6 +15,8 @@ from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import LengthUnit
 
+_LARGEST_CONDITION = 1e12
+
 
 def matches(path: Path) -> bool:
     """Whether the file is one, or the folder holds some."""
@@ -78,7 +80,7 @@ def take_apart(projection: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarr
     from scipy.linalg import rq
 
     left = projection[:, :3]
-    if not np.all(np.isfinite(projection)) or not abs(np.linalg.det(left)) > 1e-300:
+    if not np.linalg.cond(left) < _LARGEST_CONDITION:
         raise FileError(f"{where}: P is no camera's; its left 3 x 3 part is singular or not finite.")
     # With a determinant that is negative, -P is the same camera.
     projection = projection * np.sign(np.linalg.det(left))

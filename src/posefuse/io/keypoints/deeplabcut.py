@@ -1,42 +1,89 @@
-"""DeepLabCut's predictions of one animal as CSV: a file a camera, columns x, y, likelihood a body part.
+"""DeepLabCut's predictions, CSV or h5: a file a camera, columns x, y, likelihood a body part, one animal or several.
 
-Three header rows: scorer, bodyparts, coords. Pixels; a body part that is not there is empty. The files do not say a
-frame rate, nor which camera they are of: views are named by what differs between the files' names.
+Header rows: scorer, (individuals,) bodyparts, coords. Pixels; a body part that is not there is empty. Lightning
+Pose and EKS write the same with further columns a body part (medians, variances), which are left out with a note.
+The files do not say a frame rate, nor which camera they are of: views are named by what differs between the files'
+names.
+
+Of h5 files the columns' names are pickled; of that pickle only texts, numbers and tuples of them are built.
 """
 
 import csv
+import io
+import pickle
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 
-from posefuse.errors import FileError
-from posefuse.io.files import natural_key
+from posefuse.errors import FileError, choices
+from posefuse.io.files import natural_key, reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
+from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
 _HEADER = ["scorer", "bodyparts", "coords"]
+_MANY = ["scorer", "individuals", "bodyparts", "coords"]
+_H5_KEYS = ("df_with_missing", "tracks", "keypoints")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What one file holds.
+
+    Attributes:
+        columns: individual, body part and coordinate of each.
+        numbers: shape (frame,), int64.
+        values: shape (frame, column), NaN where empty.
+    """
+
+    columns: list[tuple[str, str, str]]
+    numbers: np.ndarray
+    values: np.ndarray
 
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one."""
-    return any(_header(file) == _HEADER for file in files_of(path))
+    files = files_of(path)
+    return any(file.suffix == ".h5" or _header(file) in (_HEADER, _MANY) for file in files)
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, in the order of their names; also those that end in their header, for a camera must not go missing."""
-    found = sorted(path.glob("*.csv"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
-    files = [file for file in found if file.suffix == ".csv" and file.is_file()]
-    return [file for file in files if _header(file) == _HEADER[: len(_header(file))]]
+    """The files, in the order of their names; also those that end in their header, for a camera must not go missing.
+
+    Where every prediction is there as CSV and as h5, those of one kind.
+    """
+    found = sorted(path.iterdir(), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
+    texts = [file for file in found if file.suffix == ".csv" and file.is_file() and _is_text(file)]
+    return texts or [file for file in found if file.suffix == ".h5" and file.is_file() and _h5_table(file)]
+
+
+def _is_text(file: Path) -> bool:
+    header = _header(file)
+    return header[:3] == _HEADER[: len(header)] or header == _MANY[: len(header)]
 
 
 def _header(file: Path) -> list[str]:
-    """The first words of the first three lines that there are."""
+    """The first words of the first lines that there are: three, or four with individuals."""
     with file.open(encoding="utf-8", errors="replace") as lines:
-        return [line.split(",")[0].strip() for line in islice(lines, len(_HEADER))]
+        words = [line.split(",")[0].strip() for line in islice(lines, len(_MANY))]
+    return words if words[1:2] == ["individuals"] else words[: len(_HEADER)]
+
+
+def _h5_table(file: Path) -> str | None:
+    """Where in an h5 file the predictions are, or None where there are none."""
+    try:
+        with h5py.File(file) as content:
+            return next((key for key in _H5_KEYS if f"{key}/table" in content), None)
+    except (OSError, KeyError, ValueError, RuntimeError):
+        return None
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -46,38 +93,111 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if a file is cut short, or the cameras have different body parts.
     """
     files = files_of(path)
-    parts, views = None, []
+    parts, views, left = None, [], set()
     for file, name in zip(files, view_names(files), strict=True):
-        found, numbers, values = _read_view(file)
+        table = _read_h5(file) if file.suffix == ".h5" else _read_csv(file)
+        found, individuals = _parts(file, table)
         if parts is not None and found != parts:
             raise FileError(f"{file} has other body parts than {files[0].name}; one recording has one skeleton.")
         parts = found
-        rows = np.flatnonzero(np.isfinite(values).any(axis=(1, 2)))
-        views.append(ViewColumns(name, numbers, numbers[rows], values[rows], np.zeros(len(rows), dtype=np.int64)))
+        left |= {kind for *_, kind in table.columns if kind not in _COORDINATES}
+        views.append(_view(name, table, parts, individuals))
     assert parts is not None
     skeleton = request.skeleton or skeleton_of("deeplabcut", parts)
     if len(skeleton) != len(parts):
         raise FileError(f"{path} has {len(parts)} body parts, skeleton {skeleton.name} has {len(skeleton)} keypoints.")
-    return assemble(path, views, skeleton, request.rate_hz)
+    notes = (f"{path.name}: further columns of each body part are not used: {choices(sorted(left))}.",) if left else ()
+    return assemble(path, views, skeleton, request.rate_hz, notes)
 
 
-def _read_view(file: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Body parts, frame numbers, and values (frame, part, 3)."""
-    with file.open(newline="", encoding="utf-8") as lines:
-        table = list(csv.reader(lines))
-    if len(table) <= len(_HEADER):
-        raise FileError(f"{file} holds no frames: {len(table)} lines, of which three are the header. Was it cut short?")
-    names, kinds = table[1][1:], table[2][1:]
-    if tuple(kinds) != _COORDINATES * (len(kinds) // 3) or names[0::3] != names[2::3]:
+def _parts(file: Path, table: _Table) -> tuple[list[str], list[str]]:
+    """Body parts and individuals, in the order of the file.
+
+    Some body parts may be only of some individuals (``single``, with parts of the scene).
+    """
+    parts = list(dict.fromkeys(part for _, part, _ in table.columns))
+    individuals = list(dict.fromkeys(individual for individual, _, _ in table.columns))
+    kinds = {kind for *_, kind in table.columns}
+    if not set(_COORDINATES) <= kinds or len(set(table.columns)) != len(table.columns):
         raise FileError(f"{file}: expected the columns x, y, likelihood for each body part, as DeepLabCut writes them.")
-    for place, row in enumerate(table[3:], start=4):
-        if len(row) != len(names) + 1:
-            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {len(names) + 1}. Was it cut short?")
-    try:
-        numbers = np.array([int(float(row[0])) for row in table[3:]], dtype=np.int64)
-        values = np.array([[float(cell or "nan") for cell in row[1:]] for row in table[3:]])
-    except ValueError as error:
-        raise FileError(f"{file} holds something that is not a number: {error}.") from None
-    values = values.reshape(len(numbers), len(names) // 3, 3)
+    return parts, individuals
+
+
+def _view(name: str, table: _Table, parts: Sequence[str], individuals: Sequence[str]) -> ViewColumns:
+    """A row for each frame and individual that is seen in it; the individual's place is its track."""
+    columns = {column: i for i, column in enumerate(table.columns)}
+    values = np.full((len(table.numbers), len(individuals), len(parts), 3), np.nan)
+    for i, individual in enumerate(individuals):
+        for p, part in enumerate(parts):
+            for c, kind in enumerate(_COORDINATES):
+                column = columns.get((individual, part, kind))
+                if column is not None:
+                    values[:, i, p, c] = table.values[:, column]
     values[np.isnan(values[..., :2]).any(axis=-1)] = np.nan
-    return names[0::3], numbers, values
+    frame, individual = np.nonzero(np.isfinite(values).any(axis=(2, 3)))
+    return ViewColumns(
+        name, table.numbers, table.numbers[frame], values[frame, individual], individual.astype(np.int64)
+    )
+
+
+def _read_csv(file: Path) -> _Table:
+    try:
+        with file.open(newline="", encoding="utf-8") as lines:
+            rows = list(csv.reader(lines))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{file} is not a CSV file in UTF-8: {error}.") from None
+    header = len(_header(file))
+    wanted = _MANY if header == len(_MANY) else _HEADER
+    if [row[0].strip() if row else "" for row in rows[:header]] != wanted or len(rows) <= header:
+        raise FileError(f"{file} holds no frames: it ends in its header. Was it cut short?")
+    named = [row[1:] for row in rows[1:header]]
+    width = len(named[0])
+    for place, row in enumerate(rows[1:], start=2):
+        if len(row) != width + 1:
+            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {width + 1}. Was it cut short?")
+    individuals = named[0] if header == len(_MANY) else [""] * width
+    columns = list(zip(individuals, named[-2], named[-1], strict=True))
+    try:
+        numbers = np.array([_number(row[0], file) for row in rows[header:]], dtype=np.int64)
+        values = np.array([[float(cell or "nan") for cell in row[1:]] for row in rows[header:]])
+    except (ValueError, OverflowError) as error:
+        raise FileError(f"{file} holds something that is not a number: {error}.") from None
+    return _Table(columns, numbers, values)
+
+
+def _number(text: str, file: Path) -> int:
+    """A frame's number; of labelled data, which name an image, the last number in its name."""
+    try:
+        value = float(text)
+    except ValueError:
+        return last_number(text, str(file))
+    if not abs(value) < 2**40:
+        raise ValueError(f"frame number {text!r}")
+    return int(value)
+
+
+class _Names(pickle.Unpickler):
+    """Builds texts, numbers and tuples, and refuses everything else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no table of keypoints needs")
+
+
+def _read_h5(file: Path) -> _Table:
+    key = _h5_table(file)
+    with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
+        group: Any = content[key]
+        columns = _Names(io.BytesIO(bytes(group.attrs["non_index_axes"]))).load()[0][1]
+        table = np.asarray(group["table"])
+        values = np.asarray(table["values_block_0"], dtype=np.float64)
+        index = table["index"].tolist()
+        numbers = [_number(i.decode() if isinstance(i, bytes) else str(i), file) for i in index]
+        named = [tuple(str(word) for word in column)[-3:] for column in columns]
+    if values.ndim != 2 or values.shape[1] != len(named) or any(len(name) != 3 for name in named):
+        raise FileError(f"{file}: {len(named)} columns are named, {values.shape} values are there.")
+    individuals = [one if len(columns[0]) == len(_MANY) else "" for one, _, _ in named]
+    return _Table(
+        [(individual, part, kind) for individual, (_, part, kind) in zip(individuals, named, strict=True)],
+        np.array(numbers, dtype=np.int64),
+        values,
+    )

@@ -7,7 +7,7 @@ import h5netcdf
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import replacing
+from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints.request import Request
 from posefuse.io.netcdf import (
     StoredArray,
@@ -42,7 +42,7 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if the file is cut short or another.
         SkeletonError: if the request names another skeleton and the file's cannot be mapped to it.
     """
-    with open_file(path, KIND) as file:
+    with reading(path, "netCDF-4 file"), open_file(path, KIND) as file:
         rate = number_of(file, "rate_hz") if "rate_hz" in file.attrs else None
         detections = Detections(
             skeleton=skeleton_from_text(text_of(file, "skeleton")),

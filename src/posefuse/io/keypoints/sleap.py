@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import natural_key
+from posefuse.io.files import natural_key, reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
@@ -36,7 +36,7 @@ def _is_one(file: Path) -> bool | None:
     try:
         with h5py.File(file) as content:
             return "tracks" in content and "node_names" in content
-    except OSError:
+    except (OSError, KeyError, ValueError, RuntimeError):
         return None
 
 
@@ -52,7 +52,7 @@ def read(path: Path, request: Request) -> Detections:
             raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
-        with h5py.File(file) as content:
+        with reading(file, "analysis file"), h5py.File(file) as content:
             found = _skeleton(content)
             if skeleton is None:
                 skeleton = found

@@ -1,0 +1,83 @@
+"""MMPose's, RTMPose's and rtmlib's JSON, one a camera: ``instance_info`` with ``meta_info``, or its bare list.
+
+Each frame has ``frame_id`` (MMPose counts from 1) and ``instances`` with ``keypoints`` (x, y) and
+``keypoint_scores``; a ``track_id`` or ``instance_id`` is kept. Frames without people are there, with an empty list.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from posefuse.io.keypoints.names import view_names
+from posefuse.io.keypoints.people import (
+    Person,
+    beginning,
+    camera_files,
+    decode,
+    detections_of,
+    joined,
+    view_columns,
+    whole,
+)
+from posefuse.io.keypoints.request import Request
+from posefuse.model.detections import Detections
+
+
+class _Instance(msgspec.Struct):
+    keypoints: list[list[float]]
+    keypoint_scores: list[float]
+    track_id: int | None = None
+    instance_id: int | None = None
+
+
+class _Frame(msgspec.Struct):
+    frame_id: int
+    instances: list[_Instance]
+
+
+class _File(msgspec.Struct):
+    instance_info: list[_Frame]
+    meta_info: Any = None
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one, or a folder holds one a camera, or folders with one each."""
+    return bool(_files(path))
+
+
+def _files(path: Path) -> list[Path]:
+    return camera_files(path, ".json", _is_one)
+
+
+def _is_one(file: Path) -> bool:
+    start = beginning(file, 200_000)
+    return (start.startswith(b'[{"frame_id"') or b'"instance_info"' in start) and b'"instances"' in start
+
+
+def read(path: Path, request: Request) -> Detections:
+    """Read all cameras.
+
+    Raises:
+        FileError: if a file is cut short or another, or views have different keypoints.
+        SkeletonError: if the number of keypoints does not tell the skeleton.
+    """
+    files = _files(path)
+    views = []
+    for file, name in zip(files, view_names(files), strict=True):
+        bare = beginning(file, 16).startswith(b"[")
+        frames = decode(file, list[_Frame]) if bare else decode(file, _File).instance_info
+        where = str(file)
+        people = [
+            Person(frame.frame_id, joined(i.keypoints, i.keypoint_scores, where, frame.frame_id), _track(i))
+            for frame in frames
+            for i in frame.instances
+        ]
+        recorded = {whole(frame.frame_id, "frame_id", where) for frame in frames}
+        views.append(view_columns(name, recorded, people, where))
+    return detections_of(path, views, request)
+
+
+def _track(instance: _Instance) -> int:
+    given = [number for number in (instance.track_id, instance.instance_id) if number is not None]
+    return given[0] if given and abs(given[0]) < 2**40 else -1

@@ -1,0 +1,148 @@
+"""Other programs' 2D keypoints: the same detections read from every format, and what is said of broken ones."""
+
+import json
+import pickle
+
+import h5py
+import numpy as np
+import pytest
+
+from posefuse import read_detections
+from posefuse.errors import FileError, PosefuseError
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import shipped_skeleton
+from tests import keypoint_files
+from tests.broken import broken
+from tests.keypoint_files import WRITERS
+
+NO_CONFIDENCE = ("coco_annotations", "label3d")
+ONE = ("label3d", "deeplabcut")
+
+
+def some(n_people: int = 2, seed: int = 0) -> Detections:
+    """Two views, six frames, people with holes; everybody in the first frame, and somebody in the last."""
+    rng = np.random.default_rng(seed)
+    skeleton = shipped_skeleton("mouse_22" if n_people == 1 else "coco_17")
+    rows, offsets, tracks = [], [0], []
+    for f in range(6):
+        for v in range(2):
+            for i in range(n_people):
+                if 0 < f < 5 and rng.random() < 0.3:
+                    continue
+                values = rng.uniform([5, 5, 0.2], [1900, 1000, 0.99], (len(skeleton), 3))
+                values[rng.random(len(skeleton)) < 0.2] = np.nan
+                values[0] = 40.0 + v, 50.0 + i, 0.5
+                rows.append(values)
+                tracks.append(i)
+            offsets.append(len(rows))
+    values = np.array(rows)
+    return Detections(
+        skeleton=skeleton,
+        view_names=("left", "right"),
+        frame_numbers=np.arange(6),
+        time_s=np.full((6, 2), np.nan),
+        offsets=np.array(offsets),
+        keypoints_px=values[..., :2],
+        confidence=values[..., 2],
+        recorded=np.ones((6, 2), dtype=bool),
+        track_ids=np.array(tracks),
+    )
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_same_detections_from_every_format(name, tmp_path):
+    given = some(1 if name in ONE else 2)
+    found = read_detections(WRITERS[name](given, tmp_path / "keypoints"), given.skeleton)
+    assert found.view_names == given.view_names
+    np.testing.assert_array_equal(found.frame_numbers, given.frame_numbers)
+    np.testing.assert_array_equal(found.recorded, given.recorded)
+    np.testing.assert_array_equal(found.offsets, given.offsets)
+    np.testing.assert_allclose(found.keypoints_px, given.keypoints_px, rtol=1e-12)
+    np.testing.assert_array_equal(found.track_ids, given.track_ids)
+    confidence = np.asarray(given.confidence)
+    if name in NO_CONFIDENCE:
+        confidence = np.where(np.isnan(confidence), np.nan, 1.0)
+    np.testing.assert_allclose(found.confidence, confidence, rtol=1e-12)
+
+
+def test_frames_count_from_one_where_the_file_does(tmp_path):
+    given = some()
+    folder = keypoint_files.mmpose(given, tmp_path)
+    for file in folder.glob("*.json"):
+        content = json.loads(file.read_text())
+        for frame in content["instance_info"]:
+            frame["frame_id"] += 1
+        file.write_text(json.dumps(content))
+    assert read_detections(folder, "coco_17").frame_numbers.tolist() == [1, 2, 3, 4, 5, 6]
+
+
+def test_annotations_name_their_keypoints_and_bones(tmp_path):
+    found = read_detections(keypoint_files.coco_annotations(some(), tmp_path))
+    assert found.skeleton.keypoints == shipped_skeleton("coco_17").keypoints
+    assert found.skeleton.edges == shipped_skeleton("coco_17").edges
+
+
+def test_variances_of_an_ensemble_are_named_as_not_used(tmp_path):
+    header = ["scorer,e,e,e,e", "bodyparts,paw,paw,paw,paw", "coords,x,y,likelihood,x_ens_var", "0,1,2,0.9,4"]
+    (tmp_path / "a.csv").write_text("\n".join(header) + "\n")
+    found = read_detections(tmp_path)
+    np.testing.assert_array_equal(np.asarray(found.keypoints_px)[0, 0], [1.0, 2.0])
+    assert "x_ens_var" in found.notes[0]
+
+
+def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (print, ("ran",))
+
+    folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
+    with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
+        file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Evil(), protocol=0))
+    with pytest.raises(FileError, match="no table of keypoints needs"):
+        read_detections(folder)
+
+
+def test_people_of_different_lengths_are_an_error(tmp_path):
+    folder = keypoint_files.coco_results(some(), tmp_path)
+    file = folder / "left.json"
+    content = json.loads(file.read_text())
+    content[1]["keypoints"] = content[1]["keypoints"][:-3]
+    file.write_text(json.dumps(content))
+    with pytest.raises(FileError, match=r"left.json, frame 0: a person has 16 keypoints, others have 17"):
+        read_detections(folder)
+
+
+def read_broken(name: str, folder, cases: int) -> int:
+    """Read so many broken recordings of a format; how many were still read."""
+    given = some(1 if name in ONE else 2)
+    path = WRITERS[name](given, folder)
+    files = sorted(file for file in folder.rglob("*") if file.is_file())
+    rng = np.random.default_rng(len(name))
+    read = 0
+    for case in range(cases):
+        file = files[case % len(files)]
+        original = file.read_bytes()
+        file.write_bytes(broken(original, rng))
+        try:
+            found = read_detections(path, given.skeleton)
+        except PosefuseError:
+            pass
+        else:
+            assert np.asarray(found.keypoints_px).shape[1:] == (len(given.skeleton), 2)
+            read += 1
+        file.write_bytes(original)
+    return read
+
+
+# The netCDF library closes what it could not open.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("name", WRITERS)
+def test_broken_files_are_errors_that_say_so(name, tmp_path):
+    assert read_broken(name, tmp_path / "k", 200) < 200
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("name", WRITERS)
+def test_very_many_broken_files(name, tmp_path):
+    assert read_broken(name, tmp_path / "k", 10_000) < 10_000
