@@ -33,6 +33,8 @@ class BirthOptions:
     Attributes:
         min_age_s: A tentative person is at least so old before it is believed (A_min).
         min_age_two_views_s: The same where two views see it on average.
+        two_views_log_odds: And then, with the preset `posefuse`, it is so old that these views and those that should
+            show it and do not make it this likely to be there: 1 s where none is silent.
         hit_share: In at least this share of its frames it was seen (K of L).
         min_views: By so many views on average (V_min).
         max_error_sigma: Its median reprojection error is at most this (tau_repr).
@@ -46,6 +48,7 @@ class BirthOptions:
 
     min_age_s: float = 0.12
     min_age_two_views_s: float = 0.3
+    two_views_log_odds: float = 5.5
     hit_share: float = 0.6
     min_views: float = 2.0
     max_error_sigma: float = 4.0

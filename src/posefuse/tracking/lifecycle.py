@@ -1,5 +1,7 @@
 """Rules of life: who counts as there, who is lost, who is forgotten, and when a body's lengths are kept."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from posefuse.kernels.articulated import State
@@ -10,6 +12,7 @@ from posefuse.tracking.lengths import told_of_lengths
 from posefuse.tracking.posing import aim, bones_shown
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
+from posefuse.tracking.silence import is_within
 from posefuse.tracking.tempering import see_lengths
 
 _SEEN_SHARE = 0.5
@@ -17,16 +20,30 @@ _BESIDE_M = 0.5
 """Beside what a view sees, of a human: as far outside as somebody is counted as inside."""
 
 
-def newcomer(number: int, time_s: float, score: float) -> Track:
-    """Somebody just believed, with that score."""
-    return Track(number, f"person_{number}", TrackState.ACTIVE, score, time_s, np.zeros(3))
+class Bounds(NamedTuple):
+    """Scores at which somebody's life changes.
+
+    Attributes:
+        begins_with: the least score of who is believed or found again.
+        lost_below: the score with which they are lost.
+        sure_from: the score with which they are no longer taken for a coincidence.
+    """
+
+    begins_with: float
+    lost_below: float
+    sure_from: float
+
+
+def newcomer(number: int, time_s: float, bounds: Bounds) -> Track:
+    """Somebody just believed."""
+    track = Track(number, f"person_{number}", TrackState.ACTIVE, bounds.begins_with, time_s, np.zeros(3))
+    track.sure = bounds.begins_with >= bounds.sure_from
+    return track
 
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
     """Shape (person, view), bool: which views should see whom: half of the core within the image."""
-    pixels = sight.pixels[:, :, settings.core]
-    inside = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1)
-    return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
+    return is_within(sight.pixels[:, :, settings.core], settings)
 
 
 def middles(points_m: np.ndarray) -> np.ndarray:
@@ -38,8 +55,7 @@ def middles(points_m: np.ndarray) -> np.ndarray:
 def live_on(
     track: Track,
     score: float,
-    begins_with: float,
-    lost_below: float,
+    bounds: Bounds,
     supported: np.ndarray,
     should_see: np.ndarray,
     torso_m: np.ndarray,
@@ -51,8 +67,7 @@ def live_on(
     Args:
         track: in and out.
         score: that they are there, after the frame.
-        begins_with: the least score of who is found again.
-        lost_below: the score with which they are lost.
+        bounds: of scores.
         supported: shape (view,), bool: which views show them.
         should_see: shape (view,), bool: which views should.
         torso_m: shape (3,): where they are.
@@ -65,20 +80,23 @@ def live_on(
     o = settings.options
     n_views = np.count_nonzero(supported)
     track.log_odds = score
+    track.sure |= score >= bounds.sure_from
     if n_views > 1:
         track.firm_s = time_s
     said: list[tuple[Happening, str]] = []
-    if n_views and track.state == TrackState.ACTIVE:
+    # What may be a coincidence of two views one alone does not show.
+    if n_views >= (1 if track.sure else 2) and track.state == TrackState.ACTIVE:
         track.seen_s, track.lost_at_m = time_s, torso_m
     elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
         said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
         track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
-        track.log_odds = max(track.log_odds, begins_with)
+        track.log_odds = max(track.log_odds, bounds.begins_with)
     if track.state == TrackState.ACTIVE:
-        if time_s - track.seen_s > o.lost_after_s:
+        few, lasts_s = ("no camera", o.lost_after_s) if track.sure else ("one camera at most", o.weak_after_s)
+        if time_s - track.seen_s > lasts_s:
             track.state = TrackState.LOST
-            said.append(("lost", f"seen by no camera for {time_s - track.seen_s:.2f} s"))
-        elif track.log_odds < lost_below:
+            said.append(("lost", f"seen by {few} for {time_s - track.seen_s:.2f} s"))
+        elif track.log_odds < bounds.lost_below:
             track.state = TrackState.LOST
             others = _named(should_see & ~supported, settings)
             said.append(("lost", f"seen by {_named(supported, settings)}, but not by {others}"))
@@ -117,6 +135,8 @@ def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settin
 def _why_forgotten(track: Track, state: State, p: int, time_s: float, settings: Settings) -> str:
     """Why somebody lost is not looked for any more, "" where they are."""
     o = settings.options
+    if not track.sure:
+        return "it may have been a coincidence of two cameras"
     if time_s - track.seen_s > o.forget_after_s:
         return f"lost for {time_s - track.seen_s:.1f} s"
     doubt_m = float(np.sqrt(np.trace(state.covariance[p, :3, :3])))

@@ -26,6 +26,7 @@ class Track:
         sought_s: for how long two views have shown them: over which their shape could be seen.
         settled_s: when the shape was kept.
         inside_s: when they were last where two views overlap.
+        sure: whether views have shown so much of them that they are no coincidence of two false detections.
     """
 
     number: int
@@ -38,6 +39,7 @@ class Track:
     settled_s: float = np.nan
     firm_s: float = -np.inf
     inside_s: float = np.nan
+    sure: bool = False
     trusted: tuple[np.ndarray, np.ndarray] | None = None
 
 
@@ -94,6 +96,7 @@ class Evidence:
         log_odds: of the proposal.
         error_sigma: of the proposal.
         n_pairs: of views, that support the proposal.
+        n_silent: how many views should show them, with nobody before them, and do not; asked where two views do.
     """
 
     time_s: float
@@ -107,6 +110,7 @@ class Evidence:
     log_odds: float
     error_sigma: float
     n_pairs: int = 0
+    n_silent: int = 0
 
     @property
     def n_views(self) -> int:

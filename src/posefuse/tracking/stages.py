@@ -122,6 +122,10 @@ class Score(Protocol):
         """From which of those scores on they can be believed."""
         ...
 
+    def waits_s(self, each: Tentative, settings: Settings) -> float:
+        """How old somebody not believed yet must be to be believed."""
+        ...
+
     def active(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> np.ndarray:
         """Shape (track,): the scores of those who are followed, after a frame."""
         ...
@@ -132,6 +136,10 @@ class Score(Protocol):
 
     def lost_below(self, settings: Settings) -> float:
         """With which score somebody is lost."""
+        ...
+
+    def sure_from(self, settings: Settings) -> float:
+        """With which score somebody is no longer taken for a coincidence, once for all; -inf where nobody ever is."""
         ...
 
 

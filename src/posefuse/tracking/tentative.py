@@ -54,20 +54,27 @@ def continue_with(
     return [new for j, new in enumerate(found) if j not in taken]
 
 
-def is_over(each: Tentative, time_s: float, settings: Settings) -> bool:
-    """Whether a tentative person is to be forgotten."""
+def is_of_two_views(each: Tentative, settings: Settings) -> bool:
+    """Whether a tentative person was seen by hardly more views, on average, than one must be seen by."""
+    return float(np.mean([e.n_views for e in each.evidence])) < settings.options.births.min_views + 0.5
+
+
+def is_over(each: Tentative, time_s: float, waits_s: float, settings: Settings) -> bool:
+    """Whether a tentative person is to be forgotten; who must be old to be believed may get twice as old."""
     births = settings.options.births
-    too_old = time_s - each.evidence[0].time_s > births.max_age_s
+    most_s = births.max_age_s * (2.0 if waits_s > births.min_age_two_views_s else 1.0)
+    too_old = time_s - each.evidence[0].time_s > most_s
     return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s
 
 
-def is_believable(each: Tentative, time_s: float, promotes_from: float, settings: Settings) -> bool:
+def is_believable(each: Tentative, time_s: float, promotes_from: float, waits_s: float, settings: Settings) -> bool:
     """Whether what is known of a tentative person is enough to follow them: the rule of promotion.
 
     Args:
         each: the person.
         time_s: of this frame.
         promotes_from: the least score.
+        waits_s: how old they must be.
         settings: of the tracker.
     """
     births = settings.options.births
@@ -76,7 +83,7 @@ def is_believable(each: Tentative, time_s: float, promotes_from: float, settings
     return (
         len(each.evidence) > 1
         and each.evidence[-1].time_s == time_s
-        and age >= (births.min_age_two_views_s if views < births.min_views + 0.5 else births.min_age_s) - 1e-9
+        and age >= waits_s - 1e-9
         and len(each.evidence) >= births.hit_share * each.frames
         and views >= births.min_views
         and float(np.median([e.error_sigma for e in each.evidence])) <= births.max_error_sigma

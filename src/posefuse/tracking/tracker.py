@@ -17,10 +17,12 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
+from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
+from posefuse.tracking.silence import is_covered, silent_views
 from posefuse.tracking.stages import Seen, Stages
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.watch import Watch, look_at
@@ -223,15 +225,17 @@ class ArticulatedTracker:
         self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
         expected = self.expected & ~self.watch.refused
         torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
-        scores = np.empty(0)
-        begins_with, lost_below = stages.score.begins_with(self.settings), stages.score.lost_below(self.settings)
+        scores, bounds = np.empty(0), self._bounds()
+        for p, track in enumerate(self.tracks):
+            if not track.sure:
+                expected[p] &= ~is_covered(self.sight.pixels[p][:, self.settings.core], rows[p], frame)
         if self.tracks:
             seen = Seen(frame, self.time_s, dt_s, rows, self.labels, used, supported, expected)
             stages.noise.learn(seen, self.lately, self.state, self.settings)
             scores = stages.score.active(seen, self.tracks, self.state, self.settings)
         for p, track in enumerate(self.tracks):
             said = lifecycle.live_on(
-                track, float(scores[p]), begins_with, lost_below, supported[p], expected[p], torsos[p], self.time_s,
+                track, float(scores[p]), bounds, supported[p], expected[p], torsos[p], self.time_s,
                 self.settings,
             )  # fmt: skip
             self.events.extend(Event(frame.number, self.time_s, track.name, what, why) for what, why in said)
@@ -263,7 +267,8 @@ class ArticulatedTracker:
         staying = []
         for each in self.tentative:
             each.score = stages.score.tentative(each, self.time_s, dt_s, s)
-            if is_believable(each, self.time_s, stages.score.promotes_from(s), s):
+            waits_s = stages.score.waits_s(each, s)
+            if is_believable(each, self.time_s, stages.score.promotes_from(s), waits_s, s):
                 born = self._believe(each, frame.number, held)
                 if born is not None:
                     p, counted = born
@@ -272,7 +277,7 @@ class ArticulatedTracker:
                     else:
                         rows, used = np.vstack([rows, each.evidence[-1].rows]), np.vstack([used, counted[None]])
                     continue
-            if not is_over(each, self.time_s, s):
+            if not is_over(each, self.time_s, waits_s, s):
                 staying.append(each)
         self.tentative = staying
         return rows, used
@@ -362,7 +367,11 @@ class ArticulatedTracker:
             away = np.linalg.norm(known - proposals.points_m[i], axis=-1)
             if len(active) and (np.nanmean(away, axis=1) < s.options.births.apart_m).any():
                 continue
-            found.append(evidence_of(frame, self.time_s, proposals, i, s.skeleton.mirror))
+            one = evidence_of(frame, self.time_s, proposals, i, s.skeleton.mirror)
+            if one.n_views <= s.options.births.min_views:
+                silent = silent_views(one.points_m, one.rows, frame, self.watch.refused, s)
+                one = replace(one, n_silent=int(silent.sum()))
+            found.append(one)
         return self.stages.distance.merge(found, s)
 
     def _believe(self, each: Tentative, number: int, held: dict[int, int]) -> tuple[int, np.ndarray] | None:
@@ -376,7 +385,7 @@ class ArticulatedTracker:
             held: from :meth:`_held_by_one_view`.
         """
         s = self.settings
-        begins_with = self.stages.score.begins_with(s)
+        bounds = self._bounds()
         state, past, error = begin(each.evidence, s)
         if not error <= s.options.births.max_error_sigma:
             return None
@@ -400,7 +409,7 @@ class ArticulatedTracker:
             return None
         else:
             self.names += 1
-            track = lifecycle.newcomer(self.names, self.time_s, begins_with)
+            track = lifecycle.newcomer(self.names, self.time_s, bounds)
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
@@ -410,9 +419,13 @@ class ArticulatedTracker:
             )
         track.state, track.lost_at_m = TrackState.ACTIVE, seen.torso_m
         track.seen_s = track.firm_s = self.time_s
-        track.log_odds = begins_with
+        track.log_odds = bounds.begins_with
         self.remembered[track.name] = past
         return p, counted
+
+    def _bounds(self) -> Bounds:
+        score, s = self.stages.score, self.settings
+        return Bounds(score.begins_with(s), score.lost_below(s), score.sure_from(s))
 
     def _foreseen(self, cameras: np.ndarray) -> Sight:
         """Where everybody is, and where these cameras, none or all of them, see them."""

@@ -13,11 +13,12 @@ from posefuse.model.tracker_options import PartOptions, TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.bodies import Sight
-from posefuse.tracking.lifecycle import forgotten, newcomer, note_inside
+from posefuse.tracking.lifecycle import Bounds, forgotten, newcomer, note_inside
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 
+BOUNDS = Bounds(3.0, -2.0, 3.0)
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 3)
 
@@ -33,7 +34,7 @@ def somebody(settings: Settings, state: TrackState) -> tuple[Track, State]:
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
     body = newborn(tree, points, np.asarray(tree.shape_m), np.asarray(tree.shape_covariance), settings.options.motion)
     body.covariance[0, :3, :3] = np.eye(3) * 0.25 / 3.0
-    track = newcomer(1, 0.0, 3.0)
+    track = newcomer(1, 0.0, BOUNDS)
     track.state, track.inside_s = state, 0.0
     return track, body
 

@@ -10,12 +10,13 @@ from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.lengths import measured_lengths, told_of_lengths
-from posefuse.tracking.lifecycle import newcomer, settle_shape, take_back
+from posefuse.tracking.lifecycle import Bounds, newcomer, settle_shape, take_back
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import Track
 from posefuse.tracking.returns import same_body
 from posefuse.tracking.settings import Settings
 
+BOUNDS = Bounds(3.0, -2.0, 3.0)
 SKELETON = shipped_skeleton("body_20")
 HUMAN = SKELETON.tree
 assert HUMAN is not None
@@ -64,7 +65,7 @@ def test_a_look_that_told_nothing_tells_nothing(settings):
     assert np.linalg.eigvalsh(information).min() > 0.0
     assert np.abs(information @ TREE.shape_covariance).max() < 1e-3
     assert np.abs(pull).max() == 0.0
-    track = newcomer(1, 0.0, 3.0)
+    track = newcomer(1, 0.0, BOUNDS)
     nobody = body(settings, TREE.shape_m, TREE.shape_covariance)
     assert same_body(settings, track, nobody, 0, nobody, 0.1) == pytest.approx(0.0, abs=1e-3)
 
@@ -89,7 +90,7 @@ def lasting(settings: Settings, look_s: float) -> float:
 def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
     """Of bodies drawn from the model: those of whom it says so much are who they are taken for so often."""
     rng = np.random.default_rng(5)
-    track = newcomer(1, 0.0, 3.0)
+    track = newcomer(1, 0.0, BOUNDS)
     track.sought_s = settings.options.shape_settle_s
     odds: dict[bool, list[float]] = {True: [], False: []}
     spread, new_body = np.linalg.cholesky(TREE.shape_covariance), body(settings, TREE.shape_m, TREE.shape_covariance)
@@ -121,7 +122,7 @@ def followed(settings: Settings, track: Track, state: State, seconds: float, sta
 
 
 def test_time_away_is_no_time_of_looking(settings, rng):
-    track = newcomer(1, 0.0, 3.0)
+    track = newcomer(1, 0.0, BOUNDS)
     state = body(settings, *posterior(rng.normal(0.0, 0.05, H), random_information(rng)))
     now_s = followed(settings, track, state, 2.4, 0.0)
     track.state = TrackState.LOST
@@ -142,7 +143,7 @@ def test_two_looks_at_a_body_know_what_both_know(settings, rng):
     measured = rng.normal(0.0, 0.05, (2, H))
     before, found = (body(settings, *posterior(*each)) for each in zip(measured, information, strict=True))
     found.root[0] = [1.0, 2.0, 0.9]
-    track = newcomer(1, 0.0, 3.0)
+    track = newcomer(1, 0.0, BOUNDS)
     take_back(track, before, 0, found, settings)
     together = information[0] + information[1]
     pull = information[0] @ measured[0] + information[1] @ measured[1]
@@ -160,7 +161,7 @@ def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng)
     longer = TREE.shape_m.copy()
     longer[0] += 0.02
     before = body(settings, longer, 1e-12 * np.eye(H))
-    take_back(newcomer(1, 0.0, 3.0), before, 0, found, settings)
+    take_back(newcomer(1, 0.0, BOUNDS), before, 0, found, settings)
     assert before.shape[0, 0] == pytest.approx(longer[0], abs=1e-6)
     assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
 
@@ -169,7 +170,7 @@ def test_lengths_that_are_kept_stay(settings, rng):
     before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
     before.free[0] = 0
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
-    take_back(newcomer(1, 0.0, 3.0), before, 0, found, settings)
+    take_back(newcomer(1, 0.0, BOUNDS), before, 0, found, settings)
     np.testing.assert_array_equal(before.shape[0], TREE.shape_m + 0.01)
     assert not before.free[0]
     assert not before.covariance[0, SHAPE].any()

@@ -26,7 +26,7 @@ from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.births import put_right
 from posefuse.tracking.bodies import Sight
-from posefuse.tracking.lifecycle import newcomer
+from posefuse.tracking.lifecycle import Bounds, newcomer
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.presets import specification, usual
 from posefuse.tracking.presets.specification import proposal_distance
@@ -55,7 +55,7 @@ def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
 
 
 def somebody() -> Track:
-    return newcomer(1, 0.0, 0.5)
+    return newcomer(1, 0.0, Bounds(0.5, -2.0, 0.0))
 
 
 def unknown() -> Lately:

@@ -19,7 +19,7 @@ from posefuse.tracking.bodies import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
-from posefuse.tracking.tentative import core_bones
+from posefuse.tracking.tentative import core_bones, is_of_two_views
 
 _CERTAIN = 1e-10
 """What is left of a covariance that is forgotten, m^2 and rad^2: it keeps its inverse where no time has passed."""
@@ -130,6 +130,11 @@ class WeightedScore:
         """tau_promote."""
         return settings.options.specification.promote_score
 
+    def waits_s(self, each: Tentative, settings: Settings) -> float:
+        """A_min, longer where two views see them."""
+        births = settings.options.births
+        return births.min_age_two_views_s if is_of_two_views(each, settings) else births.min_age_s
+
     def active(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> np.ndarray:
         """Views and keypoints speak for somebody, reprojection errors and frames without support against them."""
         o = settings.options.specification
@@ -147,6 +152,10 @@ class WeightedScore:
     def lost_below(self, settings: Settings) -> float:
         """tau_lost."""
         return settings.options.specification.lost_score
+
+    def sure_from(self, settings: Settings) -> float:
+        """Who is promoted is there."""
+        return -math.inf
 
 
 class PelvisDistance:

@@ -13,11 +13,14 @@ from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.returns import who_returns
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
+from posefuse.tracking.tentative import is_of_two_views
 
 _EXPLAINED = 3.0
 """A detection of this much evidence is somebody's who is followed, even if another one is more so."""
 _MOST_HIDDEN = -1.2
 """Views that do not see somebody whom one does see count no more than this many that do."""
+_HARDLY = 1e-3
+"""Nats: where views say no more than this for somebody, or speak against them, that is for ever."""
 
 
 class PropagatedPrior:
@@ -80,14 +83,24 @@ class OddsScore:
         """Promotion is by the odds alone."""
         return settings.options.births.promote_log_odds
 
+    def waits_s(self, each: Tentative, settings: Settings) -> float:
+        """Two views fit by chance: until these, and those that are silent, make ``two_views_log_odds`` in all."""
+        births = settings.options.births
+        if not is_of_two_views(each, settings):
+            return births.min_age_s
+        gain, loss = _worth(settings)
+        shown = [gain * e.n_views + loss * e.n_silent for e in each.evidence]
+        speaks = max(float(np.mean(shown)), _HARDLY) / settings.options.evidence_time_s
+        return max(births.min_age_two_views_s, births.two_views_log_odds / speaks)
+
     def active(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> np.ndarray:
         """Every view that shows somebody is for them, every view that should and does not is against them."""
         o = settings.options
-        gain = math.log(o.detection_share / o.false_share)
-        loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
+        gain, loss = _worth(settings)
         missed = loss * (seen.expected & ~seen.supported).sum(axis=1)
-        # What hides somebody from one view often hides them from others too.
-        missed = np.where(seen.supported.any(axis=1), np.maximum(missed, _MOST_HIDDEN * gain), missed)
+        # What hides somebody from one view often hides them from others too; a coincidence nothing hides.
+        hides = seen.supported.any(axis=1) & np.array([track.sure for track in tracks])
+        missed = np.where(hides, np.maximum(missed, _MOST_HIDDEN * gain), missed)
         evidence = gain * seen.supported.sum(axis=1) + missed
         before = np.array([track.log_odds for track in tracks])
         after = before + evidence * min(1.0, seen.dt_s / o.evidence_time_s)
@@ -100,6 +113,16 @@ class OddsScore:
     def lost_below(self, settings: Settings) -> float:
         """Where they are hardly likely to be there."""
         return settings.options.lost_log_odds
+
+    def sure_from(self, settings: Settings) -> float:
+        """As certain as can be."""
+        return settings.options.most_log_odds
+
+
+def _worth(settings: Settings) -> tuple[float, float]:
+    """Log odds of a view that shows somebody, and of one that should and does not."""
+    o = settings.options
+    return math.log(o.detection_share / o.false_share), math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
 
 
 class TrunkDistance:
