@@ -108,7 +108,7 @@ class Settings(Rebuilt):
         return (self.law.scale_px[view][:, None] * trust**-self.law.exponent) ** 2
 
 
-def tempering(dt_s: np.ndarray, memory_s: float) -> np.ndarray:
+def tempering(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarray:
     """As how many independent frames so many count as one whose errors last that long, for each time between frames.
 
     Errors whose correlation is ``r = exp(-dt / memory)`` from a frame to the next leave ``(1 - r) / (1 + r)`` of what

@@ -50,7 +50,9 @@ class LawfulNoise:
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        temper = tempering(np.full(len(rows), dt_s), settings.options.error_memory_s)
+        o = settings.options
+        alone = (rows >= 0).sum(axis=1) == 1
+        temper = tempering(np.full(len(rows), dt_s), np.where(alone, o.smoother_error_memory_s, o.error_memory_s))
         return Trust(settings.law, frame.confidence, temper)
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
