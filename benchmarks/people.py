@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chi2
 
 import posefuse
 from benchmarks import rpt_kalman
@@ -33,7 +34,7 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
-from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import People, Person
@@ -51,6 +52,21 @@ _NAMES = (*SCENARIOS, "equal")
 
 
 @dataclass(frozen=True)
+class Alone:
+    """People whom one view alone shows: how far off they are along its ray, and how sure that is.
+
+    Attributes:
+        off_m: shape (case,): mean over the body, away from the camera.
+        sd_m: shape (case,): what the covariance says of that, mean over the body.
+        squared: shape (case, keypoint): squared distance from the truth, in its own covariance.
+    """
+
+    off_m: np.ndarray
+    sd_m: np.ndarray
+    squared: np.ndarray
+
+
+@dataclass(frozen=True)
 class Run:
     """One scene followed.
 
@@ -61,6 +77,7 @@ class Run:
         refused: names of cameras that were.
         moved: the name of the camera that moved, or None.
         frame_s: shape (frame,): how long each frame took.
+        alone: people in the frames in which one view alone shows them.
     """
 
     scores: PeopleScores
@@ -69,6 +86,7 @@ class Run:
     refused: tuple[str, ...]
     moved: str | None
     frame_s: np.ndarray
+    alone: "Alone"
 
     @property
     def is_fine(self) -> bool:
@@ -132,7 +150,31 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = F
         tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
+        alone_in(scene, told),
     )
+
+
+def alone_in(scene: CrowdScene, told: Sequence[People]) -> Alone:
+    """Everybody active whom one view alone shows, by a detection of one person, beside that person."""
+    truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
+    off, sd, squared = [], [], []
+    for f, people in enumerate(told):
+        for person in people.people:
+            view = np.flatnonzero(person.rows >= 0)
+            if person.state != TrackState.ACTIVE or len(view) != 1:
+                continue
+            row = int(scene.detections.offsets[f * views] + person.rows[view[0]])
+            if scene.kind[row] not in (Kind.PERSON, Kind.DUPLICATE):
+                continue
+            there = truth[f, scene.owner[row]]
+            ray = there.mean(axis=0) - scene.rig.cameras[view[0]].centre_m
+            ray /= np.linalg.norm(ray)
+            error, covariance = person.points_m - there, unpack_covariance(person.covariance_m2)
+            off.append((error @ ray).mean())
+            sd.append(np.sqrt(ray @ covariance @ ray).mean())
+            squared.append((error * np.linalg.solve(covariance, error[..., None])[..., 0]).sum(axis=-1))
+    keypoints = truth.shape[2]
+    return Alone(np.array(off), np.array(sd), np.array(squared).reshape(-1, keypoints))
 
 
 def _smoothed(history: History, told: Sequence[People], numbers: Sequence[dict[str, int]]) -> list[People]:
@@ -276,12 +318,24 @@ def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
         for what in ("identity uncertain", "identities exchanged"):
             n = sum(any(event.what == what for event in run.events) for run in runs)
             said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
+    if name == "one_camera":
+        said.append(f"{name}: {_said_of_alone([run.alone for run in runs])}")
     if any(run.moved for run in runs):
         named = sum(run.refused == (run.moved,) for run in runs)
         said.append(f"{name}: the camera that moved, and only it, is refused in {named} of {len(runs)}")
     elif any(run.refused for run in runs):
         said.append(f"{name}: cameras that stand still are refused in {sum(bool(run.refused) for run in runs)}")
     return said
+
+
+def _said_of_alone(all_runs: Sequence[Alone]) -> str:
+    off, sd, squared = (np.concatenate([getattr(a, part) for a in all_runs]) for part in ("off_m", "sd_m", "squared"))
+    inside = [100 * np.mean(squared <= chi2.ppf(share, 3)) for share in (0.68, 0.95)]
+    return (
+        f"in {len(off)} frames one view alone shows somebody: {off.mean():+.2f} m along its ray, "
+        f"{np.sqrt((off**2).mean()):.2f} m rms, said to be {np.sqrt((sd**2).mean()):.2f} m; "
+        f"inside the 68 / 95 % region {inside[0]:.0f} / {inside[1]:.0f} %"
+    )
 
 
 @dataclass(frozen=True)

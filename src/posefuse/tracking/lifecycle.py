@@ -12,7 +12,6 @@ from posefuse.tracking.lengths import told_of_lengths
 from posefuse.tracking.posing import aim, bones_shown
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.silence import is_within
 from posefuse.tracking.tempering import see_lengths
 
 _SEEN_SHARE = 0.5
@@ -43,7 +42,9 @@ def newcomer(number: int, time_s: float, bounds: Bounds) -> Track:
 
 def expected(sight: Sight, settings: Settings) -> np.ndarray:
     """Shape (person, view), bool: which views should see whom: half of the core within the image."""
-    return is_within(sight.pixels[:, :, settings.core], settings)
+    pixels = sight.pixels[:, :, settings.core]
+    inside = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1)
+    return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
 
 
 def middles(points_m: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from posefuse.kernels.smoothing import carry_back
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
-from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.tempering import ahead, bone_axes, first_with, see_pose, tell_again, what_was_said
 
 _CHUNK = 64
@@ -252,7 +252,7 @@ def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     since_s = dt_s + np.append(0.0, np.where(tentative, part.missing_s[:-1], 0.0))
     if part.fresh:
         since_s[0] = np.inf
-    told = tempering(since_s, settings.options.error_memory_s)
+    told = tempering(since_s, memory_s(part.rows, settings.options))
     return told, tempering(dt_s, settings.options.smoother_error_memory_s)
 
 

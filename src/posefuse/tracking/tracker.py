@@ -22,9 +22,9 @@ from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.silence import is_covered, silent_views
 from posefuse.tracking.stages import Seen, Stages
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
+from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
 
 Propose = Callable[[Frame, np.ndarray], Proposals]

@@ -16,8 +16,8 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.bodies import Sight
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import People
-from posefuse.tracking.silence import is_covered
 from posefuse.tracking.tracker import ArticulatedTracker
+from posefuse.tracking.unseen import is_covered
 
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 5)

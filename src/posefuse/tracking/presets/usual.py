@@ -11,7 +11,7 @@ from posefuse.model.frames import Frame
 from posefuse.tracking.bodies import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.returns import who_returns
-from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
 from posefuse.tracking.tentative import is_of_two_views
 
@@ -50,9 +50,7 @@ class LawfulNoise:
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        o = settings.options
-        alone = (rows >= 0).sum(axis=1) == 1
-        temper = tempering(np.full(len(rows), dt_s), np.where(alone, o.smoother_error_memory_s, o.error_memory_s))
+        temper = tempering(np.full(len(rows), dt_s), memory_s(rows, settings.options))
         return Trust(settings.law, frame.confidence, temper)
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:

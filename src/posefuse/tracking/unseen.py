@@ -31,12 +31,6 @@ def is_covered(pixels: np.ndarray, rows: np.ndarray, frame: Frame) -> np.ndarray
     return np.bincount(frame.view[covers], minlength=len(pixels)) > 0
 
 
-def is_within(pixels: np.ndarray, settings: Settings) -> np.ndarray:
-    """Bool: which images hold at least half of the core: from shape (..., view, core, 2) to (..., view)."""
-    inside = (pixels >= 0.0) & (pixels < settings.sizes_px[:, None])
-    return np.asarray(inside.all(axis=-1).mean(axis=-1) >= _HALF)
-
-
 def silent_views(
     points_m: np.ndarray, rows: np.ndarray, frame: Frame, refused: np.ndarray, settings: Settings
 ) -> np.ndarray:
@@ -50,5 +44,5 @@ def silent_views(
         settings: of the tracker.
     """
     pixels = settings.rig.project(points_m[settings.core])
-    should = is_within(pixels, settings) & frame.recorded & ~refused & (rows < 0)
-    return should & ~is_covered(pixels, rows, frame)
+    inside = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1).mean(axis=-1) >= _HALF
+    return inside & frame.recorded & ~refused & (rows < 0) & ~is_covered(pixels, rows, frame)

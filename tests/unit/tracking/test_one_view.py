@@ -1,0 +1,99 @@
+"""What one view alone tells of how far away somebody is, is believed no more than errors that last allow."""
+
+import numpy as np
+import pytest
+
+from posefuse.following import tracker_of, usual_noise
+from posefuse.kernels.articulated import foresee_people
+from posefuse.model.frames import Frame
+from posefuse.model.options import Options
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.bodies import Sight
+from posefuse.tracking.posing import newborn
+from posefuse.tracking.records import Person
+from posefuse.tracking.settings import memory_s, tempering
+from posefuse.tracking.tracker import ArticulatedTracker
+
+SKELETON = shipped_skeleton("body_20")
+RIG = build_rig("ring", 5)
+DT_S, FIRM_S, ALONE_S, LASTS_S = 0.04, 1.0, 1.6, 0.25
+
+
+def tracker_of_ring() -> ArticulatedTracker:
+    return tracker_of(RIG, SKELETON, usual_noise(RIG, Options()), Options())
+
+
+def standing(tracker: ArticulatedTracker) -> Sight:
+    tree = tracker.settings.tree
+    points = np.full((len(SKELETON), 3), np.nan)
+    points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
+    body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
+    sight = Sight.room(1, len(RIG), len(SKELETON))
+    foresee_people(tracker.settings.cameras, tracker.settings.body, body, *sight.arrays)
+    return sight
+
+
+def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Errors of one sigma that last, the frames first."""
+    keep = np.exp(-DT_S / LASTS_S)
+    errors = rng.normal(size=shape)
+    for i in range(1, shape[0]):
+        errors[i] = keep * errors[i - 1] + np.sqrt(1.0 - keep**2) * errors[i]
+    return errors
+
+
+def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
+    """Points of somebody who stands, and what is said of them while view 0 alone shows them."""
+    tracker = tracker_of_ring()
+    sight, rng = standing(tracker), np.random.default_rng(seed)
+    frames = round((FIRM_S + ALONE_S) / DT_S)
+    pixels = sight.pixels[0] + 4.5 * lasting((frames, *sight.pixels[0].shape), rng)
+    told = []
+    for i in range(frames):
+        views = np.arange(1 if i * DT_S >= FIRM_S else len(RIG))
+        frame = Frame(
+            pixels[i, views],
+            np.ones((len(views), len(SKELETON))),
+            views,
+            np.full(len(views), -1),
+            np.full(len(RIG), i * DT_S),
+            np.ones(len(RIG), dtype=bool),
+            i,
+        )
+        people = tracker.update(frame).people
+        if i * DT_S >= FIRM_S:
+            told += people[:1]
+    return sight.points_m[0], told
+
+
+def test_memory_is_longer_for_one_view_alone():
+    options = TrackerOptions(error_memory_s=0.06, smoother_error_memory_s=0.25)
+    rows = np.array([[3, -1, -1], [3, 4, -1], [-1, -1, -1]])
+    np.testing.assert_array_equal(memory_s(rows, options), [0.25, 0.06, 0.06])
+    longer = TrackerOptions(error_memory_s=0.5, smoother_error_memory_s=0.25)
+    np.testing.assert_array_equal(memory_s(rows, longer), [0.5, 0.5, 0.5])
+
+
+def test_so_many_frames_count_as_one_whatever_their_rate():
+    alone = memory_s(np.array([[0, -1]]), TrackerOptions())
+    rates_hz = np.array([50.0, 100.0])
+    a_second = rates_hz / tempering(1.0 / rates_hz, alone)
+    assert a_second[0] == pytest.approx(a_second[1], rel=0.01)
+
+
+def test_how_far_away_is_as_sure_as_it_is_right():
+    """Along the view's ray: one standard deviation holds what it should, or more, and two hold nearly all."""
+    squared = []
+    for seed in range(4):
+        truth, told = seen_by_one(seed)
+        ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+        ray /= np.linalg.norm(ray)
+        assert len(told) == round(ALONE_S / DT_S)
+        for person in told:
+            off = (person.points_m - truth) @ ray
+            squared.append(off**2 / (ray @ unpack_covariance(person.covariance_m2) @ ray))
+    assert np.mean(np.array(squared) < 1.0) > 0.68
+    assert np.mean(np.array(squared) < 4.0) > 0.95
