@@ -171,8 +171,8 @@ class TrackerOptions:
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
-        smoother_error_memory_s: For how long detections' errors last, for the smoother, and for the filter of who is seen
-            by one view alone.
+        smoother_error_memory_s: For how long detections' errors last, for the smoother, and for the filter of whom a
+            single view alone has shown for ``weak_after_s``.
         smoother_own_share: Which share of what a frame says, its errors taken as its own, is known beside that.
         bridge_s: Who is lost for no longer is smoothed through it.
         births: When detections become a person.

@@ -52,6 +52,7 @@ class Lately(NamedTuple):
         off_s: shape (track, keypoint): for how long most views have seen each keypoint elsewhere.
         noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
         renewed: shape (track,), bool: whose states the last frame changed.
+        alone_s: shape (track,): for how long one view alone has shown each.
     """
 
     swapped: np.ndarray
@@ -59,6 +60,7 @@ class Lately(NamedTuple):
     off_s: np.ndarray
     noise_px2: np.ndarray
     renewed: np.ndarray
+    alone_s: np.ndarray
 
     @classmethod
     def unknown(cls, tracks: int, views: int, groups: int, keypoints: int) -> "Lately":
@@ -69,6 +71,7 @@ class Lately(NamedTuple):
             np.zeros((tracks, keypoints)),
             np.full((tracks, views, keypoints), np.nan),
             np.ones(tracks, dtype=bool),
+            np.zeros(tracks),
         )
 
     def joined(self, other: "Lately") -> "Lately":

@@ -108,21 +108,21 @@ class Settings(Rebuilt):
         return (self.law.scale_px[view][:, None] * trust**-self.law.exponent) ** 2
 
 
-def memory_s(rows: np.ndarray, options: TrackerOptions) -> np.ndarray:
+def memory_s(alone_s: np.ndarray, options: TrackerOptions) -> np.ndarray:
     """For how long the filter takes the errors of people's detections to last.
 
-    How far away somebody is who is seen by one view alone follows from how large they look, which hardly changes: of
-    that the filter averages so many frames that errors last as long as they do for the smoother.
+    How far away somebody is whom one view alone shows follows from how large they look, which hardly changes: of that
+    the filter averages so many frames that errors last as long as they do for the smoother.
 
     Args:
-        rows: shape (person, view), int64: their detections, -1 for none.
+        alone_s: shape (person,): for how long one view alone has shown them.
         options: of the tracker.
 
     Returns:
         Shape (person,).
     """
-    alone = (rows >= 0).sum(axis=1) == 1
-    return np.where(alone, max(options.smoother_error_memory_s, options.error_memory_s), options.error_memory_s)
+    longer = max(options.smoother_error_memory_s, options.error_memory_s)
+    return np.where(alone_s > options.weak_after_s, longer, options.error_memory_s)
 
 
 def tempering(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarray:

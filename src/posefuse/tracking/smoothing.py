@@ -252,8 +252,14 @@ def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     since_s = dt_s + np.append(0.0, np.where(tentative, part.missing_s[:-1], 0.0))
     if part.fresh:
         since_s[0] = np.inf
-    told = tempering(since_s, memory_s(part.rows, settings.options))
+    told = tempering(since_s, memory_s(_alone_s(part), settings.options))
     return told, tempering(dt_s, settings.options.smoother_error_memory_s)
+
+
+def _alone_s(part: Run) -> np.ndarray:
+    """Shape (frame,): for how long one view alone had shown somebody; inf where no frame before showed otherwise."""
+    alone = (part.rows >= 0).sum(axis=1) == 1
+    return part.time_s - np.maximum.accumulate(np.where(alone, -np.inf, part.time_s))
 
 
 def smooth_run(part: Run, settings: Settings) -> Smoothed:

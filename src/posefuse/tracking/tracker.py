@@ -118,6 +118,8 @@ class ArticulatedTracker:
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
+        alone_s = self.lately.alone_s
+        alone_s[:] = np.where((rows >= 0).sum(axis=1) == 1, alone_s + dt_s, 0.0)
         use = self._put_right(frame, rows, labels, before, dt_s)
         self._set_limbs_anew(frame, rows, use, dt_s)
         p, v = np.nonzero(rows >= 0)

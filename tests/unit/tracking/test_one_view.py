@@ -69,16 +69,16 @@ def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
     return sight.points_m[0], told
 
 
-def test_memory_is_longer_for_one_view_alone():
+def test_memory_is_longer_for_whom_one_view_alone_has_shown_for_some_time():
     options = TrackerOptions(error_memory_s=0.06, smoother_error_memory_s=0.25)
-    rows = np.array([[3, -1, -1], [3, 4, -1], [-1, -1, -1]])
-    np.testing.assert_array_equal(memory_s(rows, options), [0.25, 0.06, 0.06])
+    alone_s = np.array([0.3, 0.1, 0.0])
+    np.testing.assert_array_equal(memory_s(alone_s, options), [0.25, 0.06, 0.06])
     longer = TrackerOptions(error_memory_s=0.5, smoother_error_memory_s=0.25)
-    np.testing.assert_array_equal(memory_s(rows, longer), [0.5, 0.5, 0.5])
+    np.testing.assert_array_equal(memory_s(alone_s, longer), [0.5, 0.5, 0.5])
 
 
 def test_so_many_frames_count_as_one_whatever_their_rate():
-    alone = memory_s(np.array([[0, -1]]), TrackerOptions())
+    alone = memory_s(np.array([1.0]), TrackerOptions())
     rates_hz = np.array([50.0, 100.0])
     a_second = rates_hz / tempering(1.0 / rates_hz, alone)
     assert a_second[0] == pytest.approx(a_second[1], rel=0.01)

@@ -50,7 +50,7 @@ class LawfulNoise:
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        temper = tempering(np.full(len(rows), dt_s), memory_s(rows, settings.options))
+        temper = tempering(np.full(len(rows), dt_s), memory_s(lately.alone_s, settings.options))
         return Trust(settings.law, frame.confidence, temper)
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
