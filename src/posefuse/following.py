@@ -4,6 +4,7 @@ from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,12 +24,15 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.progress import Progress
 from posefuse.survey import known_noise
+from posefuse.tracking.angle_sds import carried_angle_sds
+from posefuse.tracking.angles import angle_names, axes_at, whole_angle_names
 from posefuse.tracking.history import History
 from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tracker import ArticulatedTracker
+from posefuse.tracking.twist import full_rotations
 from posefuse.tracking.unknown_bodies import measured_tree
 
 _PX_AT_1000 = 4.5
@@ -193,22 +197,41 @@ class Followed:
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
             out.used[f, p] = person.run.used[seen]
-            out.put(person, (f, p), seen, everywhere, (0, 0), person.body.directions[seen])
+            body = person.body
+            known = _Known(body.directions[seen], body.angle_sd_deg[seen])
+            out.put(person, (f, p), seen, everywhere, _Places(0, 0, 0), known)
+            out.holds_deg2[f, p] = body.holds_deg2[seen]
         tree = self.history.settings.tree
-        first = (len(tree.segments), len(tree.bones))
-        for part, found in zip(self.skeleton.parts, people.parts, strict=True):
+        first = _Places(len(tree.segments), len(tree.bones), len(angle_names(tree)))
+        for i, (part, found) in enumerate(zip(self.skeleton.parts, people.parts, strict=True)):
             for person in found:
                 cells, seen = self._cells_with_bodies(person, start, out)
-                body = person.body
-                sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
-                out.put(person, cells, seen, part.keypoints, first, sure)
-            first = (first[0] + len(part.tree.segments), first[1] + len(part.tree.bones))
+                out.put(person, cells, seen, part.keypoints, first, self._known_part(i, person, cells, seen, out))
+            first = _Places(
+                first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
+                first.angle + len(angle_names(part.tree)),
+            )  # fmt: skip
         rows = self.follow(start, stop).rows(detections)
         layer = model_layer(
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
         names = self.skeleton.stood_names
-        return layer, Poses(*names, out.turns, out.directions, self.shape_m, self.shape_sd_m)
+        angles = whole_angle_names(self.skeleton)
+        return layer, Poses(
+            *names, angles, out.turns, out.directions, out.angle_sd_deg, self.shape_m, self.shape_sd_m
+        )  # fmt: skip
+
+    def _known_part(
+        self, i: int, person: SmoothedPerson, cells: tuple[np.ndarray, np.ndarray], seen: np.ndarray, out: "_Stood"
+    ) -> "_Known":
+        """What is known of the directions and angles of somebody's part: that of its root by the body, too."""
+        part, tree, body = self.skeleton.parts[i], self.history.settings.tree, person.body
+        sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
+        s, b = len(tree.segments), len(tree.bones)
+        stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
+        own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
+        root = carried_angle_sds(own, out.holds_deg2[cells][:, i], body.turns[seen, 0], body.root_turn[seen])
+        return _Known(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frames from ``start`` on and people of the frames of somebody smoothed, and which of those they are."""
@@ -257,6 +280,21 @@ class WholeSmoother:
         return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
 
 
+class _Known(NamedTuple):
+    """Of somebody's body or part: directions, shape (frame, bone, 3), and sds of angles, (frame, angle), degrees."""
+
+    directions: np.ndarray
+    angle_sd_deg: np.ndarray
+
+
+class _Places(NamedTuple):
+    """Where the segments, bones and angles of a body or a part begin among all."""
+
+    segment: int
+    bone: int
+    angle: int
+
+
 @dataclass(frozen=True, eq=False)
 class _Stood:
     """Where people are in a range of frames, to be filled; bodies first, then their parts.
@@ -268,6 +306,8 @@ class _Stood:
         bridged: shape (frame, person, keypoint), bool: nothing supported what it belongs to.
         turns: shape (frame, person, segment, 3, 3).
         directions: shape (frame, person, bone, 3).
+        angle_sd_deg: shape (frame, person, angle).
+        holds_deg2: shape (frame, person, part, 3, 3): how well the axes in which bodies have their parts are known.
     """
 
     points_m: np.ndarray
@@ -276,6 +316,8 @@ class _Stood:
     bridged: np.ndarray
     turns: np.ndarray
     directions: np.ndarray
+    angle_sd_deg: np.ndarray
+    holds_deg2: np.ndarray
 
     @classmethod
     def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "_Stood":
@@ -289,6 +331,8 @@ class _Stood:
             np.zeros((*shape, keypoints), dtype=bool),
             np.full((*shape, len(segments), 3, 3), np.nan),
             np.full((*shape, len(bones), 3), np.nan),
+            np.full((*shape, len(whole_angle_names(skeleton))), np.nan),
+            np.full((*shape, len(skeleton.parts), 3, 3), np.nan),
         )
 
     def put(
@@ -297,8 +341,8 @@ class _Stood:
         cells: tuple[np.ndarray, np.ndarray],
         seen: np.ndarray,
         keypoints: np.ndarray,
-        first: tuple[int, int],
-        directions: np.ndarray,
+        first: _Places,
+        known: _Known,
     ) -> None:
         """Somebody's body, or a part of it.
 
@@ -307,15 +351,16 @@ class _Stood:
             cells: frames and people.
             seen: which of the person's frames these are.
             keypoints: shape (point,): places of the keypoints.
-            first: places of the first segment and the first bone.
-            directions: shape (frame, bone, 3): of its bones in those frames.
+            first: places of its first segment, bone and angle.
+            known: of its bones and angles in those frames.
         """
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
         self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
-        self.turns[f, p, first[0] : first[0] + body.turns.shape[1]] = body.turns[seen]
-        self.directions[f, p, first[1] : first[1] + directions.shape[1]] = directions
+        self.turns[f, p, first.segment : first.segment + body.turns.shape[1]] = body.turns[seen]
+        self.directions[f, p, first.bone : first.bone + known.directions.shape[1]] = known.directions
+        self.angle_sd_deg[f, p, first.angle : first.angle + known.angle_sd_deg.shape[1]] = known.angle_sd_deg
 
 
 def model_layer(

@@ -85,22 +85,29 @@ def reconstruct_into(
     return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
 
 
-def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of joint angles and, shape (frame, person, angle), the angles of fitted bodies in degrees.
+def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Joint angles of fitted bodies.
 
     How the root stands in the world is not known where nobody knows which way is up.
+
+    Returns:
+        Names; shape (frame, person, angle), degrees; and their standard deviations, NaN where they are not known.
     """
     from posefuse.model.cameras import up_vector
     from posefuse.tracking.angles import whole_angles
 
     skeleton, tree = part.skeleton, part.skeleton.tree
     if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != skeleton.stood_names[:2]:
-        return (), np.empty((part.n_frames, len(part.person_ids), 0))
+        nothing = np.empty((part.n_frames, len(part.person_ids), 0))
+        return (), nothing, nothing
     turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
     names, degrees = whole_angles(skeleton, turns, directions, up_vector(part.rig.up_axis or "z"))
     if part.rig.up_axis is None and tree.segments:
         degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
-    return names, degrees
+    sds = np.full_like(degrees, np.nan)
+    if part.poses.angles == names:
+        sds = np.where(np.isfinite(degrees), np.asarray(part.poses.angle_sd_deg[:]), np.nan)
+    return names, degrees, sds
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:

@@ -3,8 +3,11 @@
 See docs/methods.md, "Joint angles".
 """
 
+from functools import lru_cache
+
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.model.trees import Tree
 
 _STRAIGHT, _BENT = np.radians(5.0), np.radians(15.0)
@@ -45,6 +48,7 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     return out, unseen
 
 
+@lru_cache(maxsize=64)
 def rest_frames(tree: Tree) -> np.ndarray:
     """Shape (bone, 3, 3): of bones when standing: the third axis along the bone, the second to the left."""
     frames = np.empty((len(tree.bones), 3, 3))
@@ -53,7 +57,14 @@ def rest_frames(tree: Tree) -> np.ndarray:
         second = aside - (aside @ along) * along
         second /= np.linalg.norm(second)
         frames[b] = np.stack([np.cross(second, along), second, along], axis=1)
-    return frames
+    return frozen(frames)
+
+
+def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Cross products, shape (..., 3): ``np.cross`` several times as fast where there are few of them."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def carrier(tree: Tree, bone: int) -> tuple[int, int]:
@@ -95,16 +106,23 @@ def least_rotation(
 def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Shape (..., 3, 3): the least rotation from one unit vector to another; some half turn if it is the opposite."""
     cosine = np.einsum("...i,...i->...", start, end)
-    x, y, z = np.moveaxis(np.cross(start, end), -1, 0)
+    normal = cross(start, end)
+    x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]
     nought = np.zeros_like(x)
-    cross = np.stack([nought, -z, y, z, nought, -x, -y, x, nought], axis=-1).reshape(*x.shape, 3, 3)
-    # Any unit vector across, for the half turn.
+    skew = np.stack([nought, -z, y, z, nought, -x, -y, x, nought], axis=-1).reshape(*x.shape, 3, 3)
+    opposite = cosine < -1.0 + 1e-9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.eye(3) + skew + skew @ skew / (1.0 + cosine)[..., None, None]
+    if opposite.any():
+        turn[opposite] = _half_turn(np.broadcast_to(start, end.shape)[opposite])
+    return turn
+
+
+def _half_turn(start: np.ndarray) -> np.ndarray:
+    """Shape (..., 3, 3): a half turn about any unit vector across."""
     across = np.cross(start, np.eye(3)[np.argmin(np.abs(start), axis=-1)])
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    half = 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.eye(3) + cross + cross @ cross / (1.0 + cosine)[..., None, None]
-    return np.where((cosine < -1.0 + 1e-9)[..., None, None], half, turn)
+    return 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3)
 
 
 def about_third_axis(angle: np.ndarray) -> np.ndarray:
@@ -121,7 +139,7 @@ def _bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndar
     first, then = _bending_pair(tree, bone)
     if first < 0:
         return second, np.zeros(second.shape[:-1])
-    normal = np.cross(directions[..., first, :], directions[..., then, :])
+    normal = cross(directions[..., first, :], directions[..., then, :])
     size = np.linalg.norm(normal, axis=-1)
     bend = np.arctan2(size, np.einsum("...i,...i->...", directions[..., first, :], directions[..., then, :]))
     axis = normal / np.maximum(size, 1e-12)[..., None]
