@@ -139,6 +139,8 @@ class Followed:
         history: states of everybody.
         parts: states of everybody's hands and faces, one for each part of the skeleton.
         naming: who the bodies in the history are.
+        nis: shape (frame, person): how surprising what the filter used was, NaN where it used nothing.
+        nis_dof: shape (frame, person), int32: and how much that is on average.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
     """
@@ -148,6 +150,8 @@ class Followed:
     history: History
     parts: tuple[History, ...]
     naming: Naming
+    nis: np.ndarray
+    nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
 
@@ -174,7 +178,10 @@ class Followed:
         tracks = Tracks(names, np.asarray(self.tracks.detection)[:, keep], np.asarray(self.tracks.state)[:, keep])
         cameras = self.history.settings.rig.names
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
-        return replace(self, tracks=tracks, events=events, shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep])
+        return replace(
+            self, tracks=tracks, events=events, nis=self.nis[:, keep], nis_dof=self.nis_dof[:, keep],
+            shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep],
+        )  # fmt: skip
 
     def smoother(self) -> "WholeSmoother":
         """Goes through the recording once, from the first frame on."""
@@ -218,7 +225,8 @@ class Followed:
         names = self.skeleton.stood_names
         angles = whole_angle_names(self.skeleton)
         return layer, Poses(
-            *names, angles, out.turns, out.directions, out.angle_sd_deg, self.shape_m, self.shape_sd_m
+            *names, angles, out.turns, out.directions, out.angle_sd_deg, self.nis[start:stop],
+            self.nis_dof[start:stop], self.shape_m, self.shape_sd_m,
         )  # fmt: skip
 
     def _known_part(
@@ -494,6 +502,8 @@ class _Book:
         self.history, self.parts = history, parts
         self.lines = array("i")
         """Place, number, state and rows, of every person and frame one after the other; later ones count."""
+        self.innovations = array("d")
+        """Place, number, NIS and its degrees of freedom, likewise."""
         self.names: dict[int, list[tuple[int, str]]] = {}
         self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.events: list[Event] = []
@@ -510,7 +520,10 @@ class _Book:
             shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
             values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
             self.shapes[track.name] = (values, sds)
-            self._note(place, track.number, track.state, told[track.name].rows)
+            person = told[track.name]
+            self._note(place, track.number, track.state, person.rows)
+            if person.nis_dof:
+                self.innovations.extend((place, track.number, person.nis, person.nis_dof))
             for each in tracker.remembered.get(track.name, []):
                 self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
         for numbers, since_s in tracker.exchanged:
@@ -540,6 +553,7 @@ class _Book:
             columns = naming.columns(number, mine[:, 0], names)
             rows[mine[:, 0], columns], state[mine[:, 0], columns] = mine[:, 3:], mine[:, 2]
         _end_with_the_last_sight(rows, state)
+        nis, nis_dof = self._innovations(naming, names, state)
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         # A frame's rows are counted through its views, a track's detections within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
@@ -548,7 +562,22 @@ class _Book:
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )
         tracks = Tracks(names, detection, state)
-        return Followed(tracks, tuple(self.events), self.history, self.parts, naming, shape_m, shape_sd_m)
+        return Followed(
+            tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
+        )  # fmt: skip
+
+    def _innovations(self, naming: Naming, names: tuple[str, ...], state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """NIS and its degrees of freedom, shape (frame, person) each, of those who are there."""
+        nis, dof = np.full(state.shape, np.nan), np.zeros(state.shape, dtype=np.int32)
+        lines = np.asarray(self.innovations).reshape(-1, 4)
+        for number in naming.since:
+            mine = lines[lines[:, 1] == number]
+            places = mine[:, 0].astype(np.int64)
+            columns = naming.columns(number, places, names)
+            nis[places, columns], dof[places, columns] = mine[:, 2], mine[:, 3]
+        absent = state == TrackState.ABSENT
+        nis[absent], dof[absent] = np.nan, 0
+        return nis, dof
 
 
 def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:

@@ -196,7 +196,9 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
         warn("nobody was found.")
     if result.events:
         note(f"events: {events_in_words(result.events)}")
-    uncertain = [event for event in result.events if event.what in ("identity uncertain", "camera refused")]
+    uncertain = [
+        event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
+    ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
     everybody = lives(result.chunks(), layer)

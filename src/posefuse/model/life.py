@@ -11,7 +11,7 @@ from posefuse.errors import ResultError, choices
 
 Happening = Literal[
     "born", "lost", "found", "returned", "forgotten", "identity uncertain", "identities exchanged", "limb set anew",
-    "camera refused", "camera trusted",
+    "camera refused", "camera trusted", "camera silent", "camera heard again",
 ]  # fmt: skip
 HAPPENINGS: tuple[Happening, ...] = get_args(Happening)
 
@@ -51,6 +51,9 @@ class Poses:
         turns: shape (frame, person, segment, 3, 3): world from segment; NaN where a person is not followed.
         directions: shape (frame, person, bone, 3): unit vectors; NaN likewise.
         angle_sd_deg: shape (frame, person, angle): how well joint angles are known, NaN where these are not.
+        nis: shape (frame, person): squared innovations of the keypoints that the filter used, each in its own
+            covariance, together; NaN where there are none.
+        nis_dof: shape (frame, person), int32: what that is on average, if all is known as well as it says.
         shape_m: shape (person, shape): lengths.
         shape_sd_m: shape (person, shape).
 
@@ -65,6 +68,8 @@ class Poses:
     turns: ArraySource
     directions: ArraySource
     angle_sd_deg: ArraySource
+    nis: ArraySource
+    nis_dof: ArraySource
     shape_m: ArraySource
     shape_sd_m: ArraySource
 
@@ -81,6 +86,8 @@ class Poses:
         check_shape(
             ResultError, "Poses", "directions", self.directions, frame=n_frames, person=people, bone=bones, xyz=3
         )
+        for name in ("nis", "nis_dof"):
+            check_shape(ResultError, "Poses", name, getattr(self, name), frame=n_frames, person=people)
         for name in ("shape_m", "shape_sd_m"):
             check_shape(ResultError, "Poses", name, getattr(self, name), person=people, shape=shape)
 
@@ -107,5 +114,5 @@ class Poses:
     __hash__ = None  # type: ignore[assignment]
 
 
-_OVER_TIME = ("turns", "directions", "angle_sd_deg")
+_OVER_TIME = ("turns", "directions", "angle_sd_deg", "nis", "nis_dof")
 """What poses hold of each frame."""

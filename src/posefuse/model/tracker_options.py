@@ -163,6 +163,9 @@ class TrackerOptions:
             deviation, x, y and z together; it ends at 8.7); None leaves it to the time.
         outside_s: Nor who is lost and has for longer been where no two views overlap, nor within 0.5 m of it (G); None
             lets people come back.
+        camera_silent_s: A camera without frames, or that shows nobody where others show people whom it should see, is
+            silent after this long, and that is said.
+        camera_heard_s: It is heard again after it has been for this long.
         shape_settle_s: For how long two views show somebody before the lengths of their body are kept.
         max_people: No more are followed at a time.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
@@ -205,6 +208,8 @@ class TrackerOptions:
     forget_after_s: float = 30.0
     forget_beyond_m: float | None = None
     outside_s: float | None = None
+    camera_silent_s: float = 2.0
+    camera_heard_s: float = 0.2
     shape_settle_s: float = 4.0
     max_people: int = 50
     smoother: Smoother = "full"

@@ -235,7 +235,8 @@
     });
     const symbols = { "born": "triangle-up", "lost": "triangle-down-open", "found": "diamond", "returned": "diamond",
       "forgotten": "x-thin-open", "identity uncertain": "star", "identities exchanged": "star-diamond",
-      "limb set anew": "circle-open", "camera refused": "square" };
+      "limb set anew": "circle-open", "camera refused": "square", "camera trusted": "square-open",
+      "camera silent": "hexagon2", "camera heard again": "hexagon2-open" };
     const kinds = Object.keys(symbols).filter((kind) => lives.events.some((event) => event[2] === kind));
     for (const kind of kinds) {
       const of = lives.events.filter((event) => event[2] === kind);
