@@ -400,7 +400,10 @@ def model_layer(
         seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
         errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
     counted = np.moveaxis(used, 2, 3) & np.isfinite(errors)
-    status = np.where(np.isfinite(points_m[..., 0]), PointStatus.OK, PointStatus.NOT_SEEN)
+    there = np.isfinite(points_m[..., 0])
+    # Of a body that is there, what is missing belongs to a part that is not followed, or to nothing that is.
+    missing = np.where(there.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
+    status = np.where(there, PointStatus.OK, missing)
     status[absent] = PointStatus.ABSENT
     views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
     number = counted.sum(axis=-1)

@@ -82,11 +82,11 @@ def evaluate(
         show(scores)
     else:
         show_people(scores)
-    say(f"Wrote {target}")
+    note(f"Wrote {target}")
 
 
 def compare(
-    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule, entry_s: float
+    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule = "none", entry_s: float = 0.4
 ) -> "Accuracy | PeopleScores":
     """The accuracy of one person against a truth file of one, or the scores of many."""
     from posefuse.evaluation import accuracy, people
@@ -118,6 +118,11 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
     return people.people_points(result, known)
+
+
+def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
+    """Read a truth file; what comes back finds its positions at the frames of a result, of one person or of many."""
+    return lambda result: people_of(result, (path,)) or truth_finder(path)(result)
 
 
 def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:

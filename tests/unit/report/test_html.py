@@ -108,4 +108,4 @@ def test_missing_points_are_counted_and_explained(rng):
     keypoints = np.array(detections.keypoints_px)
     keypoints[:, 3] = np.nan
     page = render_report(reconstruct(rig, replace(detections, keypoints_px=keypoints)))
-    assert "4 points are missing: no valid detection, or nothing followed has it." in page
+    assert "4 points are missing: no valid detection." in page
