@@ -1,5 +1,6 @@
 """Many people followed through a recording, or frame by frame: association and tracking wired together."""
 
+import warnings
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,7 +11,8 @@ import numpy as np
 
 from posefuse.association.proposals import propose
 from posefuse.association.subjects import Subjects
-from posefuse.errors import OptionsError, choices
+from posefuse.errors import OptionsError, PosefuseWarning, choices
+from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
@@ -21,6 +23,7 @@ from posefuse.model.proposals import Proposals
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.progress import Progress
 from posefuse.survey import known_noise
@@ -51,6 +54,41 @@ def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
     """The noise that the options fix, or else what detectors usually do: 4.5 px / confidence at 1000 px width."""
     widths = np.array([camera.size_px[0] for camera in rig.cameras]) / 1000.0
     return known_noise(rig, options) or NoiseModel(_PX_AT_1000 * widths, _EXPONENT, "assumed")
+
+
+def idle_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
+    """What is asked for that does nothing here, each with what would make it do something."""
+    tracker, usual = options.tracker, TrackerOptions()
+    said = []
+    if tracker.preset != "specification" and tracker.specification != usual.specification:
+        said.append(
+            "tracker.specification has options of the preset 'specification', and the preset is "
+            f"{tracker.preset!r}: they do nothing. Add --tracker.preset specification, or leave them out."
+        )
+    if tracker.preset == "specification" and tracker.smoother != "none":
+        said.append(
+            f"tracker.smoother = {tracker.smoother!r} does nothing with the preset 'specification', whose states "
+            "forget how well they are known: nothing is smoothed. Say --smoother none, or take the preset 'posefuse'."
+        )
+    if tracker.parts != usual.parts and not skeleton.parts:
+        said.append(
+            f"tracker.parts has options of hands and faces, and skeleton {skeleton.name!r} has none that are followed: "
+            "they do nothing. coco_wholebody_133 has them."
+        )
+    if tracker.lag_s != usual.lag_s and tracker.smoother != "lag":
+        said.append(f"tracker.lag_s does nothing with the smoother {tracker.smoother!r}. Add --smoother lag.")
+    if options.association.method != "rpt" and options.association.rpt != AssociationOptions().rpt:
+        said.append(
+            f"association.rpt has options of the method 'rpt', and the method is {options.association.method!r}: they "
+            "do nothing. Add --association.method rpt, or leave them out."
+        )
+    return tuple(said)
+
+
+def warn_of_idle(options: Options, skeleton: Skeleton) -> None:
+    """Warn once of each option that does nothing here."""
+    for remark in idle_options(options, skeleton):
+        warnings.warn(remark, PosefuseWarning, stacklevel=3)
 
 
 def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: Options) -> ArticulatedTracker:
