@@ -30,6 +30,7 @@ from posefuse.survey import known_noise
 from posefuse.tracking.angle_sds import carried_angle_sds
 from posefuse.tracking.angles import angle_names, axes_at, whole_angle_names
 from posefuse.tracking.history import History
+from posefuse.tracking.known_lengths import with_known_lengths
 from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
@@ -95,8 +96,10 @@ def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: O
     """A tracker that proposes people as the options say.
 
     Raises:
+        OptionsError: if a length is known that bodies do not have.
         SkeletonError: if the skeleton has no tree.
     """
+    skeleton = with_known_lengths(skeleton, options.tracker)
     settings = Settings.of(rig, skeleton, noise, options.tracker)
     return ArticulatedTracker(settings, partial(_propose, rig, noise, skeleton, options))
 

@@ -18,6 +18,7 @@ from posefuse.evaluation.sightings import count_misses
 from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.progress import Progress, Silent, watched
 from posefuse.report.people import events_in_words, life_lines, lives, people_section
@@ -173,8 +174,21 @@ def _charts(result: Reconstruction, summary: Summary) -> dict[str, Any]:
         "keypoints": list(result.skeleton.keypoints),
         "keypoint_median": _numbers([spread.median for spread in summary.error_px_by_keypoint]),
         "keypoint_p90": _numbers([spread.p90 for spread in summary.error_px_by_keypoint]),
+        "keypoint_groups": _keypoint_groups(result.skeleton),
         "keypoint_missing": summary.missing_by_keypoint.round(5).tolist(),
     }
+
+
+def _keypoint_groups(skeleton: Skeleton) -> list[list[Any]]:
+    """Names of the body and of its hands and faces, each with the places of its keypoints; a keypoint is in one."""
+    taken: set[int] = set()
+    groups: list[list[Any]] = []
+    for part in skeleton.parts:
+        mine = [int(k) for k in part.keypoints if int(k) not in taken]
+        groups.append([part.name.replace("_", " "), mine])
+        taken.update(mine)
+    rest = [k for k in range(len(skeleton)) if k not in taken]
+    return [["body", rest], *groups] if rest else groups
 
 
 def _numbers(values: Sequence[float]) -> list[float | None]:
