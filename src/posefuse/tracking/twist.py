@@ -8,12 +8,14 @@ from functools import lru_cache
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.model.trees import Tree
+from posefuse.model.trees import HINGE, Tree
 
 _STRAIGHT, _BENT = np.radians(5.0), np.radians(15.0)
+_ALONG = 0.7
+"""A hinge's axis is that of the bend if its cosine with it is at least this."""
 _LEFT = np.array([0.0, 1.0, 0.0])
 _UP = np.array([0.0, 0.0, 1.0])
-# Elbows bend forwards, knees backwards; of other joints it is not known.
+# Elbows bend forwards, knees backwards; of others hinges say it.
 _BACKWARDS = {"left_wrist": False, "right_wrist": False, "left_ankle": True, "right_ankle": True}
 
 
@@ -134,7 +136,7 @@ def about_third_axis(angle: np.ndarray) -> np.ndarray:
 def _bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The axis about which a bone bends with its neighbour, shape (..., 3), and by how much, shape (...,), radians.
 
-    Where nothing is known of the sense in which the joint bends, it is the one nearer to ``second``.
+    Where nothing is known of the sense in which the joint bends, it is that nearer to ``second``.
     """
     first, then = _bending_pair(tree, bone)
     if first < 0:
@@ -143,10 +145,26 @@ def _bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndar
     size = np.linalg.norm(normal, axis=-1)
     bend = np.arctan2(size, np.einsum("...i,...i->...", directions[..., first, :], directions[..., then, :]))
     axis = normal / np.maximum(size, 1e-12)[..., None]
-    if tree.bones[then] in _BACKWARDS:
-        return axis if _BACKWARDS[tree.bones[then]] else -axis, bend
+    sense = _sense(tree, bone, then)
+    if sense:
+        return sense * axis, bend
     nearer = np.einsum("...i,...i->...", axis, second) >= 0.0
     return np.where(nearer[..., None], axis, -axis), bend
+
+
+@lru_cache(maxsize=1024)
+def _sense(tree: Tree, bone: int, then: int) -> int:
+    """Whether a joint bends about the second axis of a bone (1) or against it (-1); 0 where that is not known.
+
+    Hinges of the tree say it, and of elbows and knees it is known.
+    """
+    if tree.bones[then] in _BACKWARDS:
+        return 1 if _BACKWARDS[tree.bones[then]] else -1
+    for limit in tree.limits:
+        if limit.kind == HINGE and limit.bone == then:
+            along = float(np.dot(limit.axis, rest_frames(tree)[bone][:, 1]))
+            return int(np.sign(along)) if abs(along) > _ALONG else 0
+    return 0
 
 
 def _bending_pair(tree: Tree, bone: int) -> tuple[int, int]:
