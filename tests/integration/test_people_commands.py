@@ -1,5 +1,6 @@
 """Results of many people on the command line: edit, explain and report, from files to files."""
 
+import json
 import os
 from dataclasses import replace
 
@@ -132,3 +133,15 @@ def test_a_report_of_many_with_their_truth(run, folder):
     assert "<h2>Against the truth</h2>" in page
     assert "<th>People of the truth, of the result</th><td>10, 10</td>" in page
     assert "<th>IDF1</th>" in page
+
+
+def test_a_result_by_its_own_account(run, folder, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, said, wrong = run("evaluate", folder / "result")
+    assert (code, wrong) == (0, "")
+    assert "layer model by its own account: 25 frames; no truth was given" in said
+    assert "NIS by its degrees of freedom, mean" in said
+    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("/"))
+    numbers = json.loads((folder / "result" / "evaluation.json").read_text())
+    assert numbers["innovations"]["mean"] == pytest.approx(1.0, abs=0.05)
+    assert [person["name"] for person in numbers["people"]][:2] == ["person_1", "person_2"]
