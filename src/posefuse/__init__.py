@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
+    from posefuse.evaluation.own_account import own_account as own_account
+    from posefuse.evaluation.people import PeoplePoints as PeoplePoints
+    from posefuse.evaluation.people import ScoringOptions as ScoringOptions
+    from posefuse.evaluation.people import people_points as people_points
+    from posefuse.evaluation.people import score_people as score_people
     from posefuse.io.calibration.read import read_cameras as read_cameras
     from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
@@ -59,6 +64,8 @@ _PLACES = {
     "edits": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
+    "evaluation.own_account": ("own_account",),
+    "evaluation.people": ("PeoplePoints", "ScoringOptions", "people_points", "score_people"),
     "io.calibration.read": ("read_cameras",),
     "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),

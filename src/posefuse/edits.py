@@ -297,6 +297,9 @@ def _recast_poses(poses: Poses, source: np.ndarray, owners: np.ndarray) -> Poses
         poses,
         turns=_taken(np.asarray(poses.turns[:]), source, np.nan),
         directions=_taken(np.asarray(poses.directions[:]), source, np.nan),
+        angle_sd_deg=_taken(np.asarray(poses.angle_sd_deg[:]), source, np.nan),
+        nis=_taken(np.asarray(poses.nis[:]), source, np.nan),
+        nis_dof=_taken(np.asarray(poses.nis_dof[:]), source, 0),
         shape_m=np.asarray(poses.shape_m[:])[owners],
         shape_sd_m=np.asarray(poses.shape_sd_m[:])[owners],
     )

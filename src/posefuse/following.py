@@ -1,15 +1,18 @@
 """Many people followed through a recording, or frame by frame: association and tracking wired together."""
 
+import warnings
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from posefuse.association.proposals import propose
 from posefuse.association.subjects import Subjects
-from posefuse.errors import OptionsError, choices
+from posefuse.errors import OptionsError, PosefuseWarning, choices
+from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
@@ -20,15 +23,20 @@ from posefuse.model.proposals import Proposals
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.progress import Progress
 from posefuse.survey import known_noise
+from posefuse.tracking.angle_sds import carried_angle_sds
+from posefuse.tracking.angles import angle_names, axes_at, whole_angle_names
 from posefuse.tracking.history import History
+from posefuse.tracking.known_lengths import with_known_lengths
 from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.records import People
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tracker import ArticulatedTracker
+from posefuse.tracking.twist import full_rotations
 from posefuse.tracking.unknown_bodies import measured_tree
 
 _PX_AT_1000 = 4.5
@@ -49,12 +57,49 @@ def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
     return known_noise(rig, options) or NoiseModel(_PX_AT_1000 * widths, _EXPONENT, "assumed")
 
 
+def idle_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
+    """What is asked for that does nothing here, each with what would make it do something."""
+    tracker, usual = options.tracker, TrackerOptions()
+    said = []
+    if tracker.preset != "specification" and tracker.specification != usual.specification:
+        said.append(
+            "tracker.specification has options of the preset 'specification', and the preset is "
+            f"{tracker.preset!r}: they do nothing. Add --tracker.preset specification, or leave them out."
+        )
+    if tracker.preset == "specification" and tracker.smoother != "none":
+        said.append(
+            f"tracker.smoother = {tracker.smoother!r} does nothing with the preset 'specification', whose states "
+            "forget how well they are known: nothing is smoothed. Say --smoother none, or take the preset 'posefuse'."
+        )
+    if tracker.parts != usual.parts and not skeleton.parts:
+        said.append(
+            f"tracker.parts has options of hands and faces, and skeleton {skeleton.name!r} has none that are followed: "
+            "they do nothing. coco_wholebody_133 has them."
+        )
+    if tracker.lag_s != usual.lag_s and tracker.smoother != "lag":
+        said.append(f"tracker.lag_s does nothing with the smoother {tracker.smoother!r}. Add --smoother lag.")
+    if options.association.method != "rpt" and options.association.rpt != AssociationOptions().rpt:
+        said.append(
+            f"association.rpt has options of the method 'rpt', and the method is {options.association.method!r}: they "
+            "do nothing. Add --association.method rpt, or leave them out."
+        )
+    return tuple(said)
+
+
+def warn_of_idle(options: Options, skeleton: Skeleton) -> None:
+    """Warn once of each option that does nothing here."""
+    for remark in idle_options(options, skeleton):
+        warnings.warn(remark, PosefuseWarning, stacklevel=3)
+
+
 def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: Options) -> ArticulatedTracker:
     """A tracker that proposes people as the options say.
 
     Raises:
+        OptionsError: if a length is known that bodies do not have.
         SkeletonError: if the skeleton has no tree.
     """
+    skeleton = with_known_lengths(skeleton, options.tracker)
     settings = Settings.of(rig, skeleton, noise, options.tracker)
     return ArticulatedTracker(settings, partial(_propose, rig, noise, skeleton, options))
 
@@ -135,6 +180,8 @@ class Followed:
         history: states of everybody.
         parts: states of everybody's hands and faces, one for each part of the skeleton.
         naming: who the bodies in the history are.
+        nis: shape (frame, person): how surprising what the filter used was, NaN where it used nothing.
+        nis_dof: shape (frame, person), int32: and how much that is on average.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
     """
@@ -144,6 +191,8 @@ class Followed:
     history: History
     parts: tuple[History, ...]
     naming: Naming
+    nis: np.ndarray
+    nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
 
@@ -170,7 +219,10 @@ class Followed:
         tracks = Tracks(names, np.asarray(self.tracks.detection)[:, keep], np.asarray(self.tracks.state)[:, keep])
         cameras = self.history.settings.rig.names
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
-        return replace(self, tracks=tracks, events=events, shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep])
+        return replace(
+            self, tracks=tracks, events=events, nis=self.nis[:, keep], nis_dof=self.nis_dof[:, keep],
+            shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep],
+        )  # fmt: skip
 
     def smoother(self) -> "WholeSmoother":
         """Goes through the recording once, from the first frame on."""
@@ -193,22 +245,42 @@ class Followed:
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
             out.used[f, p] = person.run.used[seen]
-            out.put(person, (f, p), seen, everywhere, (0, 0), person.body.directions[seen])
+            body = person.body
+            known = _Known(body.directions[seen], body.angle_sd_deg[seen])
+            out.put(person, (f, p), seen, everywhere, _Places(0, 0, 0), known)
+            out.holds_deg2[f, p] = body.holds_deg2[seen]
         tree = self.history.settings.tree
-        first = (len(tree.segments), len(tree.bones))
-        for part, found in zip(self.skeleton.parts, people.parts, strict=True):
+        first = _Places(len(tree.segments), len(tree.bones), len(angle_names(tree)))
+        for i, (part, found) in enumerate(zip(self.skeleton.parts, people.parts, strict=True)):
             for person in found:
                 cells, seen = self._cells_with_bodies(person, start, out)
-                body = person.body
-                sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
-                out.put(person, cells, seen, part.keypoints, first, sure)
-            first = (first[0] + len(part.tree.segments), first[1] + len(part.tree.bones))
+                out.put(person, cells, seen, part.keypoints, first, self._known_part(i, person, cells, seen, out))
+            first = _Places(
+                first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
+                first.angle + len(angle_names(part.tree)),
+            )  # fmt: skip
         rows = self.follow(start, stop).rows(detections)
         layer = model_layer(
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
         names = self.skeleton.stood_names
-        return layer, Poses(*names, out.turns, out.directions, self.shape_m, self.shape_sd_m)
+        angles = whole_angle_names(self.skeleton)
+        return layer, Poses(
+            *names, angles, out.turns, out.directions, out.angle_sd_deg, self.nis[start:stop],
+            self.nis_dof[start:stop], self.shape_m, self.shape_sd_m,
+        )  # fmt: skip
+
+    def _known_part(
+        self, i: int, person: SmoothedPerson, cells: tuple[np.ndarray, np.ndarray], seen: np.ndarray, out: "_Stood"
+    ) -> "_Known":
+        """What is known of the directions and angles of somebody's part: that of its root by the body, too."""
+        part, tree, body = self.skeleton.parts[i], self.history.settings.tree, person.body
+        sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
+        s, b = len(tree.segments), len(tree.bones)
+        stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
+        own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
+        root = carried_angle_sds(own, out.holds_deg2[cells][:, i], body.turns[seen, 0], body.root_turn[seen])
+        return _Known(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frames from ``start`` on and people of the frames of somebody smoothed, and which of those they are."""
@@ -257,6 +329,21 @@ class WholeSmoother:
         return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
 
 
+class _Known(NamedTuple):
+    """Of somebody's body or part: directions, shape (frame, bone, 3), and sds of angles, (frame, angle), degrees."""
+
+    directions: np.ndarray
+    angle_sd_deg: np.ndarray
+
+
+class _Places(NamedTuple):
+    """Where the segments, bones and angles of a body or a part begin among all."""
+
+    segment: int
+    bone: int
+    angle: int
+
+
 @dataclass(frozen=True, eq=False)
 class _Stood:
     """Where people are in a range of frames, to be filled; bodies first, then their parts.
@@ -268,6 +355,8 @@ class _Stood:
         bridged: shape (frame, person, keypoint), bool: nothing supported what it belongs to.
         turns: shape (frame, person, segment, 3, 3).
         directions: shape (frame, person, bone, 3).
+        angle_sd_deg: shape (frame, person, angle).
+        holds_deg2: shape (frame, person, part, 3, 3): how well the axes in which bodies have their parts are known.
     """
 
     points_m: np.ndarray
@@ -276,6 +365,8 @@ class _Stood:
     bridged: np.ndarray
     turns: np.ndarray
     directions: np.ndarray
+    angle_sd_deg: np.ndarray
+    holds_deg2: np.ndarray
 
     @classmethod
     def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "_Stood":
@@ -289,6 +380,8 @@ class _Stood:
             np.zeros((*shape, keypoints), dtype=bool),
             np.full((*shape, len(segments), 3, 3), np.nan),
             np.full((*shape, len(bones), 3), np.nan),
+            np.full((*shape, len(whole_angle_names(skeleton))), np.nan),
+            np.full((*shape, len(skeleton.parts), 3, 3), np.nan),
         )
 
     def put(
@@ -297,8 +390,8 @@ class _Stood:
         cells: tuple[np.ndarray, np.ndarray],
         seen: np.ndarray,
         keypoints: np.ndarray,
-        first: tuple[int, int],
-        directions: np.ndarray,
+        first: _Places,
+        known: _Known,
     ) -> None:
         """Somebody's body, or a part of it.
 
@@ -307,15 +400,16 @@ class _Stood:
             cells: frames and people.
             seen: which of the person's frames these are.
             keypoints: shape (point,): places of the keypoints.
-            first: places of the first segment and the first bone.
-            directions: shape (frame, bone, 3): of its bones in those frames.
+            first: places of its first segment, bone and angle.
+            known: of its bones and angles in those frames.
         """
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
         self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
-        self.turns[f, p, first[0] : first[0] + body.turns.shape[1]] = body.turns[seen]
-        self.directions[f, p, first[1] : first[1] + directions.shape[1]] = directions
+        self.turns[f, p, first.segment : first.segment + body.turns.shape[1]] = body.turns[seen]
+        self.directions[f, p, first.bone : first.bone + known.directions.shape[1]] = known.directions
+        self.angle_sd_deg[f, p, first.angle : first.angle + known.angle_sd_deg.shape[1]] = known.angle_sd_deg
 
 
 def model_layer(
@@ -347,7 +441,10 @@ def model_layer(
         seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
         errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
     counted = np.moveaxis(used, 2, 3) & np.isfinite(errors)
-    status = np.where(np.isfinite(points_m[..., 0]), PointStatus.OK, PointStatus.NOT_SEEN)
+    there = np.isfinite(points_m[..., 0])
+    # Of a body that is there, what is missing belongs to a part that is not followed, or to nothing that is.
+    missing = np.where(there.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
+    status = np.where(there, PointStatus.OK, missing)
     status[absent] = PointStatus.ABSENT
     views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
     number = counted.sum(axis=-1)
@@ -449,6 +546,8 @@ class _Book:
         self.history, self.parts = history, parts
         self.lines = array("i")
         """Place, number, state and rows, of every person and frame one after the other; later ones count."""
+        self.innovations = array("d")
+        """Place, number, NIS and its degrees of freedom, likewise."""
         self.names: dict[int, list[tuple[int, str]]] = {}
         self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.events: list[Event] = []
@@ -465,7 +564,10 @@ class _Book:
             shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
             values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
             self.shapes[track.name] = (values, sds)
-            self._note(place, track.number, track.state, told[track.name].rows)
+            person = told[track.name]
+            self._note(place, track.number, track.state, person.rows)
+            if person.nis_dof:
+                self.innovations.extend((place, track.number, person.nis, person.nis_dof))
             for each in tracker.remembered.get(track.name, []):
                 self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
         for numbers, since_s in tracker.exchanged:
@@ -495,6 +597,7 @@ class _Book:
             columns = naming.columns(number, mine[:, 0], names)
             rows[mine[:, 0], columns], state[mine[:, 0], columns] = mine[:, 3:], mine[:, 2]
         _end_with_the_last_sight(rows, state)
+        nis, nis_dof = self._innovations(naming, names, state)
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         # A frame's rows are counted through its views, a track's detections within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
@@ -503,7 +606,22 @@ class _Book:
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )
         tracks = Tracks(names, detection, state)
-        return Followed(tracks, tuple(self.events), self.history, self.parts, naming, shape_m, shape_sd_m)
+        return Followed(
+            tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
+        )  # fmt: skip
+
+    def _innovations(self, naming: Naming, names: tuple[str, ...], state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """NIS and its degrees of freedom, shape (frame, person) each, of those who are there."""
+        nis, dof = np.full(state.shape, np.nan), np.zeros(state.shape, dtype=np.int32)
+        lines = np.asarray(self.innovations).reshape(-1, 4)
+        for number in naming.since:
+            mine = lines[lines[:, 1] == number]
+            places = mine[:, 0].astype(np.int64)
+            columns = naming.columns(number, places, names)
+            nis[places, columns], dof[places, columns] = mine[:, 2], mine[:, 3]
+        absent = state == TrackState.ABSENT
+        nis[absent], dof[absent] = np.nan, 0
+        return nis, dof
 
 
 def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:

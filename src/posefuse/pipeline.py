@@ -23,6 +23,7 @@ from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
+from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress, Silent, watched
 from posefuse.tracking.records import People
@@ -126,6 +127,8 @@ def who_is_followed(
         OptionsError: if the options keep somebody who is not there.
         SkeletonError: if bodies are asked for and nothing tells how they move.
     """
+    if options.people == "many" or options.bodies == "fit":
+        following.warn_of_idle(options, detections.skeleton)
     if options.people == "many":
         many = following.follow(rig, detections, options, progress)
         many = many.only(options.person) if options.person else many
@@ -252,8 +255,11 @@ class Tracker:
 
     def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options | None = None) -> None:
         options = options or Options()
-        noise = following.usual_noise(rig, options)
-        self._tracker = following.tracker_of(rig, find_skeleton(skeleton), noise, options)
+        noise, known = following.usual_noise(rig, options), find_skeleton(skeleton)
+        # Nothing is smoothed live, whatever the options say of it.
+        live = replace(options, tracker=replace(options.tracker, smoother="none", lag_s=TrackerOptions().lag_s))
+        following.warn_of_idle(live, known)
+        self._tracker = following.tracker_of(rig, known, noise, options)
 
     def update(self, frame: Frame) -> People:
         """Take a frame, later than the last.

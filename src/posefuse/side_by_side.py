@@ -7,6 +7,7 @@ from time import process_time
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
+from posefuse.evaluation.people import PeoplePoints
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options import Options
@@ -24,7 +25,7 @@ def compare_methods(
     methods: Sequence[str],
     options: Options | None = None,
     *,
-    truth_of: Callable[[Reconstruction], Truth] | None = None,
+    truth_of: Callable[[Reconstruction], Truth | PeoplePoints] | None = None,
     timed: bool = True,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -39,7 +40,8 @@ def compare_methods(
         methods: which, each one of :data:`posefuse.model.options.METHODS`.
         options: of every method; the method they name is not looked at. Labels of left and right are believed unless
             they say otherwise.
-        truth_of: known positions of the frames of a result, where they are known.
+        truth_of: known positions of the frames of a result, where they are known; of many, a result's people beside
+            them.
         timed: whether to take the time; it is the only number that differs from run to run.
         progress: told how far the work is.
 
@@ -71,7 +73,7 @@ def compare_methods(
 
 
 def _numbers(
-    plan: Plan, truth_of: Callable[[Reconstruction], Truth] | None, timed: bool, progress: Progress
+    plan: Plan, truth_of: Callable[[Reconstruction], Truth | PeoplePoints] | None, timed: bool, progress: Progress
 ) -> MethodNumbers:
     result = Reconstruction.concatenate(list(reconstruct_chunks(plan, progress)))
     truth = None if truth_of is None else truth_of(result)

@@ -1,5 +1,6 @@
 """Results of many people on the command line: edit, explain and report, from files to files."""
 
+import json
 import os
 from dataclasses import replace
 
@@ -49,7 +50,7 @@ def test_edit(run, folder):
     assert {"reconstruction.nc", "model.csv", "events.csv", "anna.trc", "person_10.c3d", "report.html"} <= names
     assert "person_2.trc" not in names
     assert "note: Edited: person_1 renamed anna." in said
-    assert all(len(line) <= 80 for line in said.splitlines() if "Wrote" not in line)
+    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
     edited = posefuse.read_reconstruction(out / "reconstruction.nc")
     expected = apply_edits(posefuse.read_reconstruction(folder / "result/reconstruction.nc"),
                            posefuse.read_edits(folder / "edits.toml"))  # fmt: skip
@@ -108,3 +109,39 @@ def test_explain_notices_other_keypoints(run, folder):
     code, _, said = run("explain", folder / "result2.nc", "--frame", 3, "--recording", folder / "recording")
     assert code == 0
     assert "keypoints.nc has changed since the result was made" in said
+
+
+def test_edits_that_leave_nobody(run, folder, monkeypatch):
+    """No file of a person who is in no frame, no number of nothing, and all lines fit."""
+    monkeypatch.setenv("COLUMNS", "80")
+    (folder / "edits.toml").write_text('[[edit]]\ndo = "drop"\nto_frame = 24\n')
+    code, said, warned = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "out")
+    assert code == 0
+    assert "nan" not in said
+    assert "- of the points of people who are followed have coordinates" in said
+    assert "nobody is left in any frame; there is no TRC or C3D to write" in warned
+    assert not [entry for entry in (folder / "out").iterdir() if entry.suffix in (".trc", ".c3d")]
+    assert "nan" not in (folder / "out" / "model.csv").read_text()
+    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
+
+
+def test_a_report_of_many_with_their_truth(run, folder):
+    posefuse.write(crowd(people=10, seconds=1.0).truth, folder / "truth.nc")
+    code, _, wrong = run("report", folder / "result", "--truth", folder / "truth.nc", "-o", folder / "r.html")
+    assert (code, wrong) == (0, "")
+    page = (folder / "r.html").read_text()
+    assert "<h2>Against the truth</h2>" in page
+    assert "<th>People of the truth, of the result</th><td>10, 10</td>" in page
+    assert "<th>IDF1</th>" in page
+
+
+def test_a_result_by_its_own_account(run, folder, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, said, wrong = run("evaluate", folder / "result")
+    assert (code, wrong) == (0, "")
+    assert "layer model by its own account: 25 frames; no truth was given" in said
+    assert "NIS by its degrees of freedom, mean" in said
+    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("/"))
+    numbers = json.loads((folder / "result" / "evaluation.json").read_text())
+    assert numbers["innovations"]["mean"] == pytest.approx(1.0, abs=0.05)
+    assert [person["name"] for person in numbers["people"]][:2] == ["person_1", "person_2"]

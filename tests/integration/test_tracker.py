@@ -329,3 +329,25 @@ def test_a_limb_in_the_wrong_place_is_set_anew(scene):
     truth = np.asarray(scene.truth.layers["measured"].points_m)[89]
     found = known(after[-1])[name].points_m
     assert np.nanmin(np.linalg.norm(truth - found, axis=-1).mean(axis=-1)) < 0.08
+
+
+def test_a_camera_that_goes_dark_is_said_live_and_so_is_its_return(scene: CrowdScene) -> None:
+    """Of a camera without frames, and of one that shows nobody."""
+    frames = frames_of(scene.detections)
+    for gone in (without_view, dark):
+        dark_frames = [gone(frame, 1) if 0.8 <= i / 25.0 < 3.4 else frame for i, frame in enumerate(frames)]
+        said = [event for event in events_of(run(scene.rig, dark_frames)) if event.what.startswith("camera")]
+        name = scene.rig.names[1]
+        assert [(event.person, event.what) for event in said] == [(name, "camera silent"), (name, "camera heard again")]
+        assert said[0].time_s == pytest.approx(2.8, abs=0.3)
+        assert said[1].time_s == pytest.approx(3.6, abs=0.1)
+
+
+def dark(frame: Frame, view: int) -> Frame:
+    return without_rows(frame, frame.view != view)
+
+
+def without_view(frame: Frame, view: int) -> Frame:
+    recorded, time_s = frame.recorded.copy(), np.array(frame.time_s)
+    recorded[view], time_s[view] = False, np.nan
+    return replace(dark(frame, view), recorded=recorded, time_s=time_s)

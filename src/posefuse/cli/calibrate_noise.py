@@ -45,4 +45,5 @@ def calibrate_noise(
         note("note: the confidence says little about the errors of these detections.")
     with replacing(output) as temporary:
         temporary.write_text(noise_to_toml(noise, rig.names), "utf-8")
-    say(f"Wrote {output}. Use it: posefuse reconstruct RECORDING --options {output}")
+    note(f"Wrote {output}")
+    say(f"Use it: posefuse reconstruct RECORDING --options {output}")

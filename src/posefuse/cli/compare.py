@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, count, note, say, table
+from posefuse.cli.console import Bars, count, note, say, table, wrote
 from posefuse.cli.reading import read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.errors import OptionsError, choices, suggestion
@@ -41,13 +41,13 @@ def compare(
     """
     chosen = chosen_methods(methods)
 
-    from posefuse.cli.evaluate import truth_finder
+    from posefuse.cli.evaluate import known_of
     from posefuse.io.files import must_exist, replacing_folder
     from posefuse.io.results.comparison import write
     from posefuse.report.comparison import comparison_picture
     from posefuse.side_by_side import compare_methods
 
-    truth_of = None if truth is None else truth_finder(must_exist(truth, "truth"))
+    truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
@@ -59,7 +59,7 @@ def compare(
         (staging / PNG).write_bytes(picture.png)
         (staging / SVG).write_bytes(picture.svg)
     show(found)
-    say(f"Wrote {TABLE}, {PNG}, {SVG} to {output}")
+    wrote([TABLE, PNG, SVG], output)
 
 
 def chosen_methods(given: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,8 +1,10 @@
 """What the command line prints: words on stdout, progress, warnings and errors on stderr."""
 
+import math
 import os
+import textwrap
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from posefuse.errors import PosefuseWarning
+
+_WIDTH = 80
 
 
 class _Pipe(Console):
@@ -100,13 +104,25 @@ def table(title: str | None, columns: list[str], rows: list[list[str]], *, words
 
 
 def note(text: str) -> None:
-    """Print a sentence, broken into lines that fit the window."""
-    out.print(Text(text))
+    """Print a sentence, broken into lines that fit the window; words longer than it, such as paths, stay whole."""
+    out.print(Text(_broken(text, out.width)), soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a warning."""
-    err.print(Text.assemble(("warning: ", "yellow"), text))
+    complain("warning: ", "yellow", text)
+
+
+def complain(kind: str, style: str, text: str) -> None:
+    """Print what is wrong, on stderr, broken into lines that fit the window."""
+    whole = _broken(kind + text, err.width)
+    err.print(Text.assemble((kind, style), whole[len(kind) :]), soft_wrap=True)
+
+
+def _broken(text: str, width: int) -> str:
+    """Lines that fit; words longer than a line, such as paths, stay whole."""
+    pieces = (textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
+    return "\n".join(pieces)
 
 
 def count(n: int, noun: str) -> str:
@@ -119,6 +135,16 @@ def say(text: str) -> None:
     out.print(Text(text), soft_wrap=True)
 
 
+def wrote(files: Sequence[str], folder: object, remark: str = "") -> None:
+    """Say what was written and where: as many names a line as fit 80 columns, none of them broken."""
+    words = [f"{name}," for name in files[:-1]] + list(files[-1:])
+    lines = textwrap.wrap(" ".join(["Wrote", *words]), _WIDTH, break_long_words=False, break_on_hyphens=False)
+    place = f"to {folder}"
+    lines = [*lines[:-1], f"{lines[-1]} {place}"] if len(lines[-1]) + len(place) < _WIDTH else [*lines, place]
+    for line in [*lines, *([remark] if remark else [])]:
+        say(line)
+
+
 def percent(share: float) -> str:
-    """A share as people read it."""
-    return f"{100 * share:.1f} %"
+    """A share as people read it; a dash where there is none."""
+    return f"{100 * share:.1f} %" if math.isfinite(share) else "-"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, say
+from posefuse.cli.console import Bars, wrote
 from posefuse.errors import EditError
 from posefuse.io.edits import read_edits
 from posefuse.model.edits import Edit
@@ -64,7 +64,7 @@ def edit(
         write_edited(before, done, staging / "reconstruction.nc")
         after = netcdf.read_reconstruction(staging / "reconstruction.nc")
         files, layer = write_beside(after, staging, Bars())
-    say(f"Wrote reconstruction.nc, {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
+    wrote(["reconstruction.nc", *files], output, f"TRC and C3D hold the layer {layer}.")
 
 
 def write_edited(before: Reconstruction, done: Done, path: Path) -> None:

@@ -18,6 +18,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
+    from posefuse.evaluation.own_account import OwnAccount, PersonAccount
     from posefuse.evaluation.people import PeoplePoints, PeopleScores
 
 StateName = Literal["tentative", "active", "lost"]
@@ -30,8 +31,11 @@ def evaluate(
     result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
     truth: Annotated[
         tuple[Path, ...],
-        Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or TRC files, one a person."),
-    ],
+        Parameter(
+            help="Known positions: a truth.nc, another reconstruction.nc, or TRC files, one a person. Without any, "
+            "what the result says of itself."
+        ),
+    ] = (),
     *,
     layer: Annotated[LayerName | None, Parameter(help="Which layer; by default the best present.")] = None,
     head_rule: Annotated[
@@ -51,9 +55,12 @@ def evaluate(
 ) -> None:
     """Compare a result with known positions: a table, and the numbers as JSON.
 
+    Without known positions: how well the result agrees with itself, and whether it is as sure as it may be.
+
     With more than one person in either, people are matched in every frame, and by name over the whole recording.
     """
     from posefuse.cli.results import open_result
+    from posefuse.evaluation.own_account import OwnAccount, own_account
     from posefuse.io.files import must_exist, replacing
 
     path, reconstruction = open_result(result)
@@ -62,19 +69,24 @@ def evaluate(
         from posefuse.evaluation.people import only_in_states
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
-    scores = compare(reconstruction, tuple(must_exist(file, "truth") for file in truth), head_rule, entry_s)
+    if truth:
+        scores = compare(reconstruction, tuple(must_exist(file, "truth") for file in truth), head_rule, entry_s)
+    else:
+        scores = own_account(reconstruction)
     target = json_file or path.parent / "evaluation.json"
     with replacing(target) as temporary:
         temporary.write_text(json.dumps(plain(asdict(scores)), indent=2, allow_nan=False) + "\n", "utf-8")
-    if isinstance(scores, Accuracy):
+    if isinstance(scores, OwnAccount):
+        show_account(scores)
+    elif isinstance(scores, Accuracy):
         show(scores)
     else:
         show_people(scores)
-    say(f"Wrote {target}")
+    note(f"Wrote {target}")
 
 
 def compare(
-    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule, entry_s: float
+    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule = "none", entry_s: float = 0.4
 ) -> "Accuracy | PeopleScores":
     """The accuracy of one person against a truth file of one, or the scores of many."""
     from posefuse.evaluation import accuracy, people
@@ -106,6 +118,11 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
     return people.people_points(result, known)
+
+
+def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
+    """Read a truth file; what comes back finds its positions at the frames of a result, of one person or of many."""
+    return lambda result: people_of(result, (path,)) or truth_finder(path)(result)
 
 
 def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
@@ -161,6 +178,38 @@ def show(accuracy: Accuracy) -> None:
         f"{count(accuracy.n_frames, 'frame')}, {count(accuracy.n_keypoints, 'keypoint')}"
     )
     table(None, ["", ""], rows)
+
+
+def show_account(account: "OwnAccount") -> None:
+    """Print what a result says of itself."""
+    note(f"layer {account.layer} by its own account: {count(account.n_frames, 'frame')}; no truth was given")
+    variation, reprojection = account.bone_variation, account.reprojection_median_px
+    rows = [
+        ["median reprojection error", _number(math.nan if reprojection is None else reprojection, "px")],
+        ["bone length variation", _share(math.nan if variation is None else variation)],
+        ["median acceleration", _number(account.acceleration_m_s2, "m/s²")],
+    ]
+    if account.innovations is not None:
+        values = account.innovations
+        rows += [
+            ["NIS by its degrees of freedom, mean", _number(values.mean, "")],
+            ["the same, median of frames", _number(values.median, "")],
+        ]
+    table(None, ["", ""], rows)
+    heads = ["person", "frames", "points missing", "bones vary", "NIS, median"]
+    table(None, heads, [_account_row(person) for person in account.people])
+    if account.innovations is not None:
+        note("NIS: how far off detections are from where bodies were foretold, squared; 1 if as sure as it says.")
+
+
+def _account_row(person: "PersonAccount") -> list[str]:
+    return [
+        person.name,
+        str(person.n_frames),
+        _share(person.missing_share),
+        _share(math.nan if person.bone_variation is None else person.bone_variation),
+        _number(math.nan if person.innovations is None else person.innovations.median, ""),
+    ]
 
 
 def show_people(scores: "PeopleScores") -> None:

@@ -1,5 +1,6 @@
 """``posefuse explain``."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,9 @@ from posefuse.errors import MatchError, choices
 from posefuse.explain import AROUND_S, FrameAccount, PersonAccount, Sighting, ViewAccount
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.skeletons import Skeleton
+
+_MOST_NAMED = 12
 
 
 def explain(
@@ -47,7 +51,7 @@ def explain(
     _say_events(told)
     _say_people(told)
     if person is not None:
-        _say_keypoints(told)
+        _say_keypoints(told, opened.skeleton)
     for view in told.views:
         _say_view(view, tuple(opened.layers))
 
@@ -120,15 +124,29 @@ def _person_rows(person: PersonAccount) -> list[list[str]]:
     return rows
 
 
-def _say_keypoints(told: FrameAccount) -> None:
+def _say_keypoints(told: FrameAccount, skeleton: Skeleton) -> None:
     """How each keypoint of one person came out."""
     for each in told.people:
         for layer in each.layers:
             say("")
             note(f"{each.name}, layer {layer.layer}:")
             for code, names in layer.status.items():
-                which = ", ".join(names) if len(layer.status) > 1 else f"all {len(names)} keypoints"
+                which = _in_short(names, skeleton) if len(layer.status) > 1 else f"all {len(names)} keypoints"
                 note(f"  {which}: {code.label}, {code.sentence}")
+
+
+def _in_short(names: Sequence[str], skeleton: Skeleton) -> str:
+    """Names of keypoints; of many, how many of each hand and face, and the first of the others."""
+    if len(names) <= _MOST_NAMED:
+        return ", ".join(names)
+    said, rest = [], list(names)
+    for part in skeleton.parts:
+        theirs = {skeleton.keypoints[k] for k in part.keypoints}
+        mine = [name for name in rest if name in theirs]
+        if mine:
+            said.append(f"{part.name.replace('_', ' ')} ({len(mine)} of {len(theirs)})")
+            rest = [name for name in rest if name not in theirs]
+    return ", ".join([*said, *([choices(rest, _MOST_NAMED)] if rest else [])])
 
 
 def _say_view(view: ViewAccount, layers: tuple[str, ...]) -> None:

@@ -20,4 +20,5 @@ def init(
         raise FileError(f"{path} exists already; choose another name or remove it.")
     with replacing(path) as temporary:
         temporary.write_text(options_template(), "utf-8")
-    say(f"Wrote {path}. Use it with: posefuse --options {path} reconstruct ...")
+    say(f"Wrote {path}")
+    say(f"Use it: posefuse --options {path} reconstruct ...")

@@ -8,7 +8,7 @@ from cyclopts import App, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import err, spoken_warnings
+from posefuse.cli.console import complain, err, spoken_warnings
 from posefuse.errors import FileError, OptionsError, PosefuseError
 
 
@@ -94,5 +94,5 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _fail(error: Exception, code: int) -> None:
-    err.print(Text.assemble(("error: ", "bold red"), str(error)), soft_wrap=True)
+    complain("error: ", "bold red", str(error))
     sys.exit(code)

@@ -1,5 +1,6 @@
 """``posefuse reconstruct``."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, count, note, percent, say, table, warn
+from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
 from posefuse.cli.reading import must_have_rate, read_inputs
 from posefuse.cli.types import CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.model.options import LayerName, Options
@@ -43,7 +44,7 @@ def reconstruct(
     options = replace(options, tracker=replace(options.tracker, **short))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
-    say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
+    wrote(files, output, f"TRC and C3D hold the layer {layer}.")
 
 
 def reconstruct_into(
@@ -85,22 +86,29 @@ def reconstruct_into(
     return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
 
 
-def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of joint angles and, shape (frame, person, angle), the angles of fitted bodies in degrees.
+def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Joint angles of fitted bodies.
 
     How the root stands in the world is not known where nobody knows which way is up.
+
+    Returns:
+        Names; shape (frame, person, angle), degrees; and their standard deviations, NaN where they are not known.
     """
     from posefuse.model.cameras import up_vector
     from posefuse.tracking.angles import whole_angles
 
     skeleton, tree = part.skeleton, part.skeleton.tree
     if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != skeleton.stood_names[:2]:
-        return (), np.empty((part.n_frames, len(part.person_ids), 0))
+        nothing = np.empty((part.n_frames, len(part.person_ids), 0))
+        return (), nothing, nothing
     turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
     names, degrees = whole_angles(skeleton, turns, directions, up_vector(part.rig.up_axis or "z"))
     if part.rig.up_axis is None and tree.segments:
         degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
-    return names, degrees
+    sds = np.full_like(degrees, np.nan)
+    if part.poses.angles == names:
+        sds = np.where(np.isfinite(degrees), np.asarray(part.poses.angle_sd_deg[:]), np.nan)
+    return names, degrees, sds
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
@@ -158,7 +166,8 @@ def describe(result: Reconstruction) -> None:
     if result.unit == "px":
         note("note: one camera: coordinates are px in its image plane, no place in the world; C3D cannot hold them.")
     whose = "" if len(result.person_ids) == 1 else " of people who are followed"
-    say(f"{percent(there / max(summary.n_points, 1))} of the points{whose} have coordinates (layer {name})")
+    share = there / summary.n_points if summary.n_points else math.nan
+    say(f"{percent(share)} of the points{whose} have coordinates (layer {name})")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
@@ -176,20 +185,25 @@ def describe(result: Reconstruction) -> None:
         error = summary.error_px_by_view[v]
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
         swaps = [] if swapped is None else [percent(summary.swapped_in(v))]
-        rows.append([camera, percent(summary.used[v]), *numbers, *swaps])
+        rows.append([camera, percent(summary.used[v]) if summary.n_points else "-", *numbers, *swaps])
     table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)
 
 
 def describe_people(result: Reconstruction, layer: LayerName) -> None:
     """Say who was there when, and what happened to them."""
+    from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
     from posefuse.report.people import events_in_words, lives, span_of
 
     if not result.person_ids:
         warn("nobody was found.")
+    elif not people_with_frames(result):
+        warn("nobody is left in any frame; there is no TRC or C3D to write.")
     if result.events:
         note(f"events: {events_in_words(result.events)}")
-    uncertain = [event for event in result.events if event.what in ("identity uncertain", "camera refused")]
+    uncertain = [
+        event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
+    ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
     everybody = lives(result.chunks(), layer)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, say
+from posefuse.cli.console import Bars, note
 
 
 def report(
@@ -17,8 +17,9 @@ def report(
     ] = None,
 ) -> None:
     """Write a result's report: one HTML page that needs no network."""
+    from posefuse.cli.evaluate import compare
     from posefuse.cli.results import open_result
-    from posefuse.io.files import replacing
+    from posefuse.io.files import must_exist, replacing
     from posefuse.io.results import netcdf
     from posefuse.report.html import render_report
 
@@ -26,10 +27,8 @@ def report(
     target = output or path.parent / "report.html"
     known = accuracy = None
     if truth is not None:
-        from posefuse.evaluation.accuracy import evaluate, truth_from_result
-
-        known = netcdf.read_reconstruction(truth)
-        accuracy = evaluate(reconstruction, truth_from_result(reconstruction, known))
+        known = netcdf.read_reconstruction(must_exist(truth, "truth"))
+        accuracy = compare(reconstruction, (truth,))
     with replacing(target) as temporary:
         temporary.write_text(render_report(reconstruction, known, accuracy, Bars()), "utf-8")
-    say(f"Wrote {target}")
+    note(f"Wrote {target}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import say
+from posefuse.cli.console import say, wrote
 from posefuse.synthetic.options import SceneOptions
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def simulate(
     if made.offsets_s.any():
         offsets = ", ".join(f"{name} {1000 * s:+.1f}" for name, s in zip(made.rig.names, made.offsets_s, strict=True))
         say(f"clock offsets in ms: {offsets}")
-    say(f"Wrote {CALIBRATION}, {KEYPOINTS}, {TRUTH} to {output}")
+    wrote([CALIBRATION, KEYPOINTS, TRUTH], output)
 
 
 def write_scene(scene: "Scene | CrowdScene", folder: Path) -> None:

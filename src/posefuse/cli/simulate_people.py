@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import say
+from posefuse.cli.console import say, wrote
 from posefuse.cli.simulate import CALIBRATION, KEYPOINTS, TRUTH, write_scene
 from posefuse.synthetic.crowd_options import CrowdOptions
 
@@ -32,4 +32,4 @@ def simulate_people(
         where = "" if span.view is None else f" {made.rig.names[span.view]}"
         until = f"to {span.to_s:.1f} s" if span.to_s < scene.length_s else "to the end"
         say(f"{span.what}{whom}{where}: from {span.from_s:.1f} s {until}")
-    say(f"Wrote {CALIBRATION}, {KEYPOINTS}, {TRUTH} to {output}")
+    wrote([CALIBRATION, KEYPOINTS, TRUTH], output)

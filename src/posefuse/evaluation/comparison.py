@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.evaluation.accuracy import Truth, evaluate
+from posefuse.evaluation.people import PeoplePoints, matched_errors_mm
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import ViewStatus, is_used
@@ -88,12 +89,14 @@ class Comparison:
     notes: tuple[str, ...] = ()
 
 
-def method_numbers(result: Reconstruction, truth: Truth | None, cpu_s_per_frame: float | None) -> MethodNumbers:
+def method_numbers(
+    result: Reconstruction, truth: Truth | PeoplePoints | None, cpu_s_per_frame: float | None
+) -> MethodNumbers:
     """The numbers of one method's result.
 
     Args:
         result: in metres, in memory; its measured layer is looked at.
-        truth: known positions of the same frames.
+        truth: known positions of the same frames; of many people, with the result's beside them.
         cpu_s_per_frame: what triangulation took.
 
     Raises:
@@ -103,7 +106,7 @@ def method_numbers(result: Reconstruction, truth: Truth | None, cpu_s_per_frame:
     views = np.asarray(layer.view_status[:])
     has_point = layer.has_point
     usable = int((~np.isin(views, _NEVER_USED)).sum())
-    accuracy = None if truth is None or not has_point.any() else evaluate(result, truth)
+    errors = (None, None) if truth is None else _errors_mm(result, truth)
     min_views = result.options.triangulation.min_views
     assert min_views is not None
     return MethodNumbers(
@@ -116,9 +119,21 @@ def method_numbers(result: Reconstruction, truth: Truth | None, cpu_s_per_frame:
         rejected_share=int(np.isin(views, _REJECTED).sum()) / usable if usable else float("nan"),
         acceleration_m_s2=acceleration_m_s2(result),
         cpu_ms_per_frame=None if cpu_s_per_frame is None else 1000.0 * cpu_s_per_frame,
-        truth_median_mm=None if truth is None else float("nan") if accuracy is None else accuracy.median_mm,
-        truth_p99_mm=None if truth is None else float("nan") if accuracy is None else accuracy.p99_mm,
+        truth_median_mm=errors[0],
+        truth_p99_mm=errors[1],
     )
+
+
+def _errors_mm(result: Reconstruction, truth: Truth | PeoplePoints) -> tuple[float, float]:
+    """Median and 99 % of the distances, of many people over those who are matched; NaN where there are none."""
+    if not result.layers["measured"].has_point.any():
+        return float("nan"), float("nan")
+    if isinstance(truth, Truth):
+        accuracy = evaluate(result, truth)
+        return accuracy.median_mm, accuracy.p99_mm
+    errors = matched_errors_mm(truth)
+    errors = errors[np.isfinite(errors)]
+    return (float(np.median(errors)), float(np.percentile(errors, 99))) if errors.size else (float("nan"), float("nan"))
 
 
 def _used_error(layer: Layer) -> ErrorSpread:

@@ -263,6 +263,13 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
     return _with_reasons(scores, data)
 
 
+def matched_errors_mm(data: PeoplePoints, gate_m: float = GATE_M) -> np.ndarray:
+    """Shape (frame, truth, keypoint): how far keypoints of matched people are off, NaN where nobody is matched."""
+    apart = mean_distances_m(data.points_m, data.truth_m)
+    matches = matches_of(apart, is_here(data.points_m), is_here(data.truth_m), gate_m)
+    return 1000.0 * np.linalg.norm(followed(data.points_m, matches.person) - data.truth_m, axis=-1)
+
+
 def _squares(data: PeoplePoints, matches: Matches, offsets_m: np.ndarray) -> np.ndarray:
     if data.covariance_m2 is None:
         return np.full(offsets_m.shape[:-1], np.nan)

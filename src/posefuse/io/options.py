@@ -142,6 +142,8 @@ def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
         return "60.0" if name == "rate_hz" else "1.0"
     if int in kinds:
         return "3"
+    if name == "known_m":
+        return '["left_knee=0.43"]'
     if str in kinds:
         return '["cam_1", "cam_2"]' if get_origin(hint) is tuple else '"coco_17"'
     raise AssertionError(f"no example for {name}: {hint}")

@@ -288,7 +288,8 @@ def _noise_squared(law, v, trust, look):
 
 @step
 def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jacobian, cov, packed, use, noise):
-    """Which observations count, and how noisy each is, before any of them has moved the body."""
+    """Which observations count, how noisy each is, and how surprising they are, before any has moved the body."""
+    total = 0.0
     for k in range(body.keypoint_nodes.shape[0]):
         node = body.keypoint_nodes[k]
         if node >= 0:
@@ -313,6 +314,9 @@ def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jac
             dv = pixel_v - look[2]
             squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / (uu * vv - uv * uv)
             use[v, k] = USED if squared <= law.gate else GATED
+            if use[v, k] == USED:
+                total += squared
+    return total
 
 
 @inline
@@ -603,7 +607,7 @@ def _step_from(hessian, gradient, damping, m, lower, change):
 
 @kernel
 def update_people(
-    cameras, body, law, temper, iterations, rows, labels, keypoints_px, confidence, state, use, moved, cost
+    cameras, body, law, temper, iterations, rows, labels, keypoints_px, confidence, state, use, moved, surprise
 ):
     """Put all people right by what the views see of them.
 
@@ -622,7 +626,8 @@ def update_people(
         use: shape (person, view, keypoint), int64, written: USED, GATED or UNSEEN.
         moved: shape (person,), written: by how much the prediction was off, squared, in its own covariance; NaN where
             that is broken: then they are nowhere any more, and no view shows them.
-        cost: shape (person,), written: what remains.
+        surprise: shape (person,), written: squared innovations of the keypoints that count, each in its own
+            covariance, together: two for each, if all is as sure as it says. NaN likewise.
     """
     n_people, n = state.velocity.shape
     h = state.shape.shape[1]
@@ -657,10 +662,10 @@ def update_people(
         _copy_triangle(cov, m, room.prior)
         if not invert(room.prior, m, room.change):
             use[p, :, :] = UNSEEN
-            cost[p] = math.nan
+            surprise[p] = math.nan
             state.root[p, :] = math.nan
             continue
-        cost[p] = _settle(
+        surprise[p] = _settle(
             cameras, body, law, temper[p], iterations, rows[p], labels[p], keypoints_px, confidence, state.root[p],
             state.turns[p], state.bones[p], state.shape[p], cov, n, m, use[p], room,
         )  # fmt: skip
@@ -690,18 +695,18 @@ def _settle(
     cameras, body, law, temper, iterations, rows, labels, keypoints_px, confidence, root, turns, bones, shape, cov, n,
     m, use, room,
 ):  # fmt: skip
-    """Damped Gauss-Newton from the prediction; what is left, the offset and the last normal equations in the room."""
+    """Damped Gauss-Newton from the prediction: how surprising what was seen is; the rest in the room."""
     b = body
     for i in range(m):
         room.offset[i] = 0.0
-    damping, before = 0.0, math.inf
+    damping, before, surprise = 0.0, math.inf, 0.0
     for turn in range(iterations + 1):
         locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, root, turns, bones, shape, room.nodes)
         differentiate(
             b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n, turns, bones, shape, room.jacobian
         )
         if turn == 0:
-            _gate(
+            surprise = _gate(
                 cameras, b, law, rows, labels, keypoints_px, confidence, room.nodes, room.jacobian, cov, room.weight,
                 use, room.noise,
             )  # fmt: skip
@@ -728,7 +733,7 @@ def _settle(
             room.offset[i] += room.change[i]
         if size < _SMALL_STEP and damping < _DAMPING:
             break
-    return before
+    return surprise
 
 
 @step

@@ -73,25 +73,44 @@ class Frame:
     @classmethod
     def of_people(
         cls,
-        keypoints_px: Sequence[np.ndarray],
-        confidence: Sequence[np.ndarray],
-        time_s: float | Sequence[float],
+        keypoints_px: Sequence[np.ndarray | None],
+        confidence: Sequence[np.ndarray | None] | None = None,
+        time_s: float | Sequence[float] | None = None,
         track_ids: Sequence[Sequence[int]] | None = None,
         number: int = 0,
     ) -> "Frame":
         """A frame from what each view's detector gives.
 
         Args:
-            keypoints_px: by view, shape (person, keypoint, 2).
-            confidence: by view, shape (person, keypoint).
-            time_s: of the frame, or of each view.
+            keypoints_px: by view, shape (person, keypoint, 2); shape (0, keypoint, 2) or an empty list where it shows
+                nobody, None where the view has no such frame: dropped, late for good, or its camera is dead.
+            confidence: by view, shape (person, keypoint); left out where the detector gives none.
+            time_s: of the frame, or of each view; NaN where a view's is not known.
             track_ids: by view, the detector's own identities, one a person.
             number: of the frame.
 
         Raises:
-            DetectionsError: where views differ in number or in keypoints.
+            DetectionsError: where views differ in number or in keypoints, or nothing says when the frame was taken.
         """
+        recorded = np.array([people is not None for people in keypoints_px], dtype=bool)
+        if time_s is None or not len(recorded):
+            lacking = "has no view" if not len(recorded) else "has no time, and how far people move depends on it"
+            raise DetectionsError(
+                f"Frame {number} {lacking}. Frame.of_people takes an array of keypoints for each camera (empty where "
+                "it shows nobody, None where it has no such frame), as many of confidences, and time_s in seconds: one "
+                "number, or one for each camera."
+            )
+        times_s = np.asarray(time_s, dtype=np.float64)
+        if times_s.shape not in ((), (len(recorded),)):
+            raise DetectionsError(
+                f"Frame {number}: time_s is one number, or one for each of the {len(recorded)} views; got shape "
+                f"{times_s.shape}."
+            )
+        keypoints_px = [np.empty((0, 0, 2)) if people is None else people for people in keypoints_px]
         counts = [len(people) for people in keypoints_px]
+        if confidence is None:
+            confidence = [np.full(np.shape(people)[:2], np.nan) for people in keypoints_px]
+        confidence = [np.empty((0, 0)) if each is None else each for each in confidence]
         if len(confidence) != len(counts) or (track_ids is not None and len(track_ids) != len(counts)):
             raise DetectionsError(
                 f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
@@ -111,8 +130,8 @@ class Frame:
             confidence=np.concatenate([np.reshape(each, (len(each), k)) for each in confidence], dtype=np.float64),
             view=np.repeat(np.arange(len(counts)), counts),
             track_ids=np.array([i for of_view in ids for i in of_view], dtype=np.int64),
-            time_s=np.broadcast_to(np.asarray(time_s, dtype=np.float64), (len(counts),)),
-            recorded=np.ones(len(counts), dtype=bool),
+            time_s=np.broadcast_to(times_s, (len(counts),)),
+            recorded=recorded,
             number=number,
         )
 

@@ -23,6 +23,7 @@ class PointStatus(IntEnum):
     OUTLIER = codes.POINT_OUTLIER
     ABSENT = codes.POINT_ABSENT
     UNDECIDED = codes.POINT_UNDECIDED
+    NOT_FOLLOWED = codes.POINT_NOT_FOLLOWED
 
     @property
     def label(self) -> str:
@@ -95,7 +96,7 @@ _POINT_SENTENCES = {
     PointStatus.WEAK_GEOMETRY: "measured, but the rays are so nearly parallel that the depth is poorly known",
     PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
-    PointStatus.NOT_SEEN: "no valid detection, or nothing followed has it",
+    PointStatus.NOT_SEEN: "no valid detection",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
     PointStatus.DEGENERATE: "the rays do not fix a point",
     PointStatus.BEHIND_CAMERA: "the rays meet behind a camera",
@@ -103,6 +104,7 @@ _POINT_SENTENCES = {
     PointStatus.OUTLIER: "the views contradict each other",
     PointStatus.ABSENT: "the person is not there",
     PointStatus.UNDECIDED: "two places far apart explain the views equally well",
+    PointStatus.NOT_FOLLOWED: "of a hand or face that is not followed just then, or of no body",
 }
 
 _VIEW_SENTENCES = {

@@ -166,7 +166,14 @@ class TrackerOptions:
             deviation, x, y and z together; it ends at 8.7); None leaves it to the time.
         outside_s: Nor who is lost and has for longer been where no two views overlap, nor within 0.5 m of it (G); None
             lets people come back.
+        camera_silent_s: A camera without frames, or that shows nobody where others show people whom it should see, is
+            silent after this long, and that is said.
+        camera_heard_s: It is heard again after it has been for this long.
         shape_settle_s: For how long two views show somebody before the lengths of their body are kept.
+        stature_m: How tall everybody is who is followed, or how large an animal; None where that is not known.
+        known_m: Lengths of their bodies that were measured, each as name=metres, such as left_knee=0.43 for the bone
+            that ends there; both sides have one. Names are those of `pose_length` in a result.
+        known_sd_m: How well these were measured.
         max_people: No more are followed at a time.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
@@ -209,7 +216,12 @@ class TrackerOptions:
     forget_after_s: float = 30.0
     forget_beyond_m: float | None = None
     outside_s: float | None = None
+    camera_silent_s: float = 2.0
+    camera_heard_s: float = 0.2
     shape_settle_s: float = 4.0
+    stature_m: float | None = None
+    known_m: tuple[str, ...] = ()
+    known_sd_m: float = 0.005
     max_people: int = 50
     smoother: Smoother = "full"
     lag_s: float = 0.3
@@ -233,7 +245,8 @@ class TrackerOptions:
         for name in ("detection_share", "false_share"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")
-        for name in ("forget_beyond_m", "outside_s"):
+        self._check_lengths()
+        for name in ("forget_beyond_m", "outside_s", "stature_m"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise OptionsError(f"tracker.{name} must be positive, or left out, got {value}.")
@@ -241,6 +254,32 @@ class TrackerOptions:
             value = getattr(self, each.name)
             if isinstance(value, float) and not math.isfinite(value):
                 raise OptionsError(f"tracker.{each.name} must be a finite number, got {value}.")
+
+    def _check_lengths(self) -> None:
+        object.__setattr__(self, "known_m", tuple(self.known_m))
+        if not self.known_sd_m > 0.0:
+            raise OptionsError(f"tracker.known_sd_m must be positive, got {self.known_sd_m}.")
+        for name, length_m in self.known_lengths_m.items():
+            if not (name and 0.0 < length_m < math.inf):
+                raise OptionsError(f"tracker.known_m holds name=metres, lengths above 0, got {name}={length_m}.")
+
+    @property
+    def known_lengths_m(self) -> dict[str, float]:
+        """By name, the lengths that ``known_m`` holds.
+
+        Raises:
+            OptionsError: if an entry is not name=metres.
+        """
+        found = {}
+        for entry in self.known_m:
+            name, _, number = entry.partition("=")
+            try:
+                found[name.strip()] = float(number)
+            except ValueError:
+                raise OptionsError(
+                    f"tracker.known_m holds name=metres, such as left_knee=0.43; got {entry!r}."
+                ) from None
+        return found
 
     def in_proportion(self, scale: float) -> "TrackerOptions":
         """The same for bodies of another size.

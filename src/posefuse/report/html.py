@@ -13,10 +13,12 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from posefuse.evaluation.accuracy import Accuracy
+from posefuse.evaluation.people import PeopleScores
 from posefuse.evaluation.sightings import count_misses
 from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.progress import Progress, Silent, watched
 from posefuse.report.people import events_in_words, life_lines, lives, people_section
@@ -41,7 +43,7 @@ _VIEW_CODES = (
 def render_report(
     result: Reconstruction,
     truth: Reconstruction | None = None,
-    accuracy: Accuracy | None = None,
+    accuracy: Accuracy | PeopleScores | None = None,
     progress: Progress | None = None,
 ) -> str:
     """The report of a result, as the text of its HTML file.
@@ -172,15 +174,28 @@ def _charts(result: Reconstruction, summary: Summary) -> dict[str, Any]:
         "keypoints": list(result.skeleton.keypoints),
         "keypoint_median": _numbers([spread.median for spread in summary.error_px_by_keypoint]),
         "keypoint_p90": _numbers([spread.p90 for spread in summary.error_px_by_keypoint]),
+        "keypoint_groups": _keypoint_groups(result.skeleton),
         "keypoint_missing": summary.missing_by_keypoint.round(5).tolist(),
     }
+
+
+def _keypoint_groups(skeleton: Skeleton) -> list[list[Any]]:
+    """Names of the body and of its hands and faces, each with the places of its keypoints; a keypoint is in one."""
+    taken: set[int] = set()
+    groups: list[list[Any]] = []
+    for part in skeleton.parts:
+        mine = [int(k) for k in part.keypoints if int(k) not in taken]
+        groups.append([part.name.replace("_", " "), mine])
+        taken.update(mine)
+    rest = [k for k in range(len(skeleton)) if k not in taken]
+    return [["body", rest], *groups] if rest else groups
 
 
 def _numbers(values: Sequence[float]) -> list[float | None]:
     return [round(value, 4) if np.isfinite(value) else None for value in values]
 
 
-def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, stride: int) -> str:
+def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | PeopleScores | None, stride: int) -> str:
     """The summary in plain words."""
     people = "1 person" if len(result.person_ids) == 1 else f"{len(result.person_ids)} people"
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
@@ -202,7 +217,7 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | None, 
             f"By its own account a typical point is known to {_length(summary.sd_mm.median)} per axis "
             f"(noise of a detection {result.noise.origin}: {float(np.median(result.noise.scale_px)):.1f} px)."
         )
-    if accuracy is not None:
+    if isinstance(accuracy, Accuracy):
         sentences.append(
             f"Against the truth: median error {accuracy.median_mm:.1f} mm, mean {accuracy.mpjpe_mm:.1f} mm, "
             f"{100 * accuracy.share_beyond_50_mm:.1f} % beyond 5 cm."
@@ -226,9 +241,34 @@ def _length(millimetres: float) -> str:
     return f"{millimetres:.1f} mm" if millimetres >= 0.5 else f"{1000 * millimetres:.1f} µm"
 
 
-def _accuracy_table(accuracy: Accuracy | None) -> str:
+def _accuracy_table(accuracy: Accuracy | PeopleScores | None) -> str:
     if accuracy is None:
         return ""
+    rows = _people_rows(accuracy) if isinstance(accuracy, PeopleScores) else _one_rows(accuracy)
+    body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
+    return f"<h2>Against the truth</h2><table>{body}</table>"
+
+
+def _people_rows(scores: PeopleScores) -> list[tuple[str, str]]:
+    clear, nees = scores.clear[0], scores.nees
+    covered = f"{_percent(nees.covered_68)} / {_percent(nees.covered_95)}"
+    return [
+        ("People of the truth, of the result", f"{scores.n_true_people}, {scores.n_people}"),
+        (f"MOTA, matched within {clear.gate_m:g} m", _percent(clear.mota)),
+        ("IDF1", _percent(scores.identity.idf1)),
+        ("Recall", _percent(clear.recall)),
+        ("Identity switches, fragments, false people", f"{clear.switches}, {clear.fragments}, {clear.false_people}"),
+        ("Median error", f"{_or_dash(scores.median_mm)} mm"),
+        ("Mean error (MPJPE)", f"{_or_dash(scores.mpjpe_mm)} mm"),
+        ("Inside their 68 / 95 % region", covered),
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %" if np.isfinite(share) else "–"
+
+
+def _one_rows(accuracy: Accuracy) -> list[tuple[str, str]]:
     rows = [
         ("Compared points", f"{accuracy.n_points}"),
         ("Median error", f"{accuracy.median_mm:.1f} mm"),
@@ -240,8 +280,7 @@ def _accuracy_table(accuracy: Accuracy | None) -> str:
     if accuracy.covered_68 is not None and accuracy.covered_95 is not None:
         covered = f"{100 * accuracy.covered_68:.0f} / {100 * accuracy.covered_95:.0f} %"
         rows.append(("Inside their 68 / 95 % region", covered))
-    body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
-    return f"<h2>Against the truth</h2><table>{body}</table>"
+    return rows
 
 
 def _camera_table(result: Reconstruction, summary: Summary) -> str:

@@ -132,8 +132,15 @@ def people_section(result: Reconstruction, everybody: Sequence[Life], misses: Mi
         "<section><h2>People over time</h2><p>A line a person: thick while active, thin while tentative, dotted while "
         f"lost.{marks}</p>"
         '<div id="lives" role="img" aria-label="When each person was tentative, active and lost"></div>'
-        f'<div class="wide">{_people_table(result, everybody)}</div>{_misses_table(result, misses)}</section>'
+        f'<div class="wide">{_people_table(result, everybody)}</div>{_COLUMNS}{_misses_table(result, misses)}</section>'
     )
+
+
+_COLUMNS = (
+    '<p class="hint">Active, tentative, lost: shares of the time from first to last. Points: the share of a person\'s '
+    "keypoints that have coordinates, while active. Cameras: how many show them on average, while active. Median px: "
+    "of the distances between their detections and their projected points.</p>"
+)
 
 
 def span_of(result: Reconstruction, life: Life) -> tuple[str, str]:

@@ -1,12 +1,13 @@
 """Joint angles in degrees from how segments and bones stand. See docs/methods.md, "Joint angles"."""
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 import numpy as np
 
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.trees import Node, Tree
-from posefuse.tracking.twist import carrier, full_rotations, least_rotation, near_node, rest_frames
+from posefuse.tracking.twist import carrier, cross, full_rotations, least_rotation, near_node, rest_frames
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 _LEAST_ACROSS = 0.1
@@ -70,13 +71,25 @@ def whole_angles(
         mine, theirs = turns[..., s : s + n, :, :], directions[..., b : b + m, :]
         names, angles = joint_angles(part.tree, mine, theirs)
         at = body.nodes[body.keypoint_nodes[part.at]]
-        own = _axes_at(body, at, turns, frames)
-        successive = np.degrees(np.stack(_in_carrier(own, mine[..., 0, :, :]), axis=-1))
+        own = axes_at(body, at, turns, frames)
+        successive = carried_angles(own, mine[..., 0, :, :])
         root = tuple(f"{part.tree.segments[0]}.{name}" for name in ("bend", "lean", "turn"))
         # The part's own root angles, in the world, are the first three.
         found.append(((*root, *names[3:]), np.concatenate([successive, angles[..., 3:]], axis=-1)))
         s, b = s + n, b + m
     return tuple(name for names, _ in found for name in names), np.concatenate([a for _, a in found], axis=-1)
+
+
+@lru_cache(maxsize=64)
+def angle_names(tree: Tree) -> tuple[str, ...]:
+    """Names of the angles of :func:`joint_angles`."""
+    return joint_angles(tree, np.empty((0, len(tree.segments), 3, 3)), np.empty((0, len(tree.bones), 3)))[0]
+
+
+def whole_angle_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Names of the angles of :func:`whole_angles`."""
+    segments, bones, _ = skeleton.stood_names
+    return whole_angles(skeleton, np.empty((0, len(segments), 3, 3)), np.empty((0, len(bones), 3)))[0]
 
 
 def _world(up: tuple[float, float, float]) -> np.ndarray:
@@ -120,13 +133,23 @@ def _in_carrier(own: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
 
 
+def carried_angles(own: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Bend, lean and turn of a segment in the axes of what carries it, shape (..., 3), degrees.
+
+    Args:
+        own: shape (..., 3, 3): those axes, from :func:`axes_at`.
+        turn: shape (..., 3, 3): world from segment.
+    """
+    return np.degrees(np.stack(_in_carrier(own, turn), axis=-1))
+
+
 def _own_axes(tree: Tree, segment: int, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """The axes of what carries a segment, as they are when the body stands straight, shape (..., 3, 3)."""
     first = next(node for node in tree.nodes if not node.is_bone and node.mover == segment)
-    return _axes_at(tree, tree.nodes[first.parent], turns, frames)
+    return axes_at(tree, tree.nodes[first.parent], turns, frames)
 
 
-def _axes_at(tree: Tree, at: Node, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
+def axes_at(tree: Tree, at: Node, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """The axes of what moves a node, as they are when the body stands straight, shape (..., 3, 3)."""
     if at.is_bone:
         return frames[..., at.mover, :, :] @ rest_frames(tree)[at.mover].T
@@ -165,7 +188,7 @@ def _of_bones(
 
 def _between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """The angle between vectors, shape (...,), radians."""
-    return np.arctan2(np.linalg.norm(np.cross(first, second), axis=-1), np.einsum("...i,...i->...", first, second))
+    return np.arctan2(np.linalg.norm(cross(first, second), axis=-1), np.einsum("...i,...i->...", first, second))
 
 
 def _joint_namer(tree: Tree) -> Callable[[int], str]:

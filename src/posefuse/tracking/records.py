@@ -161,6 +161,8 @@ class Person:
         used: shape (view, keypoint), bool: the keypoints that counted.
         log_odds: that they are there; another preset's score of it.
         missing_s: for how long nothing has supported them.
+        nis: squared innovations of the keypoints that counted, each in its own covariance, together; NaN of who is new.
+        nis_dof: their expected value, two for each keypoint and view.
     """
 
     name: str
@@ -171,6 +173,8 @@ class Person:
     used: np.ndarray
     log_odds: float
     missing_s: float
+    nis: float = np.nan
+    nis_dof: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,9 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, foresee_people, predict_people
 from posefuse.kernels.smoothing import carry_back
+from posefuse.model.cameras import up_vector
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, memory_s, tempering
@@ -37,6 +39,10 @@ class Smoothed:
         velocity: shape (frame, pose).
         points_m: shape (frame, keypoint, 3), NaN where the body has no such point.
         covariance_m2: shape (frame, keypoint, 6): xx xy xz yy yz zz.
+        angle_sd_deg: shape (frame, angle): of the tree's joint angles, NaN where these are not known.
+        root_turn: shape (frame, 3, 3): covariance of a small turn of the root about its own axes, rad^2; 0 of a root
+            that does not turn.
+        holds_deg2: shape (frame, part, 3, 3): the same of the axes in which the body has each of its parts, degrees^2.
     """
 
     root_m: np.ndarray
@@ -47,6 +53,9 @@ class Smoothed:
     velocity: np.ndarray
     points_m: np.ndarray
     covariance_m2: np.ndarray
+    angle_sd_deg: np.ndarray
+    root_turn: np.ndarray
+    holds_deg2: np.ndarray
 
     def __len__(self) -> int:
         return len(self.root_m)
@@ -364,19 +373,41 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
     frames, n, h = len(state.root), settings.tree.n_pose, settings.tree.n_shape
     sight = Sight.room(frames, 0, len(settings.skeleton))
     shape_sd_m = np.zeros((frames, h))
+    pose = np.zeros((frames, n, n))
     for start in range(0, frames, _CHUNK):
         to = slice(start, min(start + _CHUNK, frames))
         covariance = state.covariance[to].copy()
         if information is not None:
-            known = (
+            said = (
                 np.eye(n + h) + settings.options.smoother_own_share * information[to] @ covariance[:, : n + h, : n + h]
             )
-            covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(known)
+            covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(said)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
         foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
         shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
+        pose[to] = covariance[:, :n, :n]
     return Smoothed(
         state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m,
-        sight.covariance_m2,
+        sight.covariance_m2, *_known_turns(state.turns, state.bones, pose, settings),
     )  # fmt: skip
+
+
+def _known_turns(
+    turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, settings: Settings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How well joint angles, the root's turn and the axes that hold parts are known.
+
+    Args:
+        turns: shape (frame, segment, 3, 3).
+        bones: shape (frame, bone, 3, 3).
+        covariance: shape (frame, pose, pose).
+        settings: of the tracker whose states they are.
+    """
+    tree, frames = settings.tree, len(turns)
+    sds = joint_angle_sds(tree, turns, bones, covariance, up_vector(settings.rig.up_axis or "z"))
+    root = covariance[:, 3:6, 3:6].copy() if tree.segments else np.zeros((frames, 3, 3))
+    holds = np.empty((frames, len(settings.skeleton.parts), 3, 3))
+    for i, part in enumerate(settings.skeleton.parts):
+        holds[:, i] = axes_covariance(tree, int(tree.keypoint_nodes[part.at]), turns, bones, covariance)
+    return sds, root, holds

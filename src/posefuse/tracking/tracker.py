@@ -22,6 +22,7 @@ from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
+from posefuse.tracking.silence import Silence, listen
 from posefuse.tracking.stages import Seen, Stages
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
@@ -58,9 +59,12 @@ class ArticulatedTracker:
         self.events: list[Event] = []
         self.exchanged: list[tuple[tuple[int, int], float]] = []
         """Whose names, as was found in the last frame, belong to each other, by number, and since when."""
+        self.innovations: dict[int, tuple[float, int]] = {}
+        """By number, of those who were followed into the last frame: NIS and its degrees of freedom."""
         self.parts = tuple(PartFollower(part, settings) for part in settings.skeleton.parts)
         """Hands and faces; nothing of them goes back to the bodies."""
         self.sides = sides_of(self.parts, settings.skeleton.mirror)
+        self.silence = Silence.over(len(settings.rig))
         self.watch = Watch.over(len(settings.rig))
         self.contacts: dict[tuple[str, str], Contact] = {}
 
@@ -73,6 +77,7 @@ class ArticulatedTracker:
         self._check(frame)
         dt_s = self.clock.take(frame)
         self.events, self.exchanged, self.remembered = [], [], {}
+        self.innovations = {}
         rows, used = self._follow(frame, dt_s)
         self._live_on(frame, rows, used, dt_s)
         self._tell_apart(frame, rows, used, dt_s)
@@ -151,16 +156,18 @@ class ArticulatedTracker:
         """
         s, n = self.settings, len(self.tracks)
         trust = self.stages.noise.trust(frame, rows, labels, self.lately, self.clock.apart_s, s)
-        use = np.empty((n, *labels.shape[1:]), dtype=np.int64)
+        use, nis, surprise = np.empty((n, *labels.shape[1:]), dtype=np.int64), np.zeros(n), np.empty(n)
 
         def update(rows: np.ndarray, use: np.ndarray) -> None:
             update_people(
                 s.cameras, s.body, trust.law, trust.temper, s.options.iterations, rows, labels, frame.keypoints_px,
-                trust.confidence, self.state, use, np.empty(n), np.empty(n),
+                trust.confidence, self.state, use, np.empty(n), surprise,
             )  # fmt: skip
+            nis[:] += surprise
 
         if before is None:
             update(rows, use)
+            self._note_innovations(nis, use)
             return use
         self.state, now_s = before, self.time_s - dt_s
         for time_s, views in moments(frame, self.time_s):
@@ -169,7 +176,13 @@ class ArticulatedTracker:
             part = np.empty_like(use)
             update(np.where(views, rows, -1), part)
             use[:, views] = part[:, views]
+        self._note_innovations(nis, use)
         return use
+
+    def _note_innovations(self, nis: np.ndarray, use: np.ndarray) -> None:
+        dof = 2 * (use == USED).sum(axis=(1, 2))
+        found = zip(self.tracks, nis.tolist(), dof.tolist(), strict=True)
+        self.innovations = {track.number: (total, count) for track, total, count in found if count}
 
     def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, use: np.ndarray, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are where those show them, and as good as unknown."""
@@ -306,6 +319,7 @@ class ArticulatedTracker:
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
             what = "camera refused" if refused else "camera trusted"
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
+        self._listen(frame, supported[active], expected[active], dt_s)
         scale = self.settings.tree.scale
         audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
@@ -318,6 +332,22 @@ class ArticulatedTracker:
                 if not renamed & set(finding.names):
                     self._conclude(finding, number)
                     renamed |= set(finding.names) if finding.exchange else set()
+
+    def _listen(self, frame: Frame, supported: np.ndarray, expected: np.ndarray, dt_s: float) -> None:
+        """Which cameras say nothing any more, or again.
+
+        Args:
+            frame: what the views show.
+            supported: shape (active person, view), bool.
+            expected: shape (active person, view), bool.
+            dt_s: since the last frame.
+        """
+        others = supported.sum(axis=1, keepdims=True) - supported
+        due = (expected & (others >= 2)).sum(axis=0)
+        shown = np.bincount(frame.view, minlength=len(self.settings.rig))
+        for v, silent, why in listen(self.silence, frame.recorded, shown, due, dt_s, self.settings):
+            what = "camera silent" if silent else "camera heard again"
+            self.events.append(Event(frame.number, self.time_s, self.settings.rig.names[v], what, why))
 
     def _shown(self, frame: Frame, rows: np.ndarray, p: int, sight: Sight) -> Evidence:
         """What this frame showed of somebody who is followed."""
@@ -402,6 +432,7 @@ class ArticulatedTracker:
             p, why, uncertain = found
             track = self.tracks[p]
             lifecycle.take_back(track, self.state, p, state, s)
+            self.innovations.pop(track.number, None)
             for mine, unknown in zip(self.lately, self._unknown(1), strict=True):
                 mine[p] = unknown[0]
             self.events.append(Event(number, self.time_s, track.name, "returned", why))
@@ -465,6 +496,7 @@ class ArticulatedTracker:
                 used[p],
                 track.log_odds,
                 self.time_s - track.seen_s,
+                *self.innovations.get(track.number, (np.nan, 0)),
             )
             for p, track in enumerate(self.tracks)
         ]

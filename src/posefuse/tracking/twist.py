@@ -3,14 +3,19 @@
 See docs/methods.md, "Joint angles".
 """
 
+from functools import lru_cache
+
 import numpy as np
 
-from posefuse.model.trees import Tree
+from posefuse.arrays import frozen
+from posefuse.model.trees import HINGE, Tree
 
 _STRAIGHT, _BENT = np.radians(5.0), np.radians(15.0)
+_ALONG = 0.7
+"""A hinge's axis is that of the bend if its cosine with it is at least this."""
 _LEFT = np.array([0.0, 1.0, 0.0])
 _UP = np.array([0.0, 0.0, 1.0])
-# Elbows bend forwards, knees backwards; of other joints it is not known.
+# Elbows bend forwards, knees backwards; of others hinges say it.
 _BACKWARDS = {"left_wrist": False, "right_wrist": False, "left_ankle": True, "right_ankle": True}
 
 
@@ -45,6 +50,7 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     return out, unseen
 
 
+@lru_cache(maxsize=64)
 def rest_frames(tree: Tree) -> np.ndarray:
     """Shape (bone, 3, 3): of bones when standing: the third axis along the bone, the second to the left."""
     frames = np.empty((len(tree.bones), 3, 3))
@@ -53,7 +59,14 @@ def rest_frames(tree: Tree) -> np.ndarray:
         second = aside - (aside @ along) * along
         second /= np.linalg.norm(second)
         frames[b] = np.stack([np.cross(second, along), second, along], axis=1)
-    return frames
+    return frozen(frames)
+
+
+def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Cross products, shape (..., 3): ``np.cross`` several times as fast where there are few of them."""
+    a, b, c = first[..., 0], first[..., 1], first[..., 2]
+    x, y, z = second[..., 0], second[..., 1], second[..., 2]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def carrier(tree: Tree, bone: int) -> tuple[int, int]:
@@ -95,16 +108,23 @@ def least_rotation(
 def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Shape (..., 3, 3): the least rotation from one unit vector to another; some half turn if it is the opposite."""
     cosine = np.einsum("...i,...i->...", start, end)
-    x, y, z = np.moveaxis(np.cross(start, end), -1, 0)
+    normal = cross(start, end)
+    x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]
     nought = np.zeros_like(x)
-    cross = np.stack([nought, -z, y, z, nought, -x, -y, x, nought], axis=-1).reshape(*x.shape, 3, 3)
-    # Any unit vector across, for the half turn.
+    skew = np.stack([nought, -z, y, z, nought, -x, -y, x, nought], axis=-1).reshape(*x.shape, 3, 3)
+    opposite = cosine < -1.0 + 1e-9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.eye(3) + skew + skew @ skew / (1.0 + cosine)[..., None, None]
+    if opposite.any():
+        turn[opposite] = _half_turn(np.broadcast_to(start, end.shape)[opposite])
+    return turn
+
+
+def _half_turn(start: np.ndarray) -> np.ndarray:
+    """Shape (..., 3, 3): a half turn about any unit vector across."""
     across = np.cross(start, np.eye(3)[np.argmin(np.abs(start), axis=-1)])
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    half = 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.eye(3) + cross + cross @ cross / (1.0 + cosine)[..., None, None]
-    return np.where((cosine < -1.0 + 1e-9)[..., None, None], half, turn)
+    return 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3)
 
 
 def about_third_axis(angle: np.ndarray) -> np.ndarray:
@@ -116,19 +136,35 @@ def about_third_axis(angle: np.ndarray) -> np.ndarray:
 def _bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The axis about which a bone bends with its neighbour, shape (..., 3), and by how much, shape (...,), radians.
 
-    Where nothing is known of the sense in which the joint bends, it is the one nearer to ``second``.
+    Where nothing is known of the sense in which the joint bends, it is that nearer to ``second``.
     """
     first, then = _bending_pair(tree, bone)
     if first < 0:
         return second, np.zeros(second.shape[:-1])
-    normal = np.cross(directions[..., first, :], directions[..., then, :])
+    normal = cross(directions[..., first, :], directions[..., then, :])
     size = np.linalg.norm(normal, axis=-1)
     bend = np.arctan2(size, np.einsum("...i,...i->...", directions[..., first, :], directions[..., then, :]))
     axis = normal / np.maximum(size, 1e-12)[..., None]
-    if tree.bones[then] in _BACKWARDS:
-        return axis if _BACKWARDS[tree.bones[then]] else -axis, bend
+    sense = _sense(tree, bone, then)
+    if sense:
+        return sense * axis, bend
     nearer = np.einsum("...i,...i->...", axis, second) >= 0.0
     return np.where(nearer[..., None], axis, -axis), bend
+
+
+@lru_cache(maxsize=1024)
+def _sense(tree: Tree, bone: int, then: int) -> int:
+    """Whether a joint bends about the second axis of a bone (1) or against it (-1); 0 where that is not known.
+
+    Hinges of the tree say it, and of elbows and knees it is known.
+    """
+    if tree.bones[then] in _BACKWARDS:
+        return 1 if _BACKWARDS[tree.bones[then]] else -1
+    for limit in tree.limits:
+        if limit.kind == HINGE and limit.bone == then:
+            along = float(np.dot(limit.axis, rest_frames(tree)[bone][:, 1]))
+            return int(np.sign(along)) if abs(along) > _ALONG else 0
+    return 0
 
 
 def _bending_pair(tree: Tree, bone: int) -> tuple[int, int]:

@@ -8,11 +8,13 @@ import pytest
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import truth_from_result
 from posefuse.evaluation.comparison import SHARES, acceleration_m_s2, method_numbers, spread_of
+from posefuse.evaluation.people import matched_errors_mm, people_points
 from posefuse.model.detections import Detections
 from posefuse.model.options import METHODS, Options, TriangulationOptions
 from posefuse.pipeline import reconstruct
 from posefuse.side_by_side import compare_methods
 from posefuse.synthetic.scenes import truth_of
+from tests.people import crowd, followed
 from tests.scenes import body_points, ring, seen, skeleton_of
 
 FRAMES, VIEWS, POINTS = 60, 6, 5
@@ -151,3 +153,21 @@ def test_numbers_of_a_single_result(detections):
     result = reconstruct(ring(VIEWS), detections, FIXED)
     row = method_numbers(result, None, 0.002)
     assert (row.method, row.min_views, row.cpu_ms_per_frame) == ("consensus", 2, 2.0)
+
+
+def test_the_truth_of_many():
+    """Of three people one is not found, and one is 20 mm off."""
+    scene = crowd(people=3)
+    found = followed(scene)
+    measured = scene.truth.layers["measured"]
+    points = np.array(measured.points_m)
+    known = people_points(found, replace(scene.truth, layers={"measured": replace(measured, points_m=points)}))
+    numbers = method_numbers(replace(found, options=settled(found.options)), known, None)
+    assert numbers.truth_median_mm == pytest.approx(np.sqrt(3) * 8.9, rel=0.15)
+    shifted = replace(known, points_m=known.points_m + 0.1)
+    errors = matched_errors_mm(shifted)
+    assert np.nanmedian(errors) == pytest.approx(173.0, rel=0.05)
+
+
+def settled(options: Options) -> Options:
+    return replace(options, triangulation=TriangulationOptions(min_views=2))

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import c3d
 import ezc3d
+import h5py
 import numpy as np
 import pytest
 
@@ -16,7 +17,7 @@ from posefuse.io.results import netcdf, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.csv import columns
 from posefuse.io.results.write import write_folder
-from posefuse.model.life import Event, Poses
+from posefuse.model.life import Event
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.skeletons import shipped_skeleton
 from tests.people import crowd, followed, nobody
@@ -57,10 +58,17 @@ class TestNetcdf:
         netcdf.write(bare.chunks(), tmp_path / "r.nc")
         assert posefuse.read_reconstruction(tmp_path / "r.nc") == bare
 
+    def test_results_from_before_angles_had_sds(self, result, tmp_path):
+        netcdf.write(result.chunks(), tmp_path / "r.nc")
+        with h5py.File(tmp_path / "r.nc", "a") as file:
+            file.move("pose_angle_sd", "other")
+        poses = posefuse.read_reconstruction(tmp_path / "r.nc").poses
+        assert poses.angles == ()
+        assert poses.angle_sd_deg.shape == (result.n_frames, len(result.person_ids), 0)
+
     def test_a_body_without_segments(self, result, tmp_path):
         poses = result.poses
-        stick = Poses((), poses.bones, poses.shape_names, poses.turns[:, :, :0], poses.directions, poses.shape_m,
-                      poses.shape_sd_m)  # fmt: skip
+        stick = replace(poses, segments=(), turns=poses.turns[:, :, :0])
         netcdf.write(replace(result, poses=stick).chunks(), tmp_path / "r.nc")
         assert posefuse.read_reconstruction(tmp_path / "r.nc").poses == stick
 
@@ -74,8 +82,6 @@ class TestNetcdf:
         assert all(same(mine, theirs) for mine, theirs in zip(tree.packed, found.packed, strict=True))
 
     def test_poses_are_packed_like_layers(self, result, tmp_path):
-        import h5py
-
         netcdf.write(result.chunks(), tmp_path / "r.nc")
         with h5py.File(tmp_path / "r.nc") as file:
             for name in ("measured_position", "pose_turn", "pose_direction"):
@@ -96,7 +102,7 @@ class TestFolder:
         names = ("elbow_bend", "knee_bend")
 
         def angles(part):
-            return names, np.asarray(part.poses.directions)[..., 0] * 90
+            return names, np.asarray(part.poses.directions)[..., 0] * 90, np.asarray(part.poses.angle_sd_deg)
 
         files, layer = write_folder(result, tmp_path, angles=angles)
         people = [f"person_{i}.{form}" for i in range(1, 5) for form in ("trc", "c3d")]
@@ -122,13 +128,15 @@ class TestFolder:
 
     def test_angles_are_tidy_and_missing_is_empty(self, result, folder):
         rows = rows_of(folder / "angles.csv")
-        assert list(rows[0]) == ["frame", "time_s", "person", "angle", "degrees"]
+        assert list(rows[0]) == ["frame", "time_s", "person", "angle", "degrees", "sd_degrees"]
         assert [row["angle"] for row in rows[:3]] == ["elbow_bend", "knee_bend", "elbow_bend"]
         assert [row["person"] for row in rows[:9:2]] == ["person_1", "person_2", "person_3", "person_4", "person_1"]
         degrees = np.array([float(row["degrees"] or "nan") for row in rows])
         expected = np.asarray(result.poses.directions)[..., 0] * 90
         np.testing.assert_array_equal(degrees.reshape(expected.shape), expected)
         assert np.isnan(degrees).any()
+        sds = np.array([float(row["sd_degrees"] or "nan") for row in rows])
+        np.testing.assert_array_equal(sds, result.poses.angle_sd_deg.ravel())
         assert "nan" not in (folder / "angles.csv").read_text()
 
     def test_somebody_who_goes_and_comes_back(self, result, folder):

@@ -158,7 +158,7 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
     law = Law(np.full(4, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 4, 1))
     use = np.empty((1, 4, keypoints), dtype=np.int64)
-    moved, cost = np.empty(1), np.empty(1)
+    moved, surprise = np.empty(1), np.empty(1)
     articulated.update_people(
         rig.packed[0],
         body_of(TREE),
@@ -172,7 +172,7 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
         state,
         use,
         moved,
-        cost,
+        surprise,
     )
     assert (use == articulated.USED).all()
     jacobian = np.zeros((pixels.size, 2 * n + h))
@@ -182,6 +182,12 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
         ahead, behind = (seen_by(rig, moved_points(TREE, before, sign * step)[TREE.keypoint_nodes]) for sign in (1, -1))
         jacobian[:, c] = ((ahead - behind) / 2e-6).ravel()
     gain = prior @ jacobian.T @ np.linalg.inv(jacobian @ prior @ jacobian.T + 4.0 * np.eye(len(jacobian)))
+    spread = jacobian @ prior @ jacobian.T + 4.0 * np.eye(len(jacobian))
+    off = (pixels - predicted).reshape(-1, 2)
+    by_keypoint = [
+        off[i] @ np.linalg.inv(spread[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]) @ off[i] for i in range(len(off))
+    ]
+    assert surprise[0] == pytest.approx(sum(by_keypoint), rel=1e-4)
     change = gain @ (pixels - predicted).ravel()
     np.testing.assert_allclose(state.covariance[0], prior - gain @ jacobian @ prior, rtol=1e-3, atol=1e-11)
     np.testing.assert_allclose(state.velocity[0], change[n + h :], rtol=1e-2, atol=2e-7)
@@ -223,12 +229,12 @@ def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
     state, keypoints = people(TREE, rng, 0.1), len(TREE.keypoint_nodes)
     state.covariance[0, 5, 5] = -1.0
     use = np.zeros((1, 2, keypoints), dtype=np.int64)
-    moved, cost = np.zeros(1), np.zeros(1)
+    moved, surprise = np.zeros(1), np.zeros(1)
     law = Law(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 2, 1))
     articulated.update_people(
         rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(2)[None], labels, np.zeros((2, keypoints, 2)),
-        np.ones((2, keypoints)), state, use, moved, cost,
+        np.ones((2, keypoints)), state, use, moved, surprise,
     )  # fmt: skip
     assert (use == articulated.UNSEEN).all()
-    assert np.isnan([moved[0], cost[0], *state.root[0]]).all()
+    assert np.isnan([moved[0], surprise[0], *state.root[0]]).all()

@@ -44,3 +44,22 @@ def test_a_frame_may_show_nobody():
     frame = Frame.of_people([np.empty((0, 17, 2)), []], [np.empty((0, 17)), []], 0.0)
     assert len(frame.view) == 0
     assert frame.keypoints_px.shape == (0, 17, 2)
+
+
+def test_a_view_without_this_frame_is_not_recorded(rng):
+    pixels = rng.uniform(0, 100, (1, 5, 2))
+    frame = Frame.of_people([pixels, None, np.empty((0, 5, 2))], time_s=[0.1, np.nan, 0.11])
+    np.testing.assert_array_equal(frame.recorded, [True, False, True])
+    np.testing.assert_array_equal(frame.view, [0])
+    np.testing.assert_allclose(frame.time_s, [0.1, np.nan, 0.11])
+    assert np.isnan(frame.confidence).all()
+    assert not Frame.of_people([None, None], time_s=0.5).recorded.any()
+
+
+def test_a_frame_without_time_or_views_says_what_to_give(rng):
+    with pytest.raises(DetectionsError, match=r"Frame 7 has no time.*time_s in seconds"):
+        Frame.of_people([np.zeros((1, 5, 2))], [np.ones((1, 5))], number=7)
+    with pytest.raises(DetectionsError, match=r"has no view.*an array of keypoints for each camera"):
+        Frame.of_people([], [], 0.0)
+    with pytest.raises(DetectionsError, match=r"one for each of the 2 views; got shape \(3,\)"):
+        Frame.of_people([None, None], time_s=[0.0, 0.1, 0.2])

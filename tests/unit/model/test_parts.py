@@ -37,7 +37,7 @@ def test_whole_body_skeletons_have_hands_and_others_have_nothing():
     names = {name: [each.name for each in shipped_skeleton(name).parts] for name in shipped_skeletons()}
     assert names["coco_wholebody_133"] == ["left_hand", "right_hand", "face"]
     assert names["mediapipe_holistic_543"] == ["left_hand", "right_hand"]
-    for name in ("body_20", "coco_17", "halpe_26", "body_25", "mouse_22", "mediapipe_33"):
+    for name in ("body_20", "coco_17", "halpe_26", "body_25", "mouse_22", "fly_38", "mediapipe_33"):
         assert names[name] == []
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
 from posefuse.model.reconstruction import Provenance
+from posefuse.model.skeletons import shipped_skeleton
 from posefuse.pipeline import reconstruct
 from posefuse.report import html
 from posefuse.report.html import render_report
@@ -108,4 +109,14 @@ def test_missing_points_are_counted_and_explained(rng):
     keypoints = np.array(detections.keypoints_px)
     keypoints[:, 3] = np.nan
     page = render_report(reconstruct(rig, replace(detections, keypoints_px=keypoints)))
-    assert "4 points are missing: no valid detection, or nothing followed has it." in page
+    assert "4 points are missing: no valid detection." in page
+
+
+def test_keypoints_are_grouped_each_in_one_group():
+    for name in ("coco_wholebody_133", "body_20", "mouse_22"):
+        skeleton = shipped_skeleton(name)
+        groups = html._keypoint_groups(skeleton)
+        assert sorted(k for _, places in groups for k in places) == list(range(len(skeleton)))
+        assert [group for group, _ in groups] == (
+            ["body", "left hand", "right hand", "face"] if name == "coco_wholebody_133" else ["body"]
+        )

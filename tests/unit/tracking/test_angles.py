@@ -137,3 +137,20 @@ def test_a_body_of_bones_alone_has_the_angles_between_them():
     directions = np.array([[-1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]])
     names, angles = joint_angles(tree, np.empty((0, 3, 3)), directions)
     assert dict(zip(names, angles, strict=True)) == pytest.approx({"back-neck.flexion": 53.1301, "neck.flexion": 90.0})
+
+
+def test_a_knuckle_does_not_flip_where_its_finger_points_back():
+    """A finger that bends towards the palm, turned as far as it goes: the plane it bends in says how it is turned."""
+    tree = shipped_skeleton("coco_wholebody_133").parts[0].tree
+    turns, directions = standing(tree)
+    second, third = (tree.bones.index(f"left_index_finger_{i}") for i in (2, 3))
+    found = []
+    for twist in np.arange(-170.0, 171.0, 10.0):
+        bent = Rotation.from_rotvec(np.radians(twist) * tree.rest[second]).as_matrix()
+        curled = Rotation.from_euler("y", -60.0, degrees=True).as_matrix() @ tree.rest[second]
+        directions[third] = bent @ curled
+        angles = posed(tree, turns, directions)
+        name = next(name for name in angles if name.startswith("left_index_finger_1") and name.endswith(".rotation"))
+        found.append(angles[name])
+    steps = (np.diff(found) + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(np.abs(steps), 10.0, atol=1e-6)

@@ -18,8 +18,9 @@ from posefuse.model.status import PointStatus, Source
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
 EVENTS, ANGLES = "events.csv", "angles.csv"
 
-Angles = Callable[[Reconstruction], tuple[Sequence[str], np.ndarray]]
-"""From a range of frames to names of joint angles and shape (frame, person, angle), degrees, NaN where unknown."""
+Angles = Callable[[Reconstruction], tuple[Sequence[str], np.ndarray, np.ndarray]]
+"""From a range of frames to names of joint angles; the angles, shape (frame, person, angle), degrees, NaN where
+unknown; and their standard deviations, likewise."""
 
 _STATUS = np.array([next((s.label for s in PointStatus if s == code), "") for code in range(256)], dtype=object)
 _SOURCE = np.array([next((s.label for s in Source if s == code), "") for code in range(256)], dtype=object)
@@ -60,7 +61,7 @@ def write_events(events: Iterable[Event], path: Path) -> None:
 
 
 def write_angles(parts: Iterable[Reconstruction], path: Path, angles: Angles) -> None:
-    """Write joint angles of consecutive ranges of frames: ``frame, time_s, person, angle, degrees``."""
+    """Write joint angles of consecutive ranges of frames: ``frame, time_s, person, angle, degrees, sd_degrees``."""
     _write_tables((_angles_table(part, *angles(part)) for part in parts), path)
 
 
@@ -91,9 +92,9 @@ def _table(part: Reconstruction, name: LayerName) -> pa.Table:
     return pa.table(data, names=list(columns(part.unit)))
 
 
-def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray) -> pa.Table:
-    data = [*_whose(part, names), _number(degrees)]
-    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees"])
+def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray, sds: np.ndarray) -> pa.Table:
+    data = [*_whose(part, names), _number(degrees), _number(sds)]
+    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees", "sd_degrees"])
 
 
 def _whose(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:

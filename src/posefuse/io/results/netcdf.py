@@ -4,8 +4,9 @@ Dimensions: time, individual, keypoint, space, view, chain. Each layer's variabl
 (time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
 themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance and skeleton (JSON) are attributes.
 Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction`` (time,
-individual, pose_bone, space), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to people
-is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
+individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
+``pose_nis_dof`` (time, individual), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to
+people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
 """
 
 import json
@@ -18,6 +19,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
+from posefuse.arrays import ArraySource
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.netcdf import (
@@ -202,15 +204,22 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
     if part.poses is not None:
         file.variables["pose_turn"][start:stop] = part.poses.turns[:]
         file.variables["pose_direction"][start:stop] = part.poses.directions[:]
+        file.variables["pose_angle_sd"][start:stop] = part.poses.angle_sd_deg[:]
+        file.variables["pose_nis"][start:stop] = part.poses.nis[:]
+        file.variables["pose_nis_dof"][start:stop] = part.poses.nis_dof[:]
 
 
 def _begin_poses(file: h5netcdf.File, poses: Poses) -> None:
     """Room for how bodies stand, and their lengths."""
-    for axis, names in (("segment", poses.segments), ("bone", poses.bones), ("length", poses.shape_names)):
+    named = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
+    for axis, names in named.items():
         file.dimensions[f"pose_{axis}"] = len(names)
         add_variable(file, f"pose_{axis}", (f"pose_{axis}",), np.array(names, dtype=object))
     add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
     add_variable(file, "pose_direction", ("time", "individual", "pose_bone", "space"), dtype="f8", units="1")
+    add_variable(file, "pose_angle_sd", ("time", "individual", "pose_angle"), dtype="f8", units="degree")
+    add_variable(file, "pose_nis", ("time", "individual"), dtype="f8", units="1")
+    add_variable(file, "pose_nis_dof", ("time", "individual"), dtype="i4", units="1")
     for name, values in (("pose_shape", poses.shape_m), ("pose_shape_sd", poses.shape_sd_m)):
         add_variable(file, name, ("individual", "pose_length"), np.asarray(values[:], dtype=np.float64), units="m")
 
@@ -221,7 +230,15 @@ def _read_poses(file: h5netcdf.File, path: Path) -> Poses | None:
     segments, bones, lengths = (strings(file.variables[f"pose_{axis}"]) for axis in ("segment", "bone", "length"))
     shape_m, shape_sd_m = (np.asarray(file.variables[name][...]) for name in ("pose_shape", "pose_shape_sd"))
     turns, directions = StoredArray(path, "pose_turn"), StoredArray(path, "pose_direction")
-    return Poses(segments, bones, lengths, turns, directions, shape_m, shape_sd_m)
+    angles: tuple[str, ...] = ()
+    sds: ArraySource = np.empty((*turns.shape[:2], 0))
+    nis: ArraySource = np.full(turns.shape[:2], np.nan)
+    dof: ArraySource = np.zeros(turns.shape[:2], dtype=np.int32)
+    if "pose_angle_sd" in file.variables:
+        angles, sds = strings(file.variables["pose_angle"]), StoredArray(path, "pose_angle_sd")
+    if "pose_nis" in file.variables:
+        nis, dof = StoredArray(path, "pose_nis"), StoredArray(path, "pose_nis_dof")
+    return Poses(segments, bones, lengths, angles, turns, directions, sds, nis, dof, shape_m, shape_sd_m)
 
 
 def _write_events(file: h5netcdf.File, events: tuple[Event, ...]) -> None:

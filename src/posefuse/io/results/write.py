@@ -3,11 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from posefuse.errors import ResultError, choices, suggestion
 from posefuse.io.registry import RESULTS
 from posefuse.io.results import c3d, csv, netcdf, trc
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, watched
 
 _BY_SUFFIX = {".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d"}
@@ -44,12 +47,21 @@ def write(result: Reconstruction, path: str | Path, format: str | None = None) -
             (trc if name == "trc" else c3d).write(result, person, target, layer)
 
 
+def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
+    """Who is there in some frame: edits can leave a name without any."""
+    if result.tracks is None:
+        return result.person_ids
+    there = (np.asarray(result.tracks.state[:]) != TrackState.ABSENT).any(axis=0)
+    return tuple(name for name, some in zip(result.person_ids, there, strict=True) if some)
+
+
 def write_folder(
     result: Reconstruction, folder: Path, progress: Progress | None = None, angles: csv.Angles | None = None
 ) -> tuple[list[str], LayerName]:
     """Write every output of a reconstruction but ``reconstruction.nc``.
 
-    That is a CSV a layer, ``events.csv`` and ``angles.csv`` where there are such, a TRC and a C3D a person.
+    That is a CSV a layer, ``events.csv`` and ``angles.csv`` where there are such, a TRC and a C3D a person who is
+    there in some frame.
 
     Args:
         result: what to write.
@@ -75,7 +87,7 @@ def write_folder(
     layer, points = result.best_layer(result.options.layer)
     # Each person's files go through the frames: nothing is read that they do not hold.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
-    for person in result.person_ids:
+    for person in people_with_frames(result):
         trc.write(bare, person, folder / f"{person}.trc", layer, progress)
         files.append(f"{person}.trc")
         if result.unit == "m":

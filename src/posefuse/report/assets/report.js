@@ -235,7 +235,8 @@
     });
     const symbols = { "born": "triangle-up", "lost": "triangle-down-open", "found": "diamond", "returned": "diamond",
       "forgotten": "x-thin-open", "identity uncertain": "star", "identities exchanged": "star-diamond",
-      "limb set anew": "circle-open", "camera refused": "square" };
+      "limb set anew": "circle-open", "camera refused": "square", "camera trusted": "square-open",
+      "camera silent": "hexagon2", "camera heard again": "hexagon2-open" };
     const kinds = Object.keys(symbols).filter((kind) => lives.events.some((event) => event[2] === kind));
     for (const kind of kinds) {
       const of = lives.events.filter((event) => event[2] === kind);
@@ -257,10 +258,31 @@
       if (points[0].customdata !== undefined) show(Math.round(points[0].customdata / scene.stride));
     });
   }
-  element("keypoint-errors").style.height = `${120 + 18 * K}px`;
-  const across = (values, name, colour) => ({ type: "bar", orientation: "h", y: charts.keypoints, x: values, name, marker: { color: colour } });
-  Plotly.newPlot("keypoint-errors", [across(charts.keypoint_median, "median px", css("--left")),
-    across(charts.keypoint_p90, "90 % px", css("--middle"))],
-  { ...chart, margin: { l: 140, r: 10, t: 10, b: 40 }, legend: { orientation: "h", y: 1.05 }, barmode: "group",
-    xaxis: { ...grid, title: { text: "px" } }, yaxis: { autorange: "reversed", automargin: true } }, config);
+  // A chart for each group of keypoints; hands and faces are folded until they are asked for.
+  const across = (names, values, name, colour) => ({ type: "bar", orientation: "h", y: names, x: values, name, marker: { color: colour } });
+  function drawKeypoints(plot, places) {
+    const of = (values) => places.map((k) => values[k]);
+    plot.style.height = `${120 + (places.length > 40 ? 13 : 18) * places.length}px`;
+    Plotly.newPlot(plot, [across(of(charts.keypoints), of(charts.keypoint_median), "median px", css("--left")),
+      across(of(charts.keypoints), of(charts.keypoint_p90), "90 % px", css("--middle"))],
+    { ...chart, margin: { l: 60, r: 10, t: 40, b: 40 }, legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 }, barmode: "group",
+      xaxis: { ...grid, title: { text: "px" } },
+      yaxis: { autorange: "reversed", automargin: true, tickfont: { size: places.length > 40 ? 10 : 12 }, dtick: 1 } }, config);
+  }
+  charts.keypoint_groups.forEach(([name, places], i) => {
+    const plot = document.createElement("div");
+    if (charts.keypoint_groups.length === 1) {
+      element("keypoint-errors").append(plot);
+      drawKeypoints(plot, places);
+      return;
+    }
+    const fold = document.createElement("details"), title = document.createElement("summary");
+    const worst = places.map((k) => charts.keypoint_median[k]).filter((v) => v !== null).sort((x, y) => x - y);
+    const middle = worst.length ? `, median of medians ${worst[worst.length >> 1].toFixed(1)} px` : "";
+    title.textContent = `${name}: ${places.length} keypoints${middle}`;
+    fold.append(title, plot);
+    element("keypoint-errors").append(fold);
+    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) drawKeypoints(plot, places); });
+    fold.open = i === 0;
+  });
 })();

@@ -1,0 +1,42 @@
+"""A real fly, whose limbs are a tree: six legs from seven cameras that each see one side."""
+
+from dataclasses import replace
+
+import numpy as np
+from benchmarks import real
+
+import posefuse
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.tracker_options import BirthOptions
+
+METRES_PER_UNIT = 0.72e-3
+"""The recording's unit is its own; with this, the fly's front legs are as long as a fly's are."""
+
+
+def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
+    folder = shared_data("deepfly_7cam")
+    rig, detections = real.deepfly_7cam(folder.parent)
+    cameras = []
+    for camera in rig.cameras:
+        pose = np.array(camera.camera_from_world)
+        pose[:3, 3] *= METRES_PER_UNIT
+        cameras.append(replace(camera, camera_from_world=pose))
+    rig = replace(rig, cameras=tuple(cameras))
+    fly = replace(detections, skeleton=shipped_skeleton("fly_38")).with_rate(100.0)
+    # Fifteen frames are all there are.
+    births = BirthOptions(min_age_s=0.025, min_age_two_views_s=0.045)
+    options = posefuse.Options(
+        people="one", bodies="fit", pairs="labels", exclude_camera=("camera_3",),
+        tracker=posefuse.TrackerOptions(births=births),
+    )  # fmt: skip
+    result = posefuse.reconstruct(rig, fly, options)
+    model = np.asarray(result.layers["model"].points_m[:, 0])
+    there = np.isfinite(model).all(axis=(1, 2))
+    assert there.mean() > 0.9
+    theirs = METRES_PER_UNIT * np.load(folder / "deepfly_7cam.npz")["points3d"]
+    off_um = 1e6 * np.linalg.norm(model[there] - theirs[there], axis=-1)
+    # A hundredth of its length.
+    assert np.median(off_um) < 35.0
+    assert (np.asarray(result.layers["model"].n_views[4:]) >= 3).mean() > 0.9
+    assert result.poses is not None
+    assert result.poses.nis_dof[5, 0] > 200

@@ -1,0 +1,64 @@
+"""Options that do nothing are said, with what would make them do something."""
+
+from dataclasses import replace
+
+import pytest
+
+from posefuse.errors import PosefuseWarning
+from posefuse.following import idle_options, warn_of_idle
+from posefuse.model.association_options import AssociationOptions, RptOptions
+from posefuse.model.options import Options
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.specification_options import SpecificationOptions
+from posefuse.model.tracker_options import PartOptions, TrackerOptions
+from posefuse.pipeline import Tracker
+from posefuse.synthetic.rigs import build_rig
+
+BODY, WHOLE = shipped_skeleton("body_20"), shipped_skeleton("coco_wholebody_133")
+OF_SPECIFICATION = SpecificationOptions(promote_score=3.0)
+
+
+@pytest.mark.parametrize(
+    ("tracker", "remedy"),
+    [
+        (TrackerOptions(specification=OF_SPECIFICATION), "Add --tracker.preset specification"),
+        (TrackerOptions(preset="specification"), "Say --smoother none"),
+        (TrackerOptions(preset="specification", smoother="lag"), "Say --smoother none"),
+        (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), "coco_wholebody_133 has them"),
+        (TrackerOptions(lag_s=0.5), "Add --smoother lag"),
+    ],
+)
+def test_what_does_nothing_is_said_with_its_remedy(tracker, remedy):
+    (said,) = idle_options(Options(tracker=tracker), BODY)
+    assert "nothing" in said
+    assert remedy in said
+
+
+@pytest.mark.parametrize(
+    ("tracker", "skeleton"),
+    [
+        (TrackerOptions(), BODY),
+        (TrackerOptions(preset="specification", smoother="none", specification=OF_SPECIFICATION), BODY),
+        (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), WHOLE),
+        (TrackerOptions(smoother="lag", lag_s=0.5), BODY),
+    ],
+)
+def test_what_does_something_is_not(tracker, skeleton):
+    assert idle_options(Options(tracker=tracker), skeleton) == ()
+
+
+def test_options_of_another_method_of_proposals():
+    baseline = AssociationOptions(rpt=RptOptions(min_score=0.9))
+    assert "--association.method rpt" in idle_options(Options(association=baseline), BODY)[0]
+    assert idle_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
+
+
+def test_each_is_a_warning_and_live_there_is_no_smoother_to_warn_of():
+    options = Options(tracker=TrackerOptions(parts=PartOptions(model_floor_m=0.01), lag_s=0.5))
+    with pytest.warns(PosefuseWarning) as said:
+        warn_of_idle(options, BODY)
+    assert len(said) == 2
+    with pytest.warns(PosefuseWarning) as said:
+        Tracker(build_rig("ring", 3), "body_20", options)
+    assert len(said) == 1
+    Tracker(build_rig("ring", 3), "body_20", Options(tracker=TrackerOptions(smoother="lag", lag_s=0.5)))
