@@ -85,11 +85,10 @@ class OddsScore:
         o = settings.options
         gain = math.log(o.detection_share / o.false_share)
         loss = math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
-        showing = seen.supported.sum(axis=1)
         missed = loss * (seen.expected & ~seen.supported).sum(axis=1)
         # What hides somebody from one view often hides them from others too.
-        missed = np.where(showing > 0, np.maximum(missed, _MOST_HIDDEN * gain), missed)
-        evidence = gain * showing + missed
+        missed = np.where(seen.supported.any(axis=1), np.maximum(missed, _MOST_HIDDEN * gain), missed)
+        evidence = gain * seen.supported.sum(axis=1) + missed
         before = np.array([track.log_odds for track in tracks])
         after = before + evidence * min(1.0, seen.dt_s / o.evidence_time_s)
         return np.minimum(np.maximum(after, -o.most_log_odds), o.most_log_odds)
