@@ -1,20 +1,18 @@
-"""People followed through simulated scenes, beside the baseline: who is who, how far off, how sure, how fast.
+"""People followed through simulated scenes, beside the baseline: who is who, how far off, how sure.
 
-``python -m benchmarks.people [--only crowd,hug,...,equal,ablations,speed] [--seeds 20] [--baseline-seeds 3]
+``python -m benchmarks.people [--only crowd,hug,...,equal,ablations] [--seeds 20] [--baseline-seeds 3]
 [--ablation-seeds 3]``. Prints tables as docs/benchmarks.md has them. Everything but the ablations' smoother is causal:
 each frame is scored as it was told when it was the last.
-Times are CPU times, of all threads together.
+Times are CPU times, of all threads together; ``benchmarks.tracking_speed`` looks at these more closely.
 Scenes are kept in the system's temporary folder; another version of the simulation makes them anew.
 """
 
 import argparse
-import gc
 import hashlib
 import pickle
 import sys
 import tempfile
 import time
-import tracemalloc
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,11 +41,9 @@ from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5
 _END_S = 1.0
-_WARM_FRAMES = 50
 _WIDE = 25.0
 """By how much more (variance) people differ in their bones than is believed, where bones are hardly known."""
 _ABLATED_CROWD_S = 20.0
-_MANY_PASSES = 6
 _NAMES = (*SCENARIOS, "equal")
 
 
@@ -411,44 +407,6 @@ def ablation_row(what: str, scene: str, runs: Sequence[Run]) -> str:
     return f"| {' | '.join([what, scene, *_common_cells(runs)])} |"
 
 
-SPEEDS = {
-    "4 people, 5 cameras, 20 keypoints": CrowdOptions("crowd", seed=0),
-    "10 people, 8 cameras, 20 keypoints": CrowdOptions("ten", seed=0),
-    "1 person, 5 cameras, 133 keypoints": CrowdOptions(
-        "crowd", people=1, duration_s=20.0, seed=0, skeleton="coco_wholebody_133"
-    ),
-}
-
-
-def speed() -> None:
-    """Print how long a frame takes, and what a tracker holds after many of them."""
-    print("| without the measured layer | median, ms | mean | p99 | frames |\n|---|---|---|---|---|")
-    for what, options in SPEEDS.items():
-        scene = scene_of(options)
-        follow(scene, tracker_for(scene, TrackerOptions()))
-        spent = 1e3 * follow(scene, tracker_for(scene, TrackerOptions())).frame_s[_WARM_FRAMES:]
-        p99 = np.quantile(spent, 0.99)
-        print(f"| {what} | {np.median(spent):.2f} | {spent.mean():.2f} | {p99:.2f} | {len(spent)} |", flush=True)
-    held = held_kb(scene_of(SPEEDS["4 people, 5 cameras, 20 keypoints"]), _MANY_PASSES)
-    print(f"held after each of {_MANY_PASSES} passes of 60 s, KB: {', '.join(f'{kb:.0f}' for kb in held)}")
-
-
-def held_kb(scene: CrowdScene, passes: int) -> list[float]:
-    """What is held beside the scene after each pass of one tracker, the scene being shown again and again."""
-    tracker = tracker_for(scene, TrackerOptions())
-    length_s = scene.detections.n_frames / (scene.detections.rate_hz or 25.0)
-    tracemalloc.start()
-    held = []
-    for n in range(passes):
-        for i in range(scene.detections.n_frames):
-            frame = Frame.of(scene.detections, i)
-            tracker.update(replace(frame, time_s=frame.time_s + n * length_s, number=frame.number + n * 1_000_000))
-        gc.collect()
-        held.append(tracemalloc.get_traced_memory()[0] / 1024)
-    tracemalloc.stop()
-    return held
-
-
 def _say(what: str) -> None:
     print(f"\r{what:60}", end="" if what else "\r", file=sys.stderr, flush=True)
 
@@ -456,13 +414,13 @@ def _say(what: str) -> None:
 def main() -> None:
     """Print all tables, or those asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default=",".join((*_NAMES, "ablations", "speed")))
+    parser.add_argument("--only", default=",".join((*_NAMES, "ablations")))
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--baseline-seeds", type=int, default=3)
     parser.add_argument("--ablation-seeds", type=int, default=3)
     chosen = parser.parse_args()
     only = chosen.only.split(",")
-    unknown = sorted(set(only) - {*_NAMES, "ablations", "speed"})
+    unknown = sorted(set(only) - {*_NAMES, "ablations"})
     if unknown:
         parser.error(f"no {unknown}; there are {', '.join((*_NAMES, 'ablations', 'speed'))}")
     names = [name for name in _NAMES if name in only]
@@ -470,8 +428,6 @@ def main() -> None:
         scenes(names, chosen.seeds, chosen.baseline_seeds)
     if "ablations" in only:
         ablations(chosen.ablation_seeds)
-    if "speed" in only:
-        speed()
 
 
 if __name__ == "__main__":

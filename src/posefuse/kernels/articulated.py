@@ -13,21 +13,10 @@ import numpy as np
 
 from posefuse.kernels.bodies import differentiate, locate, move
 from posefuse.kernels.jit import dense, inline, kernel, step
-from posefuse.kernels.lens import (
-    CX,
-    CY,
-    FX,
-    FY,
-    LENS,
-    OK,
-    PINHOLE,
-    ROTATION,
-    SKEW,
-    project_jacobian,
-    project_point,
-    to_camera,
-)
-from posefuse.kernels.symmetric import factor, invert, solve_factored
+from posefuse.kernels.lens import OK
+from posefuse.kernels.limits import TWIST, add_limit, add_twist
+from posefuse.kernels.looks import look_at_point, point_covariance, px_per_m_squared, spread_px
+from posefuse.kernels.symmetric import factor, invert, multiply, solve_factored, subtract_products
 
 Body = namedtuple(
     "Body", "parents movers is_bone places shape_of signs starts columns keypoint_nodes limits limit_axes"
@@ -55,9 +44,6 @@ how velocities follow; and the best pose so far."""
 USED = 0
 GATED = 1
 UNSEEN = 2
-
-_HINGE = 0
-_TWIST = 2
 
 _DAMPING = 1e-3
 _SMALL_STEP = 1e-2
@@ -146,81 +132,6 @@ def _clip(cov, most):
                 cov[j, i] *= scale
 
 
-@step
-def point_covariance(jacobian, starts, columns, node, cov, out):
-    """The covariance of a node, xx xy xz yy yz zz, from that of pose and shape."""
-    for e in range(6):
-        out[e] = 0.0
-    for a in range(starts[node], starts[node + 1]):
-        i = columns[a]
-        x = y = z = 0.0
-        for b in range(starts[node], starts[node + 1]):
-            j = columns[b]
-            x += cov[i, j] * jacobian[node, 0, j]
-            y += cov[i, j] * jacobian[node, 1, j]
-            z += cov[i, j] * jacobian[node, 2, j]
-        out[0] += jacobian[node, 0, i] * x
-        out[1] += jacobian[node, 0, i] * y
-        out[2] += jacobian[node, 0, i] * z
-        out[3] += jacobian[node, 1, i] * y
-        out[4] += jacobian[node, 1, i] * z
-        out[5] += jacobian[node, 2, i] * z
-
-
-@inline
-def _look(cameras, v, points, k):
-    """The pixel of a point and how it moves with the point: status, pixel, and two rows of three numbers per metre."""
-    x, y, z = to_camera(cameras, v, points[k, 0], points[k, 1], points[k, 2])
-    if cameras[v, LENS] == PINHOLE and z > 0.0:
-        inverse = 1.0 / z
-        status = OK
-        ux, uy = cameras[v, FX] * inverse, cameras[v, SKEW] * inverse
-        vx, vy = 0.0, cameras[v, FY] * inverse
-        uz = -(ux * x + uy * y) * inverse
-        vz = -vy * y * inverse
-        pixel_u, pixel_v = cameras[v, CX] + ux * x + uy * y, cameras[v, CY] + vy * y
-    else:
-        status, pixel_u, pixel_v = project_point(cameras, v, x, y, z)
-        _, ux, uy, uz, vx, vy, vz = project_jacobian(cameras, v, x, y, z)
-    r = ROTATION
-    r0, r1, r2 = cameras[v, r], cameras[v, r + 1], cameras[v, r + 2]
-    r3, r4, r5 = cameras[v, r + 3], cameras[v, r + 4], cameras[v, r + 5]
-    r6, r7, r8 = cameras[v, r + 6], cameras[v, r + 7], cameras[v, r + 8]
-    return (
-        status,
-        pixel_u,
-        pixel_v,
-        ux * r0 + uy * r3 + uz * r6,
-        ux * r1 + uy * r4 + uz * r7,
-        ux * r2 + uy * r5 + uz * r8,
-        vx * r0 + vy * r3 + vz * r6,
-        vx * r1 + vy * r4 + vz * r7,
-        vx * r2 + vy * r5 + vz * r8,
-    )
-
-
-@inline
-def _spread_px(look, cov):
-    """The covariance of a pixel whose point has the packed covariance ``cov``: uu, uv, vv."""
-    a0 = cov[0] * look[3] + cov[1] * look[4] + cov[2] * look[5]
-    a1 = cov[1] * look[3] + cov[3] * look[4] + cov[4] * look[5]
-    a2 = cov[2] * look[3] + cov[4] * look[4] + cov[5] * look[5]
-    b0 = cov[0] * look[6] + cov[1] * look[7] + cov[2] * look[8]
-    b1 = cov[1] * look[6] + cov[3] * look[7] + cov[4] * look[8]
-    b2 = cov[2] * look[6] + cov[4] * look[7] + cov[5] * look[8]
-    uu = look[3] * a0 + look[4] * a1 + look[5] * a2
-    uv = look[6] * a0 + look[7] * a1 + look[8] * a2
-    vv = look[6] * b0 + look[7] * b1 + look[8] * b2
-    return uu, uv, vv
-
-
-@inline
-def _px_per_m_squared(look):
-    """How large a metre is seen, squared, on average over directions across the view."""
-    total = look[3] ** 2 + look[4] ** 2 + look[5] ** 2 + look[6] ** 2 + look[7] ** 2 + look[8] ** 2
-    return 0.5 * total
-
-
 @kernel
 def foresee_people(cameras, body, state, points, covariance, pixels, spread, size_px):
     """Where the views should see all people.
@@ -241,6 +152,7 @@ def foresee_people(cameras, body, state, points, covariance, pixels, spread, siz
     b = body
     for p in range(state.root.shape[0]):
         turns, bones, shape = state.turns[p], state.bones[p], state.shape[p]
+        m = n_pose + (shape.shape[0] if state.free[p] != 0 else 0)
         locate(b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, state.root[p], turns, bones, shape, nodes)
         differentiate(
             b.parents, b.movers, b.is_bone, b.places, b.shape_of, b.signs, n_pose, turns, bones, shape, jacobian
@@ -258,16 +170,16 @@ def foresee_people(cameras, body, state, points, covariance, pixels, spread, siz
                 continue
             for i in range(3):
                 points[p, k, i] = nodes[node, i]
-            point_covariance(jacobian, b.starts, b.columns, node, state.covariance[p], covariance[p, k])
+            point_covariance(jacobian, b.starts, b.columns, node, m, state.covariance[p], covariance[p, k])
             for v in range(cameras.shape[0]):
-                look = _look(cameras, v, nodes, node)
+                look = look_at_point(cameras, v, nodes, node)
                 pixels[p, v, k, 0] = look[1]
                 pixels[p, v, k, 1] = look[2]
-                uu, uv, vv = _spread_px(look, covariance[p, k])
+                uu, uv, vv = spread_px(look, covariance[p, k])
                 spread[p, v, k, 0] = uu
                 spread[p, v, k, 1] = uv
                 spread[p, v, k, 2] = vv
-                size_px[p, v, k] = math.sqrt(_px_per_m_squared(look))
+                size_px[p, v, k] = math.sqrt(px_per_m_squared(look))
 
 
 @inline
@@ -283,17 +195,17 @@ def noise_growth(trust, exponent):
 def _noise_squared(law, v, trust, look):
     """The variance of a detection, px^2 per axis."""
     scale = law.scale_px[v] * law.scale_px[v] * noise_growth(trust, law.exponent)
-    return scale + law.floor_m * law.floor_m * _px_per_m_squared(look)
+    return scale + law.floor_m * law.floor_m * px_per_m_squared(look)
 
 
 @step
-def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jacobian, cov, packed, use, noise):
+def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jacobian, m, cov, packed, use, noise):
     """Which observations count, how noisy each is, and how surprising they are, before any has moved the body."""
     total = 0.0
     for k in range(body.keypoint_nodes.shape[0]):
         node = body.keypoint_nodes[k]
         if node >= 0:
-            point_covariance(jacobian, body.starts, body.columns, node, cov, packed)
+            point_covariance(jacobian, body.starts, body.columns, node, m, cov, packed)
         for v in range(cameras.shape[0]):
             use[v, k] = UNSEEN
             if node < 0 or rows[v] < 0 or labels[v, k] < 0:
@@ -303,11 +215,11 @@ def _gate(cameras, body, law, rows, labels, keypoints_px, confidence, nodes, jac
             pixel_v = keypoints_px[rows[v], labels[v, k], 1]
             if not math.isfinite(pixel_u + pixel_v) or trust < law.min_confidence:
                 continue
-            look = _look(cameras, v, nodes, node)
+            look = look_at_point(cameras, v, nodes, node)
             if look[0] != OK:
                 continue
             noise[v, k] = _noise_squared(law, v, trust, look)
-            uu, uv, vv = _spread_px(look, packed)
+            uu, uv, vv = spread_px(look, packed)
             uu += noise[v, k]
             vv += noise[v, k]
             du = pixel_u - look[1]
@@ -332,9 +244,10 @@ def _add_keypoint(jacobian, starts, columns, node, m, weight, pull, hessian, gra
     """What one keypoint, with its information ``weight`` (packed) and its ``pull``, says of pose and shape."""
     for a in range(starts[node], starts[node + 1]):
         i = columns[a]
+        if i >= m:
+            break
         x, y, z = jacobian[node, 0, i], jacobian[node, 1, i], jacobian[node, 2, i]
-        if i < m:
-            gradient[i] += x * pull[0] + y * pull[1] + z * pull[2]
+        gradient[i] += x * pull[0] + y * pull[1] + z * pull[2]
         weighted[0, i] = weight[0] * x + weight[1] * y + weight[2] * z
         weighted[1, i] = weight[1] * x + weight[3] * y + weight[4] * z
         weighted[2, i] = weight[2] * x + weight[4] * y + weight[5] * z
@@ -380,7 +293,7 @@ def _add_views(
         for v in range(cameras.shape[0]):
             if use[v, k] != USED:
                 continue
-            look = _look(cameras, v, nodes, node)
+            look = look_at_point(cameras, v, nodes, node)
             if look[0] != OK:
                 continue
             du = keypoints_px[rows[v], labels[v, k], 0] - look[1]
@@ -403,101 +316,6 @@ def _add_views(
     return cost
 
 
-@step
-def _add_twist(body, limit, stiffness, turns, hessian, gradient):
-    """The same of two segments whose common axis has turned too far from the one to the other."""
-    first, second = body.limits[limit, 1], body.limits[limit, 3]
-    one, other = turns[first], turns[second]
-    a0, a1, a2 = body.limit_axes[limit, 0], body.limit_axes[limit, 1], body.limit_axes[limit, 2]
-    x = one[0, 0] * a0 + one[0, 1] * a1 + one[0, 2] * a2
-    y = one[1, 0] * a0 + one[1, 1] * a1 + one[1, 2] * a2
-    z = one[2, 0] * a0 + one[2, 1] * a1 + one[2, 2] * a2
-    u = other[0, 0] * a0 + other[0, 1] * a1 + other[0, 2] * a2
-    v = other[1, 0] * a0 + other[1, 1] * a1 + other[1, 2] * a2
-    w = other[2, 0] * a0 + other[2, 1] * a1 + other[2, 2] * a2
-    short = body.limit_axes[limit, 3] - (x * u + y * v + z * w)
-    if short <= 0.0:
-        return 0.0
-    for i in range(3):
-        # The common axis turns with its segment: (turn x axis) . other = turn . (axis x other), in world axes.
-        d = one[0, i] * (y * w - z * v) + one[1, i] * (z * u - x * w) + one[2, i] * (x * v - y * u)
-        gradient[3 + 3 * first + i] += stiffness * short * d
-        e = -(other[0, i] * (y * w - z * v) + other[1, i] * (z * u - x * w) + other[2, i] * (x * v - y * u))
-        gradient[3 + 3 * second + i] += stiffness * short * e
-        for j in range(3):
-            dj = one[0, j] * (y * w - z * v) + one[1, j] * (z * u - x * w) + one[2, j] * (x * v - y * u)
-            ej = -(other[0, j] * (y * w - z * v) + other[1, j] * (z * u - x * w) + other[2, j] * (x * v - y * u))
-            if j <= i:
-                hessian[3 + 3 * first + i, 3 + 3 * first + j] += stiffness * d * dj
-                hessian[3 + 3 * second + i, 3 + 3 * second + j] += stiffness * e * ej
-            if first > second:
-                hessian[3 + 3 * first + i, 3 + 3 * second + j] += stiffness * d * ej
-            else:
-                hessian[3 + 3 * second + i, 3 + 3 * first + j] += stiffness * e * dj
-    return 0.5 * stiffness * short * short
-
-
-@step
-def _add_limit(body, limit, stiffness, turns, bones, hessian, gradient):
-    """A joint limit that is overstepped pulls back; what that costs."""
-    kind, bone, before, segment = (
-        body.limits[limit, 0],
-        body.limits[limit, 1],
-        body.limits[limit, 2],
-        body.limits[limit, 3],
-    )
-    axes = turns[segment]
-    a0 = body.limit_axes[limit, 0]
-    a1 = body.limit_axes[limit, 1]
-    a2 = body.limit_axes[limit, 2]
-    x = axes[0, 0] * a0 + axes[0, 1] * a1 + axes[0, 2] * a2
-    y = axes[1, 0] * a0 + axes[1, 1] * a1 + axes[1, 2] * a2
-    z = axes[2, 0] * a0 + axes[2, 1] * a1 + axes[2, 2] * a2
-    first = 3 + 3 * turns.shape[0]
-    far = bones[bone]
-    if kind == _HINGE:
-        near = bones[before]
-        # The gradient by the far bone's direction is axis x near, by the near one's far x axis.
-        gx = y * near[2, 2] - z * near[1, 2]
-        gy = z * near[0, 2] - x * near[2, 2]
-        gz = x * near[1, 2] - y * near[0, 2]
-        hx = far[1, 2] * z - far[2, 2] * y
-        hy = far[2, 2] * x - far[0, 2] * z
-        hz = far[0, 2] * y - far[1, 2] * x
-    else:
-        gx, gy, gz = x, y, z
-        hx = hy = hz = 0.0
-    value = gx * far[0, 2] + gy * far[1, 2] + gz * far[2, 2]
-    short = body.limit_axes[limit, 3] - value
-    if short <= 0.0:
-        return 0.0
-    i = first + 2 * bone
-    d0 = -(gx * far[0, 1] + gy * far[1, 1] + gz * far[2, 1])
-    d1 = gx * far[0, 0] + gy * far[1, 0] + gz * far[2, 0]
-    gradient[i] += stiffness * short * d0
-    gradient[i + 1] += stiffness * short * d1
-    hessian[i, i] += stiffness * d0 * d0
-    hessian[i + 1, i] += stiffness * d0 * d1
-    hessian[i + 1, i + 1] += stiffness * d1 * d1
-    if kind == _HINGE:
-        near = bones[before]
-        j = first + 2 * before
-        e0 = -(hx * near[0, 1] + hy * near[1, 1] + hz * near[2, 1])
-        e1 = hx * near[0, 0] + hy * near[1, 0] + hz * near[2, 0]
-        gradient[j] += stiffness * short * e0
-        gradient[j + 1] += stiffness * short * e1
-        hessian[j, j] += stiffness * e0 * e0
-        hessian[j + 1, j] += stiffness * e0 * e1
-        hessian[j + 1, j + 1] += stiffness * e1 * e1
-        high, low = max(i, j), min(i, j)
-        for s in range(2):
-            for t in range(2):
-                left = (d0 if s == 0 else d1) if high == i else (e0 if s == 0 else e1)
-                right = (e0 if t == 0 else e1) if high == i else (d0 if t == 0 else d1)
-                hessian[high + s, low + t] += stiffness * left * right
-    return 0.5 * stiffness * short * short
-
-
 @dense
 def _condition(prior, offset, m, hessian, gradient):
     """Add the prediction as prior; what the offset from it costs."""
@@ -513,18 +331,6 @@ def _condition(prior, offset, m, hessian, gradient):
     return cost
 
 
-@inline
-def _multiply(left, first, right, rows, m, out):
-    """``out = left[first:] right``, of ``rows`` rows and ``m`` columns."""
-    for i in range(rows):
-        for j in range(m):
-            out[i, j] = 0.0
-        for k in range(m):
-            by = left[first + i, k]
-            for j in range(m):
-                out[i, j] += by * right[k, j]
-
-
 @dense
 def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
     """Velocities and their covariance, from how pose and shape moved and what is known of them now.
@@ -532,17 +338,13 @@ def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, m
     With G = P_va P_aa^-1: velocities move by G times the offset, P_va becomes G P_aa', P_vv loses G (P_aa - P_aa') G^T.
     """
     first = cov.shape[0] - n
-    _multiply(cov, first, prior, n, m, gain)
-    _multiply(gain, 0, posterior, n, m, mixed)
+    multiply(cov, first, prior, n, m, gain)
+    multiply(gain, 0, posterior, n, m, mixed)
     for i in range(n):
         for j in range(m):
             velocity[i] += gain[i, j] * offset[j]
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(m):
-                total += (mixed[i, k] - cov[first + i, k]) * gain[j, k]
-            cov[first + i, first + j] += total
-            cov[first + j, first + i] = cov[first + i, first + j]
+            cov[first + i, j] -= mixed[i, j]
+    subtract_products(cov, first, gain, n, m)
     _store(cov, posterior, mixed, first, n, m)
 
 
@@ -683,10 +485,10 @@ def _linearise(cameras, body, law, calm, rows, labels, keypoints_px, use, turns,
     )  # fmt: skip
     stiffness = law.limit_sigma**-2.0
     for limit in range(body.limits.shape[0]):
-        if body.limits[limit, 0] == _TWIST:
-            total += _add_twist(body, limit, stiffness, turns, room.hessian, room.gradient)
+        if body.limits[limit, 0] == TWIST:
+            total += add_twist(body, limit, stiffness, turns, room.hessian, room.gradient)
         else:
-            total += _add_limit(body, limit, stiffness, turns, bones, room.hessian, room.gradient)
+            total += add_limit(body, limit, stiffness, turns, bones, room.hessian, room.gradient)
     return total
 
 
@@ -707,8 +509,8 @@ def _settle(
         )
         if turn == 0:
             surprise = _gate(
-                cameras, b, law, rows, labels, keypoints_px, confidence, room.nodes, room.jacobian, cov, room.weight,
-                use, room.noise,
+                cameras, b, law, rows, labels, keypoints_px, confidence, room.nodes, room.jacobian, m, cov,
+                room.weight, use, room.noise,
             )  # fmt: skip
         total = _linearise(cameras, b, law, 1.0 / temper, rows, labels, keypoints_px, use, turns, bones, m, room)
         if total <= before + 1e-9 * abs(before):

@@ -14,32 +14,49 @@ from posefuse.kernels.articulated import noise_growth
 from posefuse.kernels.jit import inline, kernel, step
 
 _NEVER = 1e9
+_SURELY = 1.0 + 1e-9
 
 
 @inline
-def _evidence(du, dv, uu, uv, vv, nu, area, least):
-    """The log of how much likelier a residual is for this keypoint than for any place within ``area``, px^2."""
+def evidence(du, dv, uu, uv, vv, nu, area, least, far):
+    """The log of how much likelier a residual is for this keypoint than for any place within ``area``, px^2.
+
+    Most keypoints are somebody else's and far off: that they say the least, ``far = exp(-least)``, is seen without a
+    logarithm, because ``s^(1 + nu / 2)`` is no less than ``s`` where s > 1, nor than its square where nu is 2 or more.
+    """
     determinant = uu * vv - uv * uv
     squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-    ratio = math.log(area / (2.0 * math.pi * math.sqrt(determinant))) - 0.5 * (nu + 2.0) * math.log(1.0 + squared / nu)
+    times = area / (2.0 * math.pi * math.sqrt(determinant))
+    growth = 1.0 + squared / nu
+    if (growth * growth if nu >= 2.0 else growth) > _SURELY * times * far:
+        return least
+    ratio = math.log(times) - 0.5 * (nu + 2.0) * math.log(growth)
     return ratio if ratio > least else least
 
 
 @step
-def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least):
+def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least, far):
     """Evidence of one keypoint under one label, NaN where there is none."""
-    pixel_u = keypoints_px[row, label, 0]
-    pixel_v = keypoints_px[row, label, 1]
-    trust = confidence[row, label]
-    du = pixel_u - pixels[p, v, k, 0]
-    dv = pixel_v - pixels[p, v, k, 1]
-    if not math.isfinite(du + dv) or trust < law.min_confidence:
+    du = keypoints_px[row, label, 0] - pixels[p, v, k, 0]
+    dv = keypoints_px[row, label, 1] - pixels[p, v, k, 1]
+    if not math.isfinite(du + dv + noise_px2[row, label]):
         return math.nan
     metre = size_px[p, v, k]
-    noise = law.scale_px[v] ** 2 * noise_growth(trust, law.exponent) + (law.floor_m * metre) ** 2
+    noise = noise_px2[row, label] + (law.floor_m * metre) ** 2
     uu = spread[p, v, k, 0] + noise
     vv = spread[p, v, k, 2] + noise
-    return _evidence(du, dv, uu, spread[p, v, k, 1], vv, law.nu, (clutter_m * metre) ** 2, least)
+    return evidence(du, dv, uu, spread[p, v, k, 1], vv, law.nu, (clutter_m * metre) ** 2, least, far)
+
+
+@step
+def _weigh(confidence, view_of_row, law, noise_px2):
+    """The variance of each keypoint by the law, px^2 per axis; NaN where its confidence is too low to count."""
+    for row in range(confidence.shape[0]):
+        scale = law.scale_px[view_of_row[row]]
+        for k in range(confidence.shape[1]):
+            trust = confidence[row, k]
+            growth = noise_growth(trust, law.exponent)
+            noise_px2[row, k] = math.nan if trust < law.min_confidence else scale * scale * growth
 
 
 @kernel
@@ -82,6 +99,9 @@ def score_detections(
         scores: shape (person, row), written: -inf without a common keypoint.
         swapped: shape (person, row, group), int8, written.
     """
+    noise_px2 = np.empty(confidence.shape)
+    _weigh(confidence, view_of_row, law, noise_px2)
+    far = math.exp(-least)
     straight = np.empty(n_groups)
     crossed = np.empty(n_groups)
     for p in range(pixels.shape[0]):
@@ -94,7 +114,7 @@ def score_detections(
                 crossed[g] = 0.0
             for k in range(mirror.shape[0]):
                 as_is = _of_keypoint(
-                    p, row, v, k, k, pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least
+                    p, row, v, k, k, pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least, far
                 )
                 count += 1 if as_is == as_is else 0
                 g = group_of[k]
@@ -102,8 +122,9 @@ def score_detections(
                     total += as_is if as_is == as_is else 0.0
                     continue
                 other = _of_keypoint(
-                    p, row, v, k, mirror[k], pixels, spread, size_px, keypoints_px, confidence, law, clutter_m, least
-                )
+                    p, row, v, k, mirror[k], pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least,
+                    far,
+                )  # fmt: skip
                 straight[g] += as_is if as_is == as_is else 0.0
                 crossed[g] += other if other == other else 0.0
             for g in range(n_groups):

@@ -74,3 +74,49 @@ def invert(matrix, n, row):
             matrix[i, j] = -matrix[i, j]
             matrix[j, i] = matrix[i, j]
     return True
+
+
+@dense
+def multiply(left, first, right, rows, m, out):
+    """``out = left[first:] right``, of ``rows`` rows and ``m`` columns.
+
+    Four terms at a time, so that a row is read and written a quarter as often: half of the time.
+    """
+    for i in range(rows):
+        row = first + i
+        for j in range(m):
+            out[i, j] = 0.0
+        for k in range(0, m - 3, 4):
+            a, b, c, d = left[row, k], left[row, k + 1], left[row, k + 2], left[row, k + 3]
+            for j in range(m):
+                out[i, j] += a * right[k, j] + b * right[k + 1, j] + c * right[k + 2, j] + d * right[k + 3, j]
+        for k in range(m - m % 4, m):
+            by = left[row, k]
+            for j in range(m):
+                out[i, j] += by * right[k, j]
+
+
+@dense
+def subtract_products(matrix, first, right, n, m):
+    """``matrix[first:, first:] -= matrix[first:, :m] right^T``, which is symmetric, of ``n`` rows; four at a time."""
+    for i in range(n):
+        row = first + i
+        for j in range(0, i - 2, 4):
+            a = b = c = d = 0.0
+            for k in range(m):
+                by = matrix[row, k]
+                a += by * right[j, k]
+                b += by * right[j + 1, k]
+                c += by * right[j + 2, k]
+                d += by * right[j + 3, k]
+            matrix[row, first + j] -= a
+            matrix[row, first + j + 1] -= b
+            matrix[row, first + j + 2] -= c
+            matrix[row, first + j + 3] -= d
+        for j in range((i + 1) - (i + 1) % 4, i + 1):
+            total = 0.0
+            for k in range(m):
+                total += matrix[row, k] * right[j, k]
+            matrix[row, first + j] -= total
+        for j in range(i):
+            matrix[first + j, row] = matrix[row, first + j]

@@ -84,28 +84,39 @@ def contacts(
         dt_s: since the last.
         scale: how large bodies are next to an adult human.
     """
-    n = len(tracks)
-    if n < 2:
-        return
-    away = (np.linalg.norm(state.root[:, None] - state.root[None], axis=-1) / scale).tolist()
-    for p in range(n):
-        for q in range(p + 1, n):
-            pair = pair_of(tracks[p].name, tracks[q].name)
-            contact = known.get(pair)
-            if away[p][q] < _NEAR_M:
-                contact = known.setdefault(pair, Contact(pair))
-                both = expected[p] & expected[q]
-                one = both & (supported[p] != supported[q])
-                contact.mixed_s += dt_s * float(2 * one.sum() > both.sum())
-                contact.apart_s = np.nan
-                contact.shown.clear()
-            elif contact is not None and away[p][q] > _APART_M and np.isnan(contact.apart_s):
-                contact.apart_s = time_s
-                if contact.mixed_s < _MIXED_S:
-                    del known[pair]
-    names = {track.name for track in tracks}
-    for pair in [pair for pair in known if not names.issuperset(pair)]:
+    place = {track.name: p for p, track in enumerate(tracks)}
+    for pair in [pair for pair in known if not place.keys() >= set(pair)]:
         del known[pair]
+    if len(tracks) < 2:
+        return
+    between = state.root[:, None] - state.root[None]
+    away_m = np.sqrt((between * between).sum(axis=-1)) / scale
+    # Of most pairs there is nothing to say: they are not near, and have not been.
+    told = away_m < _NEAR_M
+    for first, second in known:
+        told[place[first], place[second]] = told[place[second], place[first]] = True
+    for p, q in np.argwhere(told).tolist():
+        if p < q:
+            pair = pair_of(tracks[p].name, tracks[q].name)
+            both = expected[p] & expected[q]
+            mixed = 2 * (both & (supported[p] != supported[q])).sum() > both.sum()
+            _note(known, pair, float(away_m[p, q]), dt_s if mixed else 0.0, time_s)
+
+
+def _note(
+    known: dict[tuple[str, str], Contact], pair: tuple[str, str], away_m: float, mixed_s: float, time_s: float
+) -> None:
+    """Note how far apart two people are, and for how long views of this frame showed only one of them."""
+    contact = known.get(pair)
+    if away_m < _NEAR_M:
+        contact = known.setdefault(pair, Contact(pair))
+        contact.mixed_s += mixed_s
+        contact.apart_s = np.nan
+        contact.shown.clear()
+    elif contact is not None and away_m > _APART_M and np.isnan(contact.apart_s):
+        contact.apart_s = time_s
+        if contact.mixed_s < _MIXED_S:
+            del known[pair]
 
 
 def pair_of(first: str, second: str) -> tuple[str, str]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.articulated import Body, State
+from posefuse.kernels.tally import count_uses
 from posefuse.model.trees import Tree
 
 
@@ -87,3 +88,27 @@ class Sight:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """In the order of ``foresee_people``."""
         return self.points_m, self.covariance_m2, self.pixels, self.spread, self.size_px
+
+
+@dataclass(frozen=True, eq=False)
+class Uses:
+    """What became of the keypoints of a frame, counted.
+
+    Attributes:
+        of_view: shape (person, view), int64: how many keypoints of a view counted.
+        used: shape (person, keypoint), int64: in how many views a keypoint counted.
+        gated: shape (person, keypoint), int64: in how many views it was too far off to count.
+    """
+
+    of_view: np.ndarray
+    used: np.ndarray
+    gated: np.ndarray
+
+    @classmethod
+    def of(cls, use: np.ndarray) -> "Uses":
+        """Counted of what ``update_people`` writes, shape (person, view, keypoint)."""
+        people, views, keypoints = use.shape
+        shapes = ((people, views), (people, keypoints), (people, keypoints))
+        counted = cls(*(np.empty(shape, dtype=np.int64) for shape in shapes))
+        count_uses(use, counted.of_view, counted.used, counted.gated)
+        return counted

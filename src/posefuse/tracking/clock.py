@@ -1,5 +1,9 @@
-"""When frames are: views that are late, drop a frame, or record none."""
+"""When frames are: views that are late, drop a frame, or record none.
 
+Times of a handful of views are taken as numbers, one by one: arrays of so few cost more to ask than to add up.
+"""
+
+import math
 import statistics
 from dataclasses import dataclass, field
 
@@ -21,14 +25,14 @@ class Clock:
         time_s: of the last frame, NaN before the first.
         number: of the last frame.
         period_s: from one frame number to the next, as last seen; NaN if not known.
-        views_s: shape (view,): when each view last took a frame.
+        views_s: when each view last took a frame, -inf before; empty before the first.
         apart_s: how long after their last frames the views took this one, mostly.
     """
 
     time_s: float = np.nan
     number: int = 0
     period_s: float = np.nan
-    views_s: np.ndarray = field(default_factory=lambda: np.empty(0))
+    views_s: list[float] = field(default_factory=list)
     apart_s: float = 0.0
 
     def take(self, frame: Frame) -> float:
@@ -40,53 +44,54 @@ class Clock:
         Raises:
             DetectionsError: if nothing says when the frame was taken, or it is not later than the last.
         """
-        time_s = self._time_of(frame)
+        seen_s = _taken(frame)
+        time_s = self._time_of(frame, seen_s)
         before = self.time_s
+        last_s = self.views_s or [-math.inf] * len(seen_s)
         if time_s <= before:
-            if not self._goes_on(frame):
+            if not _goes_on(seen_s, last_s):
                 raise DetectionsError(
                     f"Frame {frame.number} is of {time_s:.4f} s, the last was of {before:.4f} s. Frames come in order."
                 )
             time_s = before + _LEAST_S
-        elif np.isfinite(before):
+        elif math.isfinite(before):
             self.period_s = (time_s - before) / self._frames_since(frame)
-        seen = _taken(frame)
-        last = self.views_s if len(self.views_s) else np.full(len(seen), -np.inf)
-        apart_s = (frame.time_s - last)[seen & np.isfinite(last)].tolist()
-        self.views_s = np.where(seen, frame.time_s, last)
+        apart_s = [now - last for now, last in zip(seen_s, last_s, strict=True) if math.isfinite(now - last)]
+        self.views_s = [last if math.isnan(now) else now for now, last in zip(seen_s, last_s, strict=True)]
         self.time_s, self.number = time_s, frame.number
-        dt_s = 0.0 if np.isnan(before) else time_s - before
+        dt_s = 0.0 if math.isnan(before) else time_s - before
         self.apart_s = statistics.median(apart_s) if apart_s else dt_s
         return dt_s
 
-    def _time_of(self, frame: Frame) -> float:
-        known = frame.time_s[_taken(frame)]
-        if not len(known) and not len(frame.view):
-            known = frame.time_s[np.isfinite(frame.time_s)]
-            if not len(known) and np.isfinite(self.period_s):
+    def _time_of(self, frame: Frame, seen_s: list[float]) -> float:
+        known = [now for now in seen_s if not math.isnan(now)]
+        if not known and not len(frame.view):
+            known = [said for said in frame.time_s.tolist() if math.isfinite(said)]
+            if not known and math.isfinite(self.period_s):
                 return self.time_s + self.period_s * self._frames_since(frame)
-        if not len(known):
+        if not known:
             raise DetectionsError(
                 f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate of the "
                 "recording (--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
             )
         # Views of a frame that were taken one after the other are taken into account one after the other.
-        return float(known.mean() if np.ptp(known) < _SAME_TIME_S else known.max())
+        return math.fsum(known) / len(known) if max(known) - min(known) < _SAME_TIME_S else max(known)
 
     def _frames_since(self, frame: Frame) -> int:
         """How many frames after the last this is; one if frames are not numbered."""
         return max(1, frame.number - self.number)
 
-    def _goes_on(self, frame: Frame) -> bool:
-        """Whether some view is later than it was, and none is earlier."""
-        seen = _taken(frame)
-        ahead = frame.time_s[seen] - self.views_s[seen]
-        return bool(len(ahead) and (ahead > 0.0).all())
+
+def _taken(frame: Frame) -> list[float]:
+    """When each view took the frame, NaN where it did not or nobody knows."""
+    views = zip(frame.recorded.tolist(), frame.time_s.tolist(), strict=True)
+    return [time_s if recorded and math.isfinite(time_s) else math.nan for recorded, time_s in views]
 
 
-def _taken(frame: Frame) -> np.ndarray:
-    """Shape (view,), bool: which views took the frame at a known time."""
-    return np.asarray(frame.recorded & np.isfinite(frame.time_s))
+def _goes_on(seen_s: list[float], last_s: list[float]) -> bool:
+    """Whether some view is later than it was, and none is earlier."""
+    ahead = [now - last for now, last in zip(seen_s, last_s, strict=True) if not math.isnan(now)]
+    return bool(ahead) and min(ahead) > 0.0
 
 
 def moments(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
@@ -96,10 +101,10 @@ def moments(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
         frame: the frame.
         time_s: of the frame, where no view says it.
     """
-    known = _taken(frame)
-    there = frame.time_s[known]
-    if not len(there) or there.max() - there.min() < _SAME_TIME_S:
-        return [(float(there.max()) if len(there) else time_s, np.ones(len(known), dtype=bool))]
-    times = np.where(known, frame.time_s, there.min())
+    seen_s = _taken(frame)
+    there = [now for now in seen_s if not math.isnan(now)]
+    if not there or max(there) - min(there) < _SAME_TIME_S:
+        return [(max(there, default=time_s), np.ones(len(seen_s), dtype=bool))]
+    times = np.where(np.isnan(seen_s), min(there), seen_s)
     rounded = np.round(times / _SAME_TIME_S)
     return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

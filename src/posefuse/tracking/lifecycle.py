@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from posefuse.kernels.articulated import State
+from posefuse.kernels.tally import foretell_views
 from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight, chosen, put
@@ -40,17 +41,16 @@ def newcomer(number: int, time_s: float, bounds: Bounds) -> Track:
     return track
 
 
-def expected(sight: Sight, settings: Settings) -> np.ndarray:
-    """Shape (person, view), bool: which views should see whom: half of the core within the image."""
-    pixels = sight.pixels[:, :, settings.core]
-    inside = ((pixels >= 0.0) & (pixels < settings.sizes_px[:, None])).all(axis=-1)
-    return np.asarray(inside.mean(axis=2) >= _SEEN_SHARE)
+def expected(sight: Sight, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """Which views should see whom: half of the core within the image; and where people are.
 
-
-def middles(points_m: np.ndarray) -> np.ndarray:
-    """Shape (person, 3): means of the points there are, of shape (person, point, 3)."""
-    there = np.isfinite(points_m)
-    return np.where(there, points_m, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    Returns:
+        Shape (person, view), bool, and shape (person, 3): the middles of their cores, m.
+    """
+    should_see = np.empty(sight.pixels.shape[:2], dtype=bool)
+    middles_m = np.empty((len(should_see), 3))
+    foretell_views(sight.points_m, sight.pixels, settings.sizes_px, settings.core, _SEEN_SHARE, should_see, middles_m)
+    return should_see, middles_m
 
 
 def live_on(

@@ -113,12 +113,14 @@ class PartFollower:
         self.tracks: list[PartTrack] = []
         self.state = nobody(part.tree)
         self.known: dict[str, KnownShape] = {}
+        """Of who is followed or may come back."""
         self.people: tuple[Person, ...] = ()
         """Those whose part is followed, with the part's keypoints, in the order of the states."""
 
     def update(self, frame: Frame, time_s: float, dt_s: float, bodies: Bodies) -> None:
         """Take a frame in which everybody has been found."""
         self._drop([track.name in bodies.names for track in self.tracks])
+        self.known = {name: shape for name, shape in self.known.items() if name in bodies.names}
         order = [bodies.names.index(track.name) for track in self.tracks]
         labels = np.ascontiguousarray(bodies.labels[:, :, self.part.keypoints])
         use = self._put_right(frame, time_s, dt_s, bodies, labels, order)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt
+from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError
 from posefuse.kernels.articulated import Body, Law
 from posefuse.model.cameras import CameraRig
@@ -56,6 +56,7 @@ class Settings(Rebuilt):
         # Frozen arrays, also of settings that were pickled: for kernels writable ones are another type.
         object.__setattr__(self, "cameras", self.rig.packed[0])
         object.__setattr__(self, "body", body_of(self.tree))
+        object.__setattr__(self, "core", frozen(self.core, np.int64))
 
     @classmethod
     def of(cls, rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: TrackerOptions) -> "Settings":
@@ -91,7 +92,7 @@ class Settings(Rebuilt):
             rig, skeleton, tree, noise, options, cameras,
             np.array([camera.size_px for camera in rig.cameras], dtype=np.float64),
             body_of(tree), law, decay, power, widest(tree), group_of, int(group_of.max(initial=-1)) + 1,
-            np.asarray(skeleton.core_indices),
+            skeleton.core_indices,
         )  # fmt: skip
 
     def variance_px2(self, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import GATED, USED, State, foresee_people, predict_people, update_people
+from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
@@ -15,7 +15,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking import audits, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight, chosen, joined, nobody
+from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
@@ -114,6 +114,7 @@ class ArticulatedTracker:
         if not n:
             self.sight = Sight.room(0, views, keypoints)
             self.explained = np.zeros(len(frame.view), dtype=bool)
+            self.supported = np.empty((0, views), dtype=bool)
             return np.empty((0, views), dtype=np.int64), np.empty((0, views, keypoints), dtype=bool)
         views_then = moments(frame, self.time_s)
         self.stages.prior.settle(self.state, self.lately)
@@ -126,11 +127,13 @@ class ArticulatedTracker:
         alone_s = self.lately.alone_s
         alone_s[:] = np.where((rows >= 0).sum(axis=1) == 1, alone_s + dt_s, 0.0)
         use = self._put_right(frame, rows, labels, before, dt_s)
-        self._set_limbs_anew(frame, rows, use, dt_s)
+        uses = Uses.of(use)
+        self.supported = uses.of_view >= s.options.min_joints
+        self._set_limbs_anew(frame, rows, uses, dt_s)
         p, v = np.nonzero(rows >= 0)
         self.lately.swapped[p, v] = swapped[p, rows[p, v]]
         self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
-        self.lately.renewed[:] = (use == USED).any(axis=(1, 2))
+        self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
 
     def _unknown(self, tracks: int) -> Lately:
@@ -184,11 +187,10 @@ class ArticulatedTracker:
         found = zip(self.tracks, nis.tolist(), dof.tolist(), strict=True)
         self.innovations = {track.number: (total, count) for track, total, count in found if count}
 
-    def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, use: np.ndarray, dt_s: float) -> None:
+    def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, uses: Uses, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are where those show them, and as good as unknown."""
-        gated, used = (use == GATED).sum(axis=1), (use == USED).sum(axis=1)
-        off_s = self.lately.off_s
-        off_s[:] = np.where((gated >= 2) & (gated > used), off_s + dt_s, 0.0)
+        gated, off_s = uses.gated, self.lately.off_s
+        off_s[:] = np.where((gated >= 2) & (gated > uses.used), off_s + dt_s, 0.0)
         for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
             k = int(off_s[p].argmax())
             off_s[p] = 0.0
@@ -228,18 +230,16 @@ class ArticulatedTracker:
         s = self.settings
         as_labelled = np.arange(len(s.skeleton))
         if not swapped.any():
-            return np.tile(as_labelled, (*rows.shape, 1))
+            return np.broadcast_to(as_labelled, (*rows.shape, len(as_labelled))).copy()
         turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
         return np.where(turned, s.skeleton.mirror, as_labelled)
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
-        stages = self.stages
-        supported = used.sum(axis=2) >= self.settings.options.min_joints
-        self.supported = supported
-        self.expected = lifecycle.expected(self.sight, self.settings) & frame.recorded
+        stages, supported = self.stages, self.supported
+        should_see, torsos = lifecycle.expected(self.sight, self.settings)
+        self.expected = should_see & frame.recorded
         expected = self.expected & ~self.watch.refused
-        torsos = lifecycle.middles(self.sight.points_m[:, self.settings.core])
         scores, bounds = np.empty(0), self._bounds()
         for p, track in enumerate(self.tracks):
             if not track.sure:
@@ -304,9 +304,10 @@ class ArticulatedTracker:
         """
         held = {}
         for p, track in enumerate(self.tracks):
-            mine = rows[p][rows[p] >= 0]
-            if len(mine) == 1 and self.time_s - track.firm_s > self.settings.options.weak_after_s:
-                held[int(mine[0])] = p
+            if self.time_s - track.firm_s > self.settings.options.weak_after_s:
+                mine = rows[p][rows[p] >= 0]
+                if len(mine) == 1:
+                    held[int(mine[0])] = p
         return held
 
     def _tell_apart(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
@@ -316,7 +317,7 @@ class ArticulatedTracker:
         keep = self._keep
         supported, expected = self.supported[keep], self.expected[keep]
         free = np.bincount(frame.view[self._free(frame, rows[keep], whole=True)], minlength=n)
-        for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s, self.settings):
+        for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s):
             what = "camera refused" if refused else "camera trusted"
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
         self._listen(frame, supported[active], expected[active], dt_s)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.tracking.settings import Settings
+from posefuse.kernels.tally import weigh_views
 
 _TIME_S = 2.0
 _ENOUGH_S = 1.0
@@ -40,7 +40,6 @@ def look_at(
     expected: np.ndarray,
     free: np.ndarray,
     dt_s: float,
-    settings: Settings,
 ) -> list[tuple[int, bool, str]]:
     """Take a frame into account.
 
@@ -48,33 +47,24 @@ def look_at(
         watch: in and out.
         supported: shape (active person, view), bool.
         expected: shape (active person, view), bool.
-        free: shape (view,): how many detections are nobody's.
+        free: shape (view,), int64: how many detections are nobody's.
         dt_s: since the last frame.
-        settings: of the tracker.
 
     Returns:
         Views that are refused from now on (True) or trusted again (False), and why.
     """
-    fade = np.exp(-dt_s / _TIME_S)
-    others = supported.sum(axis=1, keepdims=True) - supported
-    sure = expected & (others >= 2)
-    missed = sure & ~supported
-    watch.expected_s = watch.expected_s * fade + dt_s * sure.sum(axis=0)
-    watch.matched_s = watch.matched_s * fade + dt_s * (sure & supported).sum(axis=0)
-    watch.shown_s = watch.shown_s * fade + dt_s * np.minimum(free, missed.sum(axis=0))
-    told = watch.expected_s > _ENOUGH_S
-    share = watch.matched_s / np.maximum(watch.expected_s, 1e-9)
-    shown = watch.shown_s / np.maximum(watch.expected_s, 1e-9)
-    now = np.where(watch.refused, ~(told & (share > _MANY)), told & (share < _FEW) & (shown > _SHOWN))
-    changed = np.flatnonzero(now != watch.refused)
-    watch.refused = np.asarray(now, dtype=bool)
-    return [
-        (
-            int(v),
-            bool(now[v]),
-            f"it shows {share[v]:.0%} of the people whom others see, and others where nobody is"
-            if now[v]
-            else f"it shows {share[v]:.0%} of the people whom others see",
-        )
-        for v in changed
-    ]
+    fade = float(np.exp(-dt_s / _TIME_S))
+    weigh_views(supported, expected, free, fade, dt_s, watch.expected_s, watch.matched_s, watch.shown_s)
+    changes = []
+    times = zip(watch.expected_s.tolist(), watch.matched_s.tolist(), watch.shown_s.tolist(), strict=True)
+    for v, (expected_s, matched_s, shown_s) in enumerate(times):
+        share, shown = matched_s / max(expected_s, 1e-9), shown_s / max(expected_s, 1e-9)
+        told = expected_s > _ENOUGH_S
+        if watch.refused[v] and told and share > _MANY:
+            watch.refused[v] = False
+            changes.append((v, False, f"it shows {share:.0%} of the people whom others see"))
+        elif not watch.refused[v] and told and share < _FEW and shown > _SHOWN:
+            watch.refused[v] = True
+            why = f"it shows {share:.0%} of the people whom others see, and others where nobody is"
+            changes.append((v, True, why))
+    return changes

@@ -238,3 +238,19 @@ def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
     )  # fmt: skip
     assert (use == articulated.UNSEEN).all()
     assert np.isnan([moved[0], surprise[0], *state.root[0]]).all()
+
+
+@pytest.mark.parametrize("m", [1, 3, 4, 7, 28])
+def test_products_are_those_of_matrices(m, rng):
+    multiply, subtract = (from_python(each) for each in (symmetric.multiply, symmetric.subtract_products))
+    left, right, out = rng.normal(size=(m + 2, m + 1)), rng.normal(size=(m + 1, m + 1)), np.empty((m, m + 1))
+    multiply(left, 2, right, m, m, out)
+    np.testing.assert_allclose(out[:, :m], left[2:, :m] @ right[:m, :m], atol=1e-12)
+    first = m + 1
+    half, gain = rng.normal(size=(m, m)), rng.normal(size=(m, m))
+    whole = rng.normal(size=(first + m, first + m))
+    whole[first:, :m] = gain @ (half + half.T)
+    whole[first:, first:] += whole[first:, first:].T
+    expected = whole[first:, first:] - whole[first:, :m] @ gain.T
+    subtract(whole, first, gain, m, m)
+    np.testing.assert_allclose(whole[first:, first:], expected, atol=1e-10)

@@ -1,11 +1,15 @@
 """Matching detections to people."""
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.kernels.matching import match_views
+from posefuse.kernels.matching import evidence, match_views
+from tests.kernels import from_python
 from tests.laws import examples
 
 
@@ -33,3 +37,19 @@ def test_matching_gains_as_much_as_can_be(people, first, second, seed):
         assert set(taken) <= set(mine)
         gained = sum(scores[p, rows[p, v]] if rows[p, v] >= 0 else 0.1 for p in range(people))
         np.testing.assert_allclose(gained, best_gain(scores[:, mine], 0.1))
+
+
+@pytest.mark.parametrize("nu", [0.5, 2.5, 1e6])
+def test_what_is_far_off_says_the_least_and_everything_else_the_logarithm(nu):
+    of_residual = from_python(evidence)
+    uu, uv, vv, area, least = 9.0, 2.0, 16.0, 4e4, -3.0
+    determinant = uu * vv - uv * uv
+    found, told = [], []
+    for du in np.geomspace(0.1, 1e5, 2000):
+        squared = (vv * du * du - 2.0 * uv * du * 2.0 * du + uu * 4.0 * du * du) / determinant
+        ratio = math.log(area / (2.0 * math.pi * math.sqrt(determinant))) - (nu / 2 + 1) * math.log1p(squared / nu)
+        told.append(max(ratio, least))
+        found.append(of_residual(du, 2.0 * du, uu, uv, vv, nu, area, least, math.exp(-least)))
+    np.testing.assert_allclose(found, told, rtol=1e-9, atol=1e-9)
+    assert found[0] > 0.0
+    assert found[-1] == least

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.audits import Contact, Finding, audit
+from posefuse.tracking.audits import Contact, Finding, audit, contacts
 from posefuse.tracking.bodies import joined
 from posefuse.tracking.settings import Settings
 from tests.unit.tracking.test_births import settings_with, standing_still
@@ -52,3 +52,34 @@ def test_nobody_goes_on_as_somebody_else_but_by_a_hundred_to_one(larger):
     finding = found(settings_with(), (1.0 + larger, 1.0), (1.0, 1.0 + larger))
     assert finding.odds < 0.0
     assert finding.exchange == finding.clear == (finding.odds < -math.log(100.0))
+
+
+def test_of_somebody_forgotten_nothing_is_found_even_where_only_one_is_left():
+    settings = settings_with()
+    track, body = somebody(settings, TrackState.ACTIVE)
+    track.name = NAMES[0]
+    known: dict[tuple[str, str], Contact] = {NAMES: Contact(NAMES, 1.0, 0.0)}
+    seen = np.zeros((1, len(settings.rig)), dtype=bool)
+    contacts(known, [track], body, seen, seen, 10.0, 0.04, settings.tree.scale)
+    assert audit(known, [track], body, 10.0, settings) == []
+
+
+@pytest.mark.parametrize("others", [0, 2])
+def test_only_who_are_or_were_near_are_known_together(others):
+    """Whoever else is there, far away."""
+    settings = settings_with()
+    tracks, bodies = zip(*(somebody(settings, TrackState.ACTIVE) for _ in range(2 + others)), strict=True)
+    state = bodies[0]
+    for k, (track, body) in enumerate(zip(tracks, bodies, strict=True)):
+        track.name = f"person_{k + 1}"
+        state = joined(state, body) if k else body
+    seen, known = np.ones((len(tracks), len(settings.rig)), dtype=bool), {}
+    alone = seen.copy()
+    alone[0] = False
+    for t, (apart_m, shown) in enumerate([(2.0, seen), (0.3, alone), (0.3, alone), (2.0, seen)]):
+        state.root[:] = 10.0 * np.arange(len(tracks))[:, None]
+        state.root[1] = state.root[0] + [apart_m, 0.0, 0.0]
+        contacts(known, list(tracks), state, shown, seen, float(t), 0.1, settings.tree.scale)
+    assert list(known) == [NAMES]
+    assert known[NAMES].mixed_s == pytest.approx(0.2)
+    assert known[NAMES].apart_s == 3.0

@@ -104,6 +104,22 @@ def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
     assert error_m(scene, told, LEFT.keypoints, -1) < 0.03
 
 
+def test_who_is_forgotten_leaves_nothing(scene):
+    """A live tracker does not grow by everybody who was ever there."""
+    options = Options(tracker=TrackerOptions(lost_after_s=0.1, forget_after_s=0.2))
+    tracker = tracker_of(scene.rig, WHOLE, usual_noise(scene.rig, options), options)
+    for i in range(20):
+        tracker.update(Frame.of(scene.detections, i))
+    assert all(part.known for part in tracker.parts)
+    seen = Frame.of(scene.detections, 19)
+    for i in range(20, 40):
+        time_s = seen.time_s + (i - 19) / RATE_HZ
+        nobody = replace(without(seen, np.arange(len(WHOLE))), time_s=time_s, number=seen.number + i - 19)
+        tracker.update(nobody)
+    assert not tracker.tracks
+    assert not any(part.known or part.tracks for part in tracker.parts)
+
+
 def test_a_hand_goes_on_in_one_view(scene):
     def change(i: int, frame: Frame) -> Frame:
         if i < 35:

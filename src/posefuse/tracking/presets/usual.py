@@ -104,7 +104,7 @@ class OddsScore:
         evidence = gain * seen.supported.sum(axis=1) + missed
         before = np.array([track.log_odds for track in tracks])
         after = before + evidence * min(1.0, seen.dt_s / o.evidence_time_s)
-        return np.clip(after, -o.most_log_odds, o.most_log_odds)
+        return np.minimum(np.maximum(after, -o.most_log_odds), o.most_log_odds)
 
     def begins_with(self, settings: Settings) -> float:
         """Half as certain as can be."""

@@ -1,0 +1,204 @@
+"""How fast people are followed, how soon the first frame is told, and what a tracker holds after hours of frames.
+
+``python -m benchmarks.tracking_speed [--only frames,first,memory] [--runs 5] [--minutes 60]``. Prints the tables of
+docs/benchmarks.md. One thread; times of frames are CPU times of frames after the first few, people coming and going.
+With the measured layer means that every person's keypoints are triangulated from their own detections, too, as
+``reconstruct`` does with its default options, in one go after the last frame.
+"""
+
+import argparse
+import gc
+import os
+import pickle
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.people import scene_of, tracker_for
+from posefuse.model.frames import Frame
+from posefuse.model.options import Options
+from posefuse.model.tracker_options import TrackerOptions
+from posefuse.pipeline import measure, prepare
+from posefuse.progress import Silent
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene
+
+FOUR = "4 people, 5 cameras, 20 keypoints"
+SCENES = {
+    FOUR: CrowdOptions("crowd", seed=0),
+    "10 people, 8 cameras, 20 keypoints": CrowdOptions("ten", seed=0),
+    "1 person, 5 cameras, 133 keypoints": CrowdOptions(
+        "crowd", people=1, duration_s=20.0, seed=0, skeleton="coco_wholebody_133"
+    ),
+}
+PARTS = ("frames", "first", "memory")
+_WARM_FRAMES = 50
+_LOOKS = 6
+"""How often the memory is looked at while it is watched."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one run over a scene, ms of CPU time.
+
+    Attributes:
+        median: of frames.
+        mean: of frames.
+        p99: of frames.
+        measured: a frame, what the measured layer of everybody takes besides.
+        smoothed: a person and frame, what the full smoother takes afterwards.
+    """
+
+    median: float
+    mean: float
+    p99: float
+    measured: float
+    smoothed: float
+
+
+def figures_of(scene: CrowdScene) -> Figures:
+    """Follow everybody once, and measure and smooth them once."""
+    spent = 1e3 * frame_s(scene)[_WARM_FRAMES:]
+    measured, smoothed = afterwards_ms(scene)
+    p99 = float(np.quantile(spent, 0.99))
+    return Figures(float(np.median(spent)), float(spent.mean()), p99, measured, smoothed)
+
+
+def frame_s(scene: CrowdScene) -> np.ndarray:
+    """Shape (frame,): CPU time of each frame of a live tracker."""
+    tracker = tracker_for(scene, TrackerOptions())
+    spent = np.empty(scene.detections.n_frames)
+    for i in range(len(spent)):
+        frame = Frame.of(scene.detections, i)
+        start = time.process_time()
+        tracker.update(frame)
+        spent[i] = time.process_time() - start
+    return spent
+
+
+def afterwards_ms(scene: CrowdScene) -> tuple[float, float]:
+    """CPU time of the measured layer, a frame, and of the full smoother, a person and frame."""
+    plan = prepare(scene.rig, scene.detections, Options(people="many"), Silent())
+    frames = plan.detections.n_frames
+    start = time.process_time()
+    measure(plan, 0, frames)
+    between = time.process_time()
+    people = [] if plan.bodies is None else plan.bodies.smoother().take(frames).bodies
+    smoothed = time.process_time() - between
+    return 1e3 * (between - start) / frames, 1e3 * smoothed / max(1, sum(len(each.places) for each in people))
+
+
+def frames(runs: int) -> None:
+    """Print how long frames take: the least of the runs, and in brackets their median."""
+    print("| ms | median | mean | p99 | median with the measured layer | smoothing, a person and frame |")
+    print("|---|---|---|---|---|---|")
+    for what, options in SCENES.items():
+        scene = scene_of(options)
+        frame_s(scene)
+        found = [figures_of(scene) for _ in range(runs)]
+        columns = [[getattr(each, name) for each in found] for name in ("median", "mean", "p99")]
+        columns.append([each.median + each.measured for each in found])
+        columns.append([each.smoothed for each in found])
+        cells = " | ".join(f"{min(column):.2f} ({statistics.median(column):.2f})" for column in columns)
+        print(f"| {what} | {cells} |", flush=True)
+
+
+_FIRST = """
+import pickle, sys, time
+import posefuse
+rig, skeleton, frames = pickle.load(open(sys.argv[1], "rb"))
+start = time.perf_counter()
+tracker = posefuse.Tracker(rig, skeleton)
+spent = []
+for frame in frames:
+    tracker.update(frame)
+    spent.append(time.perf_counter() - start)
+    start = time.perf_counter()
+print(spent[0], max(spent))
+"""
+
+
+def first(runs: int) -> None:
+    """Print how long a new process takes to its first frame, with an empty cache and with a warm one."""
+    scene = scene_of(SCENES[FOUR])
+    seen = [Frame.of(scene.detections, i) for i in range(100)]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "frames.pkl"
+        file.write_bytes(pickle.dumps((scene.rig, scene.detections.skeleton, seen)))
+        times = [_first_s(file, Path(folder) / "cache") for _ in range(1 + runs)]
+    print("| wall time, s | from the start of a process to its first frame told | slowest frame of the first 100 |")
+    print("|---|---|---|")
+    for what, some in (("empty cache", times[:1]), ("warm cache", times[1:])):
+        whole, slowest = (f"{min(each):.2f} to {max(each):.2f}" for each in zip(*some, strict=True))
+        print(f"| {what} | {whole} | {slowest} |", flush=True)
+
+
+def _first_s(file: Path, cache: Path) -> tuple[float, float]:
+    """Until the process has told its first frame, and the slowest frame."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    start = time.perf_counter()
+    process = subprocess.run(
+        [sys.executable, "-c", _FIRST, str(file)], env=environment, check=True, capture_output=True, text=True
+    )
+    whole = time.perf_counter() - start
+    first_s, slowest_s = (float(each) for each in process.stdout.split())
+    # What comes after the first frame takes as long as it says.
+    return whole if slowest_s == first_s else min(whole, whole - slowest_s + first_s), slowest_s
+
+
+def memory(minutes: float) -> None:
+    """Print what a live tracker holds while a scene is shown again and again for so long, people coming and going."""
+    scene = scene_of(SCENES[FOUR])
+    rate_hz = scene.detections.rate_hz or 25.0
+    tracker, length = tracker_for(scene, TrackerOptions()), scene.detections.n_frames
+    total = round(60.0 * minutes * rate_hz)
+    print(
+        "| frames | tracker pickled, kB | objects | memory of the process, MB | people so far |\n|---|---|---|---|---|"
+    )
+    for n in range(total):
+        again, i = divmod(n, length)
+        frame = Frame.of(scene.detections, i)
+        tracker.update(replace(frame, time_s=frame.time_s + again * length / rate_hz, number=n))
+        if (n + 1) % max(1, total // _LOOKS) == 0:
+            gc.collect()
+            kb = len(pickle.dumps(tracker)) / 1e3
+            print(
+                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.names} |", flush=True
+            )
+
+
+def _resident_mb() -> float:
+    """Of this process, NaN where the system does not say."""
+    file = Path("/proc/self/statm")
+    return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6 if file.exists() else float("nan")
+
+
+def main() -> None:
+    """Measure and print all parts, or those asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default=",".join(PARTS))
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    chosen = parser.parse_args()
+    only = chosen.only.split(",")
+    unknown = sorted(set(only) - set(PARTS))
+    if unknown:
+        parser.error(f"no {unknown}; there are {', '.join(PARTS)}")
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    if "frames" in only:
+        frames(chosen.runs)
+    if "first" in only:
+        first(chosen.runs)
+    if "memory" in only:
+        memory(chosen.minutes)
+
+
+if __name__ == "__main__":
+    main()

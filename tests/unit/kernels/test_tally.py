@@ -1,0 +1,57 @@
+"""Counts of a frame, beside the same in NumPy."""
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.articulated import GATED, UNSEEN, USED
+from posefuse.kernels.tally import foretell_views, weigh_views
+from posefuse.tracking.bodies import Uses
+
+SEEDS = range(5)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_became_of_keypoints(seed):
+    use = np.random.default_rng(seed).choice([USED, GATED, UNSEEN], size=(3, 4, 7))
+    uses = Uses.of(use)
+    np.testing.assert_array_equal(uses.of_view, (use == USED).sum(axis=2))
+    np.testing.assert_array_equal(uses.used, (use == USED).sum(axis=1))
+    np.testing.assert_array_equal(uses.gated, (use == GATED).sum(axis=1))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_who_should_be_seen(seed):
+    rng = np.random.default_rng(seed)
+    points, pixels = rng.normal(size=(3, 7, 3)), rng.uniform(-50.0, 150.0, size=(3, 4, 7, 2))
+    points[rng.random((3, 7)) < 0.3] = np.nan
+    pixels[rng.random((3, 4, 7)) < 0.3] = np.nan
+    sizes, chosen = np.tile([100.0, 80.0], (4, 1)), np.array([0, 2, 3, 6])
+    expected, middles = np.empty((3, 4), dtype=bool), np.empty((3, 3))
+    foretell_views(points, pixels, sizes, chosen, 0.5, expected, middles)
+    inside = ((pixels[:, :, chosen] >= 0.0) & (pixels[:, :, chosen] < sizes[:, None])).all(axis=-1)
+    np.testing.assert_array_equal(expected, inside.mean(axis=2) >= 0.5)
+    there = np.isfinite(points[:, chosen])
+    means = np.where(there, points[:, chosen], 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    np.testing.assert_allclose(middles, means)
+
+
+def test_half_of_the_core_is_enough_and_the_far_edge_is_outside():
+    pixels = np.array([[[[0.0, 0.0], [100.0, 0.0]], [[-0.1, 0.0], [0.0, 80.0]]]])
+    expected, middles = np.empty((1, 2), dtype=bool), np.empty((1, 3))
+    sizes, chosen = np.tile([100.0, 80.0], (2, 1)), np.arange(2)
+    foretell_views(np.full((1, 2, 3), np.nan), pixels, sizes, chosen, 0.5, expected, middles)
+    assert expected.tolist() == [[True, False]]
+    assert middles.tolist() == [[0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_how_well_views_fit(seed):
+    rng = np.random.default_rng(seed)
+    supported, expected = rng.random((5, 4)) < 0.6, rng.random((5, 4)) < 0.7
+    free, before, dt_s, fade = rng.integers(0, 3, 4), rng.random((3, 4)), 0.04, 0.9
+    after = before.copy()
+    weigh_views(supported, expected, free, fade, dt_s, *after)
+    sure = expected & (supported.sum(axis=1, keepdims=True) - supported >= 2)
+    missed = (sure & ~supported).sum(axis=0)
+    now = np.stack([sure.sum(axis=0), (sure & supported).sum(axis=0), np.minimum(free, missed)])
+    np.testing.assert_allclose(after, fade * before + dt_s * now)
