@@ -69,13 +69,13 @@ def _spread(first, matrix, second):
 
 
 @kernel
-def renew_errors(residuals, sigma, weights, kept, squares, counts):
+def renew_errors(residuals, sigma, used, kept, squares, counts):
     """What of each error is new, not left over from the last one seen: squared, in sigmas.
 
     Args:
         residuals: shape (keypoint, frame, view, 2), px.
         sigma: shape (keypoint, frame, view), px.
-        weights: shape (keypoint, frame, view).
+        used: shape (keypoint, frame, view): more than 0 where an error counts.
         kept: shape (frame,): the correlation of an error with that of the frame before.
         squares: shape (keypoint, frame, view), written: of both axes, over what is expected of one; 0 without.
         counts: the same shape, written: how many numbers that is of, 2 or 0.
@@ -88,7 +88,7 @@ def renew_errors(residuals, sigma, weights, kept, squares, counts):
                 shared *= kept[f]
                 squares[k, f, v] = 0.0
                 counts[k, f, v] = 0.0
-                if not weights[k, f, v] > _IN_TOUCH:
+                if not used[k, f, v] > 0.0:
                     continue
                 x = residuals[k, f, v, 0] / sigma[k, f, v]
                 y = residuals[k, f, v, 1] / sigma[k, f, v]

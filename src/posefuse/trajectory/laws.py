@@ -21,7 +21,15 @@ _ROUNDS = 8
 _SHORT_STEPS, _MOST_CHANGE = 3.0, 30.0
 _FEWEST_LENGTHS = 20
 _LAGS = (1, 2, 4, 8, 16, 32, 64)
-_LONGEST_S = 1.5
+_LONGEST_S, _FAR_S = 2.0, 0.6
+_MOST_LASTING = 0.95
+_LONGEST_MEMORY_S = 0.3
+"""Errors that last longer cannot be told from slow motion: they do not make paths smoother, only less certain."""
+
+_NONE = np.empty(0)
+_SLOWEST_S, _SLOWEST_STEPS = 0.5, 4.0
+"""No path is taken for so even that it remembers for longer."""
+
 _LEAST_CORRELATION, _MOST_CORRELATION = 0.1, 0.999
 _WHOLE = 0.9
 """Errors of changing size look no more correlated than this at no distance, although all of each of them lasts."""
@@ -46,6 +54,7 @@ class Laws(Rebuilt):
         length_m: shape (person, bone): bones as :class:`Bones` has them; NaN where unknown.
         length_sd_m: shape (person, bone): how much each differs from its length over time.
         correlation_s: how long detection errors last, the time in which their correlation falls to 1 / e; 0 if white.
+        lasting_share: share of the errors' variance that lasts throughout, as errors of the calibration do.
         fresh: shape (person,): mean square of what is new in errors from frame to frame, over what is expected.
         steady: shape (person,): how steadily views err: as if so many numbers had shown that they err as usual.
         size_m: shape (person,): the distance between the keypoints farthest apart, as it usually is; NaN if unknown.
@@ -57,6 +66,7 @@ class Laws(Rebuilt):
     length_m: np.ndarray
     length_sd_m: np.ndarray
     correlation_s: float
+    lasting_share: float
     fresh: np.ndarray
     steady: np.ndarray
     size_m: np.ndarray
@@ -77,6 +87,7 @@ class Laws(Rebuilt):
             spread,
             float(self.fresh[person]),
             float(self.steady[person]),
+            self.lasting_share,
         )
 
 
@@ -110,17 +121,19 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
         errors = errors or _Errors(len(part.rig))
         for observed in people:
             errors.add(observed)
-        lasting = errors.correlation_s() if options.correlation_s is None else options.correlation_s
+        correlation_s, share = errors.law(options)
         for own, observed in zip(sums, people, strict=True):
-            own.add(observed, bones, options, lasting, part.noise.spread)
+            own.add(observed, bones, options, Law(_NONE, _NONE, _NONE, correlation_s, part.noise.spread, lasting=share))
     if errors is None:
         raise DetectionsError("The trajectory solve was given no frames to learn from.")
     lengths = [each.lengths(options) for each in sums]
+    correlation_s, share = errors.law(options)
     return Laws(
         density=np.stack([each.density(options) for each in sums]),
         length_m=np.stack([length for length, _ in lengths]),
         length_sd_m=np.stack([sd for _, sd in lengths]),
-        correlation_s=errors.correlation_s() if options.correlation_s is None else options.correlation_s,
+        correlation_s=correlation_s,
+        lasting_share=share,
         fresh=np.array([each.errors[0] for each in sums]),
         steady=np.array([each.errors[1] for each in sums]),
         size_m=np.array([each.size_m for each in sums]),
@@ -170,13 +183,23 @@ class _Errors:
         total = self._counts.sum(axis=1)
         return np.divide(found, total, out=np.full(len(_LAGS), np.nan), where=total > 0.0)
 
-    def correlation_s(self) -> float:
-        """The time in which the correlation falls to 1 / e, if errors were an autoregression of the first order.
+    def law(self, options: TrajectoryOptions) -> tuple[float, float]:
+        """How long errors last, s, and the share of their variance that lasts throughout."""
+        found = self.correlations()
+        far = found[np.array(_LAGS) * self._step_s > _FAR_S]
+        far = far[np.isfinite(far)]
+        share = float(np.clip(far.mean(), 0.0, _MOST_LASTING)) if far.size else 0.0
+        share = share if share > _LEAST_CORRELATION else 0.0
+        if options.correlation_s is not None:
+            return options.correlation_s, share
+        return min(self._correlation_s((found - share) / (1.0 - share)), _LONGEST_MEMORY_S), share
+
+    def _correlation_s(self, found: np.ndarray) -> float:
+        """The time in which correlations fall to 1 / e, if errors were an autoregression of the first order.
 
         A share of them that falls exponentially is fitted to the correlations; the autoregression is the one that is as
         strong at low frequencies, where it tells from motion.
         """
-        found = self.correlations()
         told = int(np.argmin(np.append(found > _LEAST_CORRELATION, False)))
         if told == 0:
             return 0.0
@@ -208,14 +231,15 @@ class _Sums:
         self._sizes: list[float] = []
         self._errors: list[tuple[float, float]] = []
 
-    def add(
-        self, observed: Observed, bones: Bones, options: TrajectoryOptions, correlation_s: float, spread: float
-    ) -> None:
+    def add(self, observed: Observed, bones: Bones, options: TrajectoryOptions, law: Law) -> None:
         """A part more."""
         smoothness = Smoothness.of(options.prior, observed.time_s)
         alone = Bones(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
         solver = Solver(observed, smoothness, alone, replace(options, burst_s=0.0))
-        paths, density, known, errors = fit_density(solver, correlation_s, spread)
+        paths, density, known, errors = fit_density(solver, law)
+        if law.correlation_s > 0.0:
+            # What lasts may be motion or error. Taken for motion it costs little, taken for error the motion is gone.
+            density = np.fmax(density, fit_density(solver, replace(law, correlation_s=0.0))[1])
         self._errors.append(errors)
         told = np.where(np.isfinite(density), known, 0.0)
         self._known += told
@@ -250,7 +274,7 @@ class _Sums:
             low, high = np.fmin.reduce(points, axis=0), np.fmax.reduce(points, axis=0)
         extent = np.linalg.norm(high - low, axis=-1)
         extent = extent[seen.sum(axis=0) > 0.5 * len(seen)]
-        if extent.size:
+        if extent.size and np.median(extent) > 0.0:
             self._sizes.append(float(np.median(extent)))
 
     @property
@@ -294,25 +318,28 @@ def _filled(weighted: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(told, mean, np.exp(np.log(mean[told]).mean()))
 
 
-def fit_density(
-    solver: Solver, correlation_s: float, spread: float
-) -> tuple[Paths, np.ndarray, np.ndarray, tuple[float, float]]:
-    """Paths solved without bones, the density of each keypoint, how many numbers told of it, and how errors vary."""
+def fit_density(solver: Solver, law: Law) -> tuple[Paths, np.ndarray, np.ndarray, tuple[float, float]]:
+    """Paths solved without bones, the density of each keypoint, how many numbers told of it, and how errors vary.
+
+    Args:
+        solver: of a part, without bones.
+        law: of its errors; the rest of it does not count.
+    """
     observed, order = solver.observed, ORDERS[solver.options.prior]
+    step_s = observed.step_s
     paths = Paths.begin(observed, solver.smoothness, solver.options)
-    nothing = np.empty(0)
-    variance = solver.first_variance(paths, spread)
-    density = density_lasting(observed.step_s, variance, _SHORT_STEPS * observed.step_s, order)
-    law = Law(density, nothing, nothing, correlation_s, spread)
+    density = density_lasting(step_s, solver.first_variance(paths, law), _SHORT_STEPS * step_s, order)
     known = np.zeros(len(density))
+    fresh, steady = solver.steadiness(law)
+    law = replace(law, fresh=fresh, steady=steady)
+    scale = solver.scale(law)
+    slowest = max(_SLOWEST_S, _SLOWEST_STEPS * step_s)
     for number in range(_ROUNDS):
         law = replace(law, density=np.where(np.isfinite(density), density, 1.0))
-        paths = solver.round(paths, law, trusting=number < _ROUNDS // 2)
+        paths = solver.round(paths, law, scale, trusting=number < _ROUNDS // 2)
         known = paths.known.sum(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             change = paths.squares.sum(axis=1) / known
         density = density * np.clip(np.where(known > 0.0, change, 1.0), 1.0 / _MOST_CHANGE, _MOST_CHANGE)
-        if number >= _ROUNDS // 2 - 1:
-            fresh, steady = solver.steadiness(paths, law)
-            law = replace(law, fresh=fresh, steady=steady)
-    return paths, density, known, (law.fresh, law.steady)
+        density = np.maximum(density, density_lasting(step_s, paths.variance_m2, slowest, order))
+    return paths, density, known, (fresh, steady)

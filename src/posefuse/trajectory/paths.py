@@ -5,6 +5,7 @@ on, so that the density can follow the motion before anything is rejected for no
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -62,6 +63,7 @@ class Law:
         spread: of accepted errors, in units of the noise.
         fresh: mean square of what is new in errors, in units of what is expected.
         steady: how steadily a view errs: as if so many numbers had shown that it errs as usual.
+        lasting: share of the errors' variance that lasts throughout.
     """
 
     density: np.ndarray
@@ -71,6 +73,7 @@ class Law:
     spread: float
     fresh: float = 1.0
     steady: float = STEADIEST
+    lasting: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,8 @@ class Paths:
 
     Attributes:
         paths_m: shape (keypoint, frame, 3).
-        covariance_m2: shape (keypoint, frame, 3, 3).
+        covariance_m2: shape (keypoint, frame, 3, 3), of errors that pass.
+        lasting_m2: shape (keypoint, frame, 3, 3): of errors that last throughout.
         weights: shape (keypoint, frame, view): what each observation counted.
         alive: shape (keypoint, frame), bool: seen, or in a gap no longer than allowed.
         variance_m2: shape (keypoint,): of what a frame by itself says of the point, as it usually is.
@@ -90,6 +94,7 @@ class Paths:
 
     paths_m: np.ndarray
     covariance_m2: np.ndarray
+    lasting_m2: np.ndarray
     weights: np.ndarray
     alive: np.ndarray
     variance_m2: np.ndarray
@@ -106,6 +111,7 @@ class Paths:
         return cls(
             paths_m=paths,
             covariance_m2=np.zeros((keypoints, frames, 3, 3)),
+            lasting_m2=np.zeros((keypoints, frames, 3, 3)),
             weights=weights,
             alive=alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s),
             variance_m2=np.full(keypoints, np.nan),
@@ -134,26 +140,26 @@ class Solver:
     def solve(self, law: Law) -> Paths:
         """All rounds."""
         paths = Paths.begin(self.observed, self.smoothness, self.options)
+        scale = self.scale(law)
         for number in range(_TRUSTING + self.options.rounds):
-            paths = self.round(paths, law, trusting=number < _TRUSTING)
+            paths = self.round(paths, law, scale, trusting=number < _TRUSTING)
         return paths
 
-    def first_variance(self, paths: Paths, spread: float) -> np.ndarray:
+    def first_variance(self, paths: Paths, law: Law) -> np.ndarray:
         """Shape (keypoint,), m^2: of what a frame by itself says of the point, where the paths begin."""
         residuals, jacobians = self.observed.linear(paths.paths_m)
-        nothing = np.empty(0)
-        law = Law(nothing, nothing, nothing, 0.0, spread)
         rows = np.zeros(paths.lively.shape)
-        sigma = spread * self.observed.sigma_px
+        sigma = law.spread * self.observed.sigma_px
         _, _, seen = self._terms(residuals, jacobians, sigma, paths.weights, law, rows, paths)
         return usual_variance(seen, paths.weights)
 
-    def round(self, paths: Paths, law: Law, *, trusting: bool) -> Paths:
+    def round(self, paths: Paths, law: Law, scale: np.ndarray, *, trusting: bool) -> Paths:
         """One step.
 
         Args:
             paths: so far.
             law: of the person.
+            scale: shape (keypoint, frame, view): how much more each view errs than it usually does.
             trusting: whether views keep their weights.
         """
         observed, options = self.observed, self.options
@@ -163,8 +169,7 @@ class Solver:
         alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
         density = law.density[:, None] * paths.lively
         stiffness = self.smoothness.stiffness(density, alive)
-        sigma = law.spread * observed.sigma_px
-        sigma *= self._scale(residuals, sigma, weights, law)
+        sigma = law.spread * observed.sigma_px * scale
         band, pull, seen = self._terms(residuals, jacobians, sigma, weights, law, stiffness, paths)
         variance = usual_variance(seen, weights)
         steps, covariance = self._step(
@@ -174,9 +179,26 @@ class Solver:
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
         square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
         lively = self._liveliness(squares * paths.lively, known)
-        return Paths(
-            moved, covariance[:, :, 0].copy(), weights, alive, variance, lively, squares * paths.lively, known
-        )  # fmt: skip
+        own = covariance[:, :, 0].copy()
+        lasting = self._lasting(own, seen, law)
+        return Paths(moved, own, lasting, weights, alive, variance, lively, squares * paths.lively, known)
+
+    def _lasting(self, covariance_m2: np.ndarray, seen: np.ndarray, law: Law) -> np.ndarray:
+        """Covariance of what errors that last throughout do to the points, shape (keypoint, frame, 3, 3).
+
+        With the information ``I`` of one frame and the path's covariance ``P`` as if of ``n`` such frames, an error
+        that is the same in all of them moves the point by ``n P J^T e``; ``n`` is what makes ``n I`` no more than the
+        inverse of ``P`` in any direction. Directions that time or bones hold, not views, are not moved.
+        """
+        if law.lasting == 0.0:
+            return np.zeros_like(covariance_m2)
+        window = 2 * round(0.5 * self.options.max_gap_s / self.observed.step_s) + 1
+        kept = self._kept(law.correlation_s)[-1]
+        usual = uniform_filter1d(seen, window, axis=1, mode="nearest") * (1.0 + kept) / (1.0 - kept)
+        gain = covariance_m2 @ usual
+        # The root of the mean square of the eigenvalues, as good as the largest.
+        most = np.sqrt(np.maximum(np.einsum("kfij,kfji->kf", gain, gain), 1e-300) / 3.0)[..., None, None]
+        return law.lasting * (gain @ covariance_m2) / np.square(most)
 
     def _weights(self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray) -> np.ndarray:
         """Of each observation by how far it lies from where the path is, as well as that is known."""
@@ -227,34 +249,55 @@ class Solver:
         )
         return band, pull, seen
 
-    def _scale(self, residuals: np.ndarray, sigma_px: np.ndarray, weights: np.ndarray, law: Law) -> np.ndarray:
+    @cached_property
+    def disagreement(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far views lie from the measured points they make, and how much they tell by that.
+
+        Residuals (keypoint, frame, view, 2) in sigmas, larger by what the point took up of them; and the share it left,
+        (keypoint, frame, view), 0 where a view is not one the point rests on. They know nothing of time: what quick
+        motion does to a path that is too smooth is no error of a view.
+        """
+        observed = self.observed
+        there = np.asarray(np.isfinite(observed.points_m).all(axis=-1))
+        residuals, _ = observed.linear(np.where(there[..., None], observed.points_m, 0.0))
+        used = observed.agreed & np.isfinite(observed.sigma_px) & np.isfinite(residuals[..., 0]) & there[..., None]
+        count = used.sum(axis=-1)
+        used &= (count > 1)[..., None]
+        left = (np.maximum(2.0 * count - 3.0, 1.0) / np.maximum(2.0 * count, 1.0))[..., None]
+        scaled = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0) / np.sqrt(left)[..., None]
+        return scaled, np.where(used, left, 0.0)
+
+    @cached_property
+    def usually(self) -> np.ndarray:
+        """Shape (keypoint, frame, view): ones."""
+        return np.ones(self.observed.sigma_px.shape)
+
+    def scale(self, law: Law) -> np.ndarray:
         """Shape (keypoint, frame, view): how much more each view errs about a frame than it usually does.
 
-        From what of its errors is new in each frame: what is left over from the last one may as well be the path's.
+        From what of its errors is new in each frame: what is left over from the last one may as well be the point's.
         """
         if law.steady >= STEADIEST:
-            return np.ones(weights.shape)
-        total, count = self._new_errors(residuals, sigma_px, weights, law)
-        # Less than expected is what the path took up; more is more.
+            return self.usually
+        total, count = self._new_errors(law)
         scale = np.sqrt((law.steady + total / min(law.fresh, 1.0)) / (law.steady + count))
         # Of the variance of sizes, 2 / steady, about a third is of changes too quick to be seen.
         return np.clip(scale, _LEAST_SCALE, _MOST_SCALE) * np.sqrt(1.0 + 0.7 / law.steady)
 
-    def _new_errors(
-        self, residuals: np.ndarray, sigma_px: np.ndarray, weights: np.ndarray, law: Law
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _new_errors(self, law: Law) -> tuple[np.ndarray, np.ndarray]:
         """What is new in errors about each frame, squared, and how many numbers that is of."""
-        squares, counts = np.empty(weights.shape), np.empty(weights.shape)
-        renew_errors(residuals, sigma_px, weights, self._kept(law.correlation_s), squares, counts)
+        residuals, left = self.disagreement
+        squares, counts = np.empty(left.shape), np.empty(left.shape)
+        sigma = law.spread * self.usually
+        renew_errors(residuals, sigma, left, self._kept(law.correlation_s), squares, counts)
         window = 2 * round(0.5 * _ERRORS_S / self.observed.step_s) + 1
-        total = uniform_filter1d(squares, window, axis=1, mode="nearest") * window
-        return total, uniform_filter1d(counts, window, axis=1, mode="nearest") * window
+        total = uniform_filter1d(left * squares, window, axis=1, mode="nearest") * window
+        return total, uniform_filter1d(left * counts, window, axis=1, mode="nearest") * window
 
-    def steadiness(self, paths: Paths, law: Law) -> tuple[float, float]:
+    def steadiness(self, law: Law) -> tuple[float, float]:
         """``fresh`` and ``steady`` of a law: by how much more errors vary in size than chance would have it."""
-        residuals, _ = self.observed.linear(paths.paths_m)
-        total, count = self._new_errors(residuals, law.spread * self.observed.sigma_px, paths.weights, law)
-        told = count > 0.0
+        total, count = self._new_errors(law)
+        told = count > 0.5
         if not told.any():
             return 1.0, STEADIEST
         total, count = total[told], count[told]

@@ -83,7 +83,8 @@ def _person(
     counted = used & there[..., None]
     with np.errstate(invalid="ignore"):
         mean = np.where(counted, errors, 0.0).sum(axis=-1) / counted.sum(axis=-1)
-    covariance = np.stack([paths.covariance_m2[..., i, j] for i, j in _UPPER], axis=-1)
+    both = paths.covariance_m2 + paths.lasting_m2
+    covariance = np.stack([both[..., i, j] for i, j in _UPPER], axis=-1)
     source = np.where(there, Source.TRAJECTORY, Source.NONE)
     source[status == PointStatus.FILLED] = Source.FILLED
     by_frame = (
@@ -121,8 +122,11 @@ def judge(paths: Paths, before: np.ndarray, most_sd_m: float) -> np.ndarray:
     )
     missing = np.where(before >= PointStatus.NOT_SEEN, before, PointStatus.OUTLIER)
     status = np.where(paths.alive, status, missing)
-    variance = np.linalg.eigvalsh(paths.covariance_m2)[..., -1]
-    unknown = (variance > most_sd_m**2) & (status < PointStatus.NOT_SEEN)
+    both = paths.covariance_m2 + paths.lasting_m2
+    finite = np.asarray(np.isfinite(both).all(axis=(-1, -2)) & np.isfinite(paths.paths_m).all(axis=-1))
+    variance = np.linalg.eigvalsh(np.where(finite[..., None, None], both, 0.0))[..., -1]
+    unknown = ~finite | (variance > most_sd_m**2)
+    unknown &= status < PointStatus.NOT_SEEN
     return np.where(unknown, PointStatus.UNCERTAIN, status)
 
 

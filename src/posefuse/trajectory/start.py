@@ -21,7 +21,10 @@ def begin(observed: Observed) -> tuple[np.ndarray, np.ndarray]:
     usual = np.array(
         [np.median(own[own_there]) if own_there.any() else 0.0 for own, own_there in zip(off, there, strict=True)]
     )
-    fits = there & (off <= _FAR * usual[:, None])
+    # At the ends the middle lags behind by as much as the keypoint moves in half a window.
+    steps = np.linalg.norm(np.diff(middle, axis=1), axis=-1)
+    moves = np.median(steps, axis=1) * (window // 2) if steps.shape[1] else np.zeros(len(off))
+    fits = there & (off <= (_FAR * usual + 2.0 * moves)[:, None])
     paths = fill(np.where(fits[..., None], observed.points_m, np.nan), observed.time_s)
     return paths, np.where(observed.agreed & fits[..., None] & np.isfinite(observed.sigma_px), 1.0, 0.0)
 

@@ -38,6 +38,7 @@ def laws_of(density: float, length_sd_m: float = np.inf, correlation_s: float = 
         length_m=np.array([[0.3, 0.25]]),
         length_sd_m=np.full((1, 2), length_sd_m),
         correlation_s=correlation_s,
+        lasting_share=0.0,
         fresh=np.ones(1),
         steady=np.full(1, STEADIEST),
         size_m=np.array([0.5]),
