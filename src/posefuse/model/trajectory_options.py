@@ -39,8 +39,8 @@ class TrajectoryOptions:
 
     prior: SmoothnessPrior = "jerk"
     density: float | None = None
-    burst_s: float = 0.2
-    calm: float = 0.02
+    burst_s: float = 0.1
+    calm: float = 0.005
     bones: bool = True
     least_bone_share: float = 0.003
     correlation_s: float | None = None
