@@ -15,6 +15,8 @@ class PointStatus(IntEnum):
     WEAK_GEOMETRY = codes.POINT_WEAK_GEOMETRY
     AMBIGUOUS = codes.POINT_AMBIGUOUS
     SINGLE_VIEW = codes.POINT_SINGLE_VIEW
+    HELD = codes.POINT_HELD
+    FILLED = codes.POINT_FILLED
     NOT_SEEN = codes.POINT_NOT_SEEN
     TOO_FEW_VIEWS = codes.POINT_TOO_FEW_VIEWS
     DEGENERATE = codes.POINT_DEGENERATE
@@ -23,6 +25,7 @@ class PointStatus(IntEnum):
     OUTLIER = codes.POINT_OUTLIER
     ABSENT = codes.POINT_ABSENT
     UNDECIDED = codes.POINT_UNDECIDED
+    UNCERTAIN = codes.POINT_UNCERTAIN
 
     @property
     def label(self) -> str:
@@ -95,6 +98,8 @@ _POINT_SENTENCES = {
     PointStatus.WEAK_GEOMETRY: "measured, but the rays are so nearly parallel that the depth is poorly known",
     PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
+    PointStatus.HELD: "seen by one camera: held in depth by the time before and after and by bones",
+    PointStatus.FILLED: "seen by no camera: from the time before and after and from bones",
     PointStatus.NOT_SEEN: "no valid detection, or nothing followed has it",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
     PointStatus.DEGENERATE: "the rays do not fix a point",
@@ -103,6 +108,7 @@ _POINT_SENTENCES = {
     PointStatus.OUTLIER: "the views contradict each other",
     PointStatus.ABSENT: "the person is not there",
     PointStatus.UNDECIDED: "two places far apart explain the views equally well",
+    PointStatus.UNCERTAIN: "known too badly to be given",
 }
 
 _VIEW_SENTENCES = {

@@ -1,0 +1,197 @@
+"""Systems that join each frame with its three neighbours: the paths of keypoints over time.
+
+The matrix of a path is symmetric, with blocks of 3 x 3: ``band[f, m]`` is that of frames ``f`` and ``f - m``. It is
+factored as ``U D U^T``, ``U`` unit lower triangular with the same band; the blocks of the inverse within the band
+follow from the factor alone, last frame first (K. Takahashi et al. 1973; Erisman & Tinney, "On computing certain
+elements of the inverse of a sparse matrix", Communications of the ACM 18, 1975).
+"""
+
+import math
+
+import numpy as np
+
+from posefuse.kernels.jit import dense, inline, kernel
+
+REACH = 3
+"""How many frames back a frame is joined with."""
+
+_LEAST_PIVOT = 1e-13
+
+
+@inline
+def subtract_product(left, right, out):
+    """``out -= left right^T``, 3 x 3 each."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] -= left[i, 0] * right[j, 0] + left[i, 1] * right[j, 1] + left[i, 2] * right[j, 2]
+
+
+@dense
+def invert_3(matrix, out):
+    """Inverse of a symmetric positive 3 x 3 matrix; returns the logarithm of its determinant.
+
+    Pivots that rounding took away are put at a tiny share of the matrix: what is not known stays finite.
+    """
+    least = _LEAST_PIVOT * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) + 1e-300
+    d0 = max(matrix[0, 0], least)
+    l1 = matrix[1, 0] / d0
+    l2 = matrix[2, 0] / d0
+    d1 = max(matrix[1, 1] - l1 * matrix[1, 0], least)
+    e = matrix[2, 1] - l1 * matrix[2, 0]
+    l3 = e / d1
+    d2 = max(matrix[2, 2] - l2 * matrix[2, 0] - l3 * e, least)
+    w0 = 1.0 / d0
+    w1 = 1.0 / d1
+    w2 = 1.0 / d2
+    m = l1 * l3 - l2
+    out[0, 0] = w0 + l1 * l1 * w1 + m * m * w2
+    out[0, 1] = out[1, 0] = -l1 * w1 - m * l3 * w2
+    out[0, 2] = out[2, 0] = m * w2
+    out[1, 1] = w1 + l3 * l3 * w2
+    out[1, 2] = out[2, 1] = -l3 * w2
+    out[2, 2] = w2
+    return math.log(d0) + math.log(d1) + math.log(d2)
+
+
+@dense
+def factor_path(band, lower, inverse, room):
+    """Factor one path's matrix; returns the logarithm of its determinant.
+
+    Args:
+        band: shape (frame, REACH + 1, 3, 3).
+        lower: shape (frame, REACH, 3, 3), written: ``U``, of frames ``f`` and ``f - m`` at ``[f, m - 1]``.
+        inverse: shape (frame, 3, 3), written: of the blocks of ``D``.
+        room: shape (REACH + 2, 3, 3).
+    """
+    total = 0.0
+    for f in range(band.shape[0]):
+        back = min(REACH, f)
+        for m in range(back, 0, -1):
+            x = room[m]
+            for i in range(3):
+                for j in range(3):
+                    x[i, j] = band[f, m, i, j]
+            for n in range(m + 1, back + 1):
+                subtract_product(room[n], lower[f - m, n - m - 1], x)
+        pivot = room[0]
+        for i in range(3):
+            for j in range(3):
+                pivot[i, j] = band[f, 0, i, j]
+        for m in range(1, back + 1):
+            u = lower[f, m - 1]
+            x = room[m]
+            d = inverse[f - m]
+            for i in range(3):
+                for j in range(3):
+                    u[i, j] = x[i, 0] * d[0, j] + x[i, 1] * d[1, j] + x[i, 2] * d[2, j]
+            subtract_product(x, u, pivot)
+        total += invert_3(pivot, inverse[f])
+    return total
+
+
+@dense
+def solve_path(lower, inverse, vector):
+    """Solve ``U D U^T x = vector``, shape (frame, 3), in place."""
+    frames = vector.shape[0]
+    for f in range(frames):
+        for m in range(1, min(REACH, f) + 1):
+            u = lower[f, m - 1]
+            y = vector[f - m]
+            for i in range(3):
+                vector[f, i] -= u[i, 0] * y[0] + u[i, 1] * y[1] + u[i, 2] * y[2]
+    for f in range(frames - 1, -1, -1):
+        x = vector[f, 0]
+        y = vector[f, 1]
+        z = vector[f, 2]
+        d = inverse[f]
+        for i in range(3):
+            vector[f, i] = d[i, 0] * x + d[i, 1] * y + d[i, 2] * z
+        for m in range(1, min(REACH, frames - 1 - f) + 1):
+            u = lower[f + m, m - 1]
+            y = vector[f + m]
+            for i in range(3):
+                vector[f, i] -= u[0, i] * y[0] + u[1, i] * y[1] + u[2, i] * y[2]
+
+
+@dense
+def invert_path(lower, inverse, covariance):
+    """The inverse within the band, in the layout of the band.
+
+    Args:
+        lower: from :func:`factor_path`.
+        inverse: from :func:`factor_path`.
+        covariance: shape (frame, REACH + 1, 3, 3), written: of frames ``f`` and ``f - m`` at ``[f, m]``.
+    """
+    frames = covariance.shape[0]
+    for f in range(frames - 1, -1, -1):
+        ahead = min(REACH, frames - 1 - f)
+        for m in range(1, ahead + 1):
+            z = covariance[f + m, m]
+            for i in range(3):
+                for j in range(3):
+                    z[i, j] = 0.0
+            for n in range(1, ahead + 1):
+                u = lower[f + n, n - 1]
+                # Of the frames f + m and f + n: the block stands with the later one.
+                if m >= n:
+                    other = covariance[f + m, m - n]
+                    for i in range(3):
+                        for j in range(3):
+                            z[i, j] -= other[i, 0] * u[0, j] + other[i, 1] * u[1, j] + other[i, 2] * u[2, j]
+                else:
+                    other = covariance[f + n, n - m]
+                    for i in range(3):
+                        for j in range(3):
+                            z[i, j] -= other[0, i] * u[0, j] + other[1, i] * u[1, j] + other[2, i] * u[2, j]
+        own = covariance[f, 0]
+        for i in range(3):
+            for j in range(3):
+                own[i, j] = inverse[f, i, j]
+        for m in range(1, ahead + 1):
+            u = lower[f + m, m - 1]
+            z = covariance[f + m, m]
+            for i in range(3):
+                for j in range(3):
+                    own[i, j] -= z[0, i] * u[0, j] + z[1, i] * u[1, j] + z[2, i] * u[2, j]
+        # What rounding makes unsymmetric would grow from frame to frame.
+        for i in range(3):
+            for j in range(i):
+                own[i, j] = own[j, i] = 0.5 * (own[i, j] + own[j, i])
+
+
+@dense
+def times_path(band, vector, out):
+    """``out = A vector``, shape (frame, 3), for a path's matrix ``A``."""
+    frames = vector.shape[0]
+    for f in range(frames):
+        a = band[f, 0]
+        for i in range(3):
+            out[f, i] = a[i, 0] * vector[f, 0] + a[i, 1] * vector[f, 1] + a[i, 2] * vector[f, 2]
+        for m in range(1, min(REACH, f) + 1):
+            a = band[f, m]
+            g = f - m
+            for i in range(3):
+                out[f, i] += a[i, 0] * vector[g, 0] + a[i, 1] * vector[g, 1] + a[i, 2] * vector[g, 2]
+                out[g, i] += a[0, i] * vector[f, 0] + a[1, i] * vector[f, 1] + a[2, i] * vector[f, 2]
+
+
+@kernel
+def factor_paths(band, lower, inverse, log_determinants):
+    """Factor every path's matrix; first axis the keypoint, the others as of :func:`factor_path`."""
+    room = np.empty((REACH + 2, 3, 3))
+    for k in range(band.shape[0]):
+        log_determinants[k] = factor_path(band[k], lower[k], inverse[k], room)
+
+
+@kernel
+def solve_paths(lower, inverse, vectors):
+    """Solve every path by itself, vectors of shape (keypoint, frame, 3), in place."""
+    for k in range(vectors.shape[0]):
+        solve_path(lower[k], inverse[k], vectors[k])
+
+
+@kernel
+def invert_paths(lower, inverse, covariance):
+    """The inverse within the band of every path; shape (keypoint, frame, REACH + 1, 3, 3), written."""
+    for k in range(covariance.shape[0]):
+        invert_path(lower[k], inverse[k], covariance[k])

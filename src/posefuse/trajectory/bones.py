@@ -1,0 +1,42 @@
+"""Bones as the solve sees them: edges of the skeleton, and the forest that tells keypoints of their neighbours."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from posefuse.model.skeletons import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Bones:
+    """Which keypoints are joined.
+
+    Attributes:
+        ends: shape (bone, 2), int64.
+        order: shape (tree bone, 2), int64: bones of a forest, those nearest to a root first, and which end is outer.
+    """
+
+    ends: np.ndarray
+    order: np.ndarray
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> Self:
+        """The skeleton's edges, each once."""
+        if not len(skeleton.edge_indices):
+            return cls(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
+        ends = np.unique(np.sort(skeleton.edge_indices, axis=1), axis=0)
+        n = len(skeleton)
+        graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
+        _, label = connected_components(graph, directed=False)
+        number = {(int(a), int(b)): i for i, (a, b) in enumerate(ends)}
+        order = []
+        for root in np.unique(label, return_index=True)[1]:
+            found, parent = breadth_first_order(graph, int(root), directed=False)
+            for outer in found[1:]:
+                inner = parent[outer]
+                bone = number[min(int(inner), int(outer)), max(int(inner), int(outer))]
+                order.append((bone, int(ends[bone, 0] != outer)))
+        return cls(np.ascontiguousarray(ends, dtype=np.int64), np.array(order, dtype=np.int64).reshape(-1, 2))

@@ -1,0 +1,260 @@
+"""Paths of one person's keypoints: rounds of weighing views, making everything linear, and solving.
+
+Every round is one Gauss-Newton step on all paths together. The first ones trust the views the measured points rest
+on, so that the density can follow the motion before anything is rejected for not being smooth.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from posefuse.kernels.trajectory_band import REACH, factor_paths, invert_paths
+from posefuse.kernels.trajectory_terms import (
+    add_to_diagonal,
+    assemble,
+    direct_bones,
+    pass_messages,
+    pull_bones,
+    solve_jointly,
+    square_differences,
+    weigh,
+)
+from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.observed import Observed
+from posefuse.trajectory.smoothness import Smoothness, alive_frames
+from posefuse.trajectory.start import begin
+
+_RIDGE = 1e-9
+_MOST_STEPS = 30
+_TOLERANCE = 1e-3
+_TRUSTING = 2
+"""So many rounds weigh views as the measured points do."""
+
+_BONE_S = 0.05
+"""A bone's length differs from its own for about so long at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """What one person's paths are solved with.
+
+    Attributes:
+        density: shape (keypoint,): of the white jerk or acceleration.
+        length_m: shape (bone,).
+        length_sd_m: shape (bone,): inf where a bone tells nothing.
+        correlation_s: how long detection errors last; 0 if they are white.
+        spread: of accepted errors, in units of the noise.
+    """
+
+    density: np.ndarray
+    length_m: np.ndarray
+    length_sd_m: np.ndarray
+    correlation_s: float
+    spread: float
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Paths between two rounds.
+
+    Attributes:
+        paths_m: shape (keypoint, frame, 3).
+        covariance_m2: shape (keypoint, frame, 3, 3).
+        weights: shape (keypoint, frame, view): what each observation counted.
+        alive: shape (keypoint, frame), bool: seen, or in a gap no longer than allowed.
+        variance_m2: shape (keypoint,): of what a frame by itself says of the point, as it usually is.
+        lively: shape (keypoint, row): the density next to the keypoint's own.
+        squares: shape (keypoint, row): squared differences of frames, over what the keypoint's own density expects.
+        known: shape (keypoint, row): how many numbers the data determine of each.
+    """
+
+    paths_m: np.ndarray
+    covariance_m2: np.ndarray
+    weights: np.ndarray
+    alive: np.ndarray
+    variance_m2: np.ndarray
+    lively: np.ndarray
+    squares: np.ndarray
+    known: np.ndarray
+
+    @classmethod
+    def begin(cls, observed: Observed, smoothness: Smoothness, options: TrajectoryOptions) -> Self:
+        """The measured points, and what lies between them."""
+        paths, weights = begin(observed)
+        keypoints, frames, _ = paths.shape
+        rows = np.ones((keypoints, len(smoothness.time_s)))
+        return cls(
+            paths_m=paths,
+            covariance_m2=np.zeros((keypoints, frames, 3, 3)),
+            weights=weights,
+            alive=alive_frames(weights.any(axis=-1), observed.time_s, options.max_gap_s),
+            variance_m2=np.full(keypoints, np.nan),
+            lively=rows,
+            squares=rows,
+            known=3.0 * rows,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """One person's problem.
+
+    Attributes:
+        observed: what views saw.
+        smoothness: the prior.
+        bones: of the skeleton.
+        options: of the solve.
+    """
+
+    observed: Observed
+    smoothness: Smoothness
+    bones: Bones
+    options: TrajectoryOptions
+
+    def solve(self, law: Law) -> Paths:
+        """All rounds."""
+        paths = Paths.begin(self.observed, self.smoothness, self.options)
+        for number in range(_TRUSTING + self.options.rounds):
+            paths = self.round(paths, law, trusting=number < _TRUSTING)
+        return paths
+
+    def first_variance(self, paths: Paths, spread: float) -> np.ndarray:
+        """Shape (keypoint,), m^2: of what a frame by itself says of the point, where the paths begin."""
+        residuals, jacobians = self.observed.linear(paths.paths_m)
+        nothing = np.empty(0)
+        law = Law(nothing, nothing, nothing, 0.0, spread)
+        rows = np.zeros(paths.lively.shape)
+        _, _, seen = self._terms(residuals, jacobians, paths.weights, law, rows, paths)
+        return usual_variance(seen, paths.weights)
+
+    def round(self, paths: Paths, law: Law, *, trusting: bool) -> Paths:
+        """One step.
+
+        Args:
+            paths: so far.
+            law: of the person.
+            trusting: whether views keep their weights.
+        """
+        observed, options = self.observed, self.options
+        residuals, jacobians = observed.linear(paths.paths_m)
+        weights = paths.weights if trusting else self._weights(residuals, jacobians, paths.covariance_m2)
+        alive = alive_frames(weights.any(axis=-1), observed.time_s, options.max_gap_s)
+        density = law.density[:, None] * paths.lively
+        stiffness = self.smoothness.stiffness(density, alive)
+        band, pull, seen = self._terms(residuals, jacobians, weights, law, stiffness, paths)
+        variance = usual_variance(seen, weights)
+        steps, covariance = self._step(paths.paths_m, band, pull, seen, self._tightness(law, alive), law.length_m)
+        moved = paths.paths_m + steps
+        squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
+        square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
+        lively = self._liveliness(squares * paths.lively, known)
+        return Paths(
+            moved, covariance[:, :, 0].copy(), weights, alive, variance, lively, squares * paths.lively, known
+        )  # fmt: skip
+
+    def _weights(self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray) -> np.ndarray:
+        """Of each observation by how far it lies from where the path is, as well as that is known."""
+        observed, options = self.observed, self.options
+        weights = np.empty(observed.sigma_px.shape)
+        n, views = weights.shape[0] * weights.shape[1], weights.shape[2]
+        weigh(
+            residuals.reshape(n, views, 2),
+            jacobians.reshape(n, views, 2, 3),
+            observed.sigma_px.reshape(n, views),
+            covariance_m2.reshape(n, 3, 3),
+            options.full_sigma,
+            options.none_sigma,
+            weights.reshape(n, views),
+        )
+        return weights
+
+    def _terms(
+        self,
+        residuals: np.ndarray,
+        jacobians: np.ndarray,
+        weights: np.ndarray,
+        law: Law,
+        stiffness: np.ndarray,
+        paths: Paths,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The band, the pull, and the information of single frames."""
+        keypoints, frames, _ = paths.paths_m.shape
+        band, pull = np.empty((keypoints, frames, REACH + 1, 3, 3)), np.empty((keypoints, frames, 3))
+        seen = np.empty((keypoints, frames, 3, 3))
+        known = np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf)
+        ridge = _RIDGE / known + 1e-12
+        assemble(
+            residuals,
+            jacobians,
+            law.spread * self.observed.sigma_px,
+            weights,
+            self._kept(law.correlation_s),
+            self.smoothness.differences,
+            stiffness,
+            paths.paths_m,
+            ridge,
+            band,
+            pull,
+            seen,
+        )
+        return band, pull, seen
+
+    def _kept(self, correlation_s: float) -> np.ndarray:
+        """Shape (frame,): the correlation of an error with that of the frame before."""
+        kept = np.zeros(len(self.observed.time_s))
+        if correlation_s > 0.0:
+            kept[1:] = np.exp(-np.diff(self.observed.time_s) / correlation_s)
+        return kept
+
+    def _tightness(self, law: Law, alive: np.ndarray) -> np.ndarray:
+        """Shape (bone, frame): one over the variance of each length, as if frames told of it one by one."""
+        ends = self.bones.ends
+        share = min(self.observed.step_s / (2.0 * _BONE_S), 1.0)
+        with np.errstate(divide="ignore"):
+            own = share / np.square(law.length_sd_m)
+        return np.where(alive[ends[:, 0]] & alive[ends[:, 1]], own[:, None], 0.0)
+
+    def _step(
+        self,
+        paths_m: np.ndarray,
+        band: np.ndarray,
+        pull: np.ndarray,
+        seen: np.ndarray,
+        tightness: np.ndarray,
+        length_m: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where everything pulls the paths, and the covariance within the band."""
+        ends, order = self.bones.ends, self.bones.order
+        keypoints, frames, _ = paths_m.shape
+        directions, excess = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
+        direct_bones(ends, length_m, paths_m, directions, excess)
+        told = np.empty_like(seen)
+        pass_messages(ends, order, directions, tightness, seen, told, np.empty((len(order), 3, 3)))
+        add_to_diagonal(told, band)
+        pull_bones(ends, directions, tightness, excess, pull)
+        lower, inverse = np.empty((keypoints, frames, REACH, 3, 3)), np.empty((keypoints, frames, 3, 3))
+        factor_paths(band, lower, inverse, np.empty(keypoints))
+        steps, covariance = np.empty_like(pull), np.empty_like(band)
+        solve_jointly(
+            band, told, lower, inverse, ends, directions, tightness, pull, _MOST_STEPS, _TOLERANCE, steps
+        )  # fmt: skip
+        invert_paths(lower, inverse, covariance)
+        return steps, covariance
+
+    def _liveliness(self, squares: np.ndarray, known: np.ndarray) -> np.ndarray:
+        if self.options.burst_s <= 0.0 or not squares.shape[1]:
+            return np.ones_like(squares)
+        step_s = self.observed.step_s
+        window = 2 * round(0.5 * self.options.burst_s / step_s) + 1
+        return self.smoothness.local(squares, known, window, self.options.calm / step_s)
+
+
+def usual_variance(seen: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Shape (keypoint,), m^2: of what a frame by itself says, in the median of those seen; NaN if there are none."""
+    trace = np.trace(seen, axis1=-2, axis2=-1) / 3.0
+    there = weights.any(axis=-1)
+    return np.array(
+        [1.0 / np.median(own[known]) if known.any() else np.nan for own, known in zip(trace, there, strict=True)]
+    )
