@@ -58,6 +58,41 @@ def _spread(first, matrix, second):
     return total
 
 
+@kernel
+def renew_errors(residuals, sigma, weights, kept, squares, counts):
+    """What of each error is new, not left over from the last one seen: squared, in sigmas.
+
+    Args:
+        residuals: shape (keypoint, frame, view, 2), px.
+        sigma: shape (keypoint, frame, view), px.
+        weights: shape (keypoint, frame, view).
+        kept: shape (frame,): the correlation of an error with that of the frame before.
+        squares: shape (keypoint, frame, view), written: of both axes, over what is expected of one; 0 without.
+        counts: the same shape, written: how many numbers that is of, 2 or 0.
+    """
+    for k in range(residuals.shape[0]):
+        for v in range(residuals.shape[2]):
+            last = -1
+            shared = 1.0
+            for f in range(residuals.shape[1]):
+                shared *= kept[f]
+                squares[k, f, v] = 0.0
+                counts[k, f, v] = 0.0
+                if not weights[k, f, v] > _IN_TOUCH:
+                    continue
+                x = residuals[k, f, v, 0] / sigma[k, f, v]
+                y = residuals[k, f, v, 1] / sigma[k, f, v]
+                c = 0.0
+                if last >= 0 and f - last <= REACH:
+                    c = shared
+                    x -= c * residuals[k, last, v, 0] / sigma[k, last, v]
+                    y -= c * residuals[k, last, v, 1] / sigma[k, last, v]
+                squares[k, f, v] = (x * x + y * y) / (1.0 - c * c)
+                counts[k, f, v] = 2.0
+                last = f
+                shared = 1.0
+
+
 @inline
 def _add_outer(first, second, factor, out):
     """``out += factor first^T second`` of two observations' derivatives, 2 x 3 each."""

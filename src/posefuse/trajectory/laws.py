@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammaln, hyp2f1
 
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import DetectionsError
@@ -20,7 +21,10 @@ _ROUNDS = 8
 
 _SHORT_STEPS, _MOST_CHANGE = 3.0, 30.0
 _FEWEST_LENGTHS = 20
-_LEAST_CORRELATION = 0.1
+_LAGS = (1, 2, 4, 8, 16, 32, 64)
+_LONGEST_S = 1.5
+_LEAST_CORRELATION, _MOST_CORRELATION = 0.1, 0.999
+_CORRELATIONS = np.linspace(-1.0, 1.0, 401)
 _MARGIN = 12.0
 """Time constants after which what came before has been forgotten, to less than a hundredth of the uncertainty."""
 
@@ -36,6 +40,8 @@ class Laws(Rebuilt):
         length_m: shape (person, bone): bones as :class:`Bones` has them; NaN where unknown.
         length_sd_m: shape (person, bone): how much each differs from its length over time.
         correlation_s: how long detection errors last, the time in which their correlation falls to 1 / e; 0 if white.
+        fresh: shape (person,): mean square of what is new in errors from frame to frame, over what is expected.
+        steady: shape (person,): how steadily views err: as if so many numbers had shown that they err as usual.
         size_m: shape (person,): the distance between the keypoints farthest apart, as it usually is; NaN if unknown.
         lasting_s: shape (person, keypoint): the smoother's time constant.
         max_gap_s: longer ones divide a path.
@@ -45,17 +51,27 @@ class Laws(Rebuilt):
     length_m: np.ndarray
     length_sd_m: np.ndarray
     correlation_s: float
+    fresh: np.ndarray
+    steady: np.ndarray
     size_m: np.ndarray
     lasting_s: np.ndarray
     max_gap_s: float
 
     def __post_init__(self) -> None:
-        for name in ("density", "length_m", "length_sd_m", "size_m", "lasting_s"):
+        for name in ("density", "length_m", "length_sd_m", "fresh", "steady", "size_m", "lasting_s"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def of(self, person: int, spread: float) -> Law:
         """One person's."""
-        return Law(self.density[person], self.length_m[person], self.length_sd_m[person], self.correlation_s, spread)
+        return Law(
+            self.density[person],
+            self.length_m[person],
+            self.length_sd_m[person],
+            self.correlation_s,
+            spread,
+            float(self.fresh[person]),
+            float(self.steady[person]),
+        )
 
 
 def margin_s(laws: Laws) -> float:
@@ -79,15 +95,19 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
     Raises:
         DetectionsError: if there is no part.
     """
-    bones, errors, sums = Bones.of(skeleton), _Errors(), None
+    bones = Bones.of(skeleton)
+    sums: list[_Sums] = []
+    errors = None
     for part in parts:
-        errors.add(part)
-        people = part.tracks.detection.shape[1]
-        sums = sums or [_Sums(len(skeleton), len(bones.ends)) for _ in range(people)]
-        correlation_s = errors.correlation_s() if options.correlation_s is None else options.correlation_s
-        for person in range(people):
-            sums[person].add(Observed.of(part, person), bones, options, correlation_s, part.noise.spread)
-    if sums is None:
+        people = [Observed.of(part, person) for person in range(part.tracks.detection.shape[1])]
+        sums = sums or [_Sums(len(skeleton), len(bones.ends)) for _ in people]
+        errors = errors or _Errors(len(part.rig))
+        for observed in people:
+            errors.add(observed)
+        lasting = errors.correlation_s() if options.correlation_s is None else options.correlation_s
+        for own, observed in zip(sums, people, strict=True):
+            own.add(observed, bones, options, lasting, part.noise.spread)
+    if errors is None:
         raise DetectionsError("The trajectory solve was given no frames to learn from.")
     lengths = [each.lengths(options) for each in sums]
     return Laws(
@@ -95,6 +115,8 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
         length_m=np.stack([length for length, _ in lengths]),
         length_sd_m=np.stack([sd for _, sd in lengths]),
         correlation_s=errors.correlation_s() if options.correlation_s is None else options.correlation_s,
+        fresh=np.array([each.errors[0] for each in sums]),
+        steady=np.array([each.errors[1] for each in sums]),
         size_m=np.array([each.size_m for each in sums]),
         lasting_s=np.stack([each.lasting_s(options) for each in sums]),
         max_gap_s=options.max_gap_s,
@@ -102,38 +124,68 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
 
 
 class _Errors:
-    """How alike a view's errors are from one frame to the next, summed over parts.
+    """How alike errors are some frames apart, summed over parts.
 
-    Residuals of measured points, in units of their noise, leave out what the point took up; where the same views see a
-    point twice in about the same place, both leave out the same, and the ratio of their products to their squares is
-    the correlation of the errors.
+    Told by the angle between the residuals of a measured point, over all its views, and those of the same keypoint some
+    frames later: of which size errors are, and whether that lasts, does not matter. Residuals leave out what the point
+    took up; where the same views see it twice in about the same place, both leave out the same.
     """
 
-    def __init__(self) -> None:
-        self._products = 0.0
-        self._squares = 0.0
-        self._step_s = 0.0
+    def __init__(self, views: int) -> None:
+        self._cosines = np.zeros((len(_LAGS), 2 * views))
+        self._counts = np.zeros((len(_LAGS), 2 * views))
+        self._step_s = 1.0
 
-    def add(self, part: Measured) -> None:
-        """A part more."""
-        for person in range(part.tracks.detection.shape[1]):
-            observed = Observed.of(part, person)
-            used = observed.agreed & np.isfinite(observed.sigma_px)
-            residuals, _ = observed.linear(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
-            off = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0)
-            # Two views leave one number of four, three leave three of six: alike only if the same views are used.
-            same = (used[:, 1:] == used[:, :-1]).all(axis=-1) & (used[:, 1:].sum(axis=-1) > 1)
-            now, before = off[:, 1:][same], off[:, :-1][same]
-            self._products += float((now * before).sum())
-            self._squares += 0.5 * float(np.square(now).sum() + np.square(before).sum())
-            self._step_s = observed.step_s
+    def add(self, observed: Observed) -> None:
+        """A person's part more."""
+        self._step_s = observed.step_s
+        used = observed.agreed & np.isfinite(observed.sigma_px)
+        residuals, _ = observed.linear(np.where(np.isfinite(observed.points_m), observed.points_m, 0.0))
+        off = np.where(used[..., None], residuals / observed.sigma_px[..., None], 0.0)
+        size = np.sqrt(np.square(off).sum(axis=(2, 3)))
+        freedom = np.maximum(2 * used.sum(axis=-1) - 3, 0)
+        for n, lag in enumerate(_LAGS):
+            if lag * self._step_s > _LONGEST_S or lag >= used.shape[1] // 2:
+                break
+            same = (used[:, lag:] == used[:, :-lag]).all(axis=-1) & (freedom[:, lag:] > 0)
+            both = size[:, lag:] * size[:, :-lag]
+            same &= both > 0.0
+            cosine = (off[:, lag:] * off[:, :-lag]).sum(axis=(2, 3))[same] / both[same]
+            self._cosines[n] += np.bincount(freedom[:, lag:][same], cosine, self._cosines.shape[1])
+            self._counts[n] += np.bincount(freedom[:, lag:][same], minlength=self._counts.shape[1])
+
+    def correlations(self) -> np.ndarray:
+        """Shape (lag,): the correlation of errors so many frames apart; NaN where nothing tells."""
+        found = np.zeros(len(_LAGS))
+        for freedom in np.flatnonzero(self._counts.any(axis=0)):
+            count = self._counts[:, freedom]
+            mean = np.divide(self._cosines[:, freedom], count, out=np.zeros(len(_LAGS)), where=count > 0.0)
+            found += count * np.interp(mean, mean_cosine(_CORRELATIONS, int(freedom)), _CORRELATIONS)
+        total = self._counts.sum(axis=1)
+        return np.divide(found, total, out=np.full(len(_LAGS), np.nan), where=total > 0.0)
 
     def correlation_s(self) -> float:
-        """The time in which the correlation falls to 1 / e, by that of neighbouring frames."""
-        if not self._squares > 0.0:
+        """The time in which the correlation falls to 1 / e, if errors were an autoregression of the first order.
+
+        A share of them that falls exponentially is fitted to the correlations; the autoregression is the one that is as
+        strong at low frequencies, where it tells from motion.
+        """
+        found = self.correlations()
+        told = int(np.argmin(np.append(found > _LEAST_CORRELATION, False)))
+        if told == 0:
             return 0.0
-        kept = min(self._products / self._squares, 0.999)
-        return -self._step_s / float(np.log(kept)) if kept > _LEAST_CORRELATION else 0.0
+        lags, logs = np.array(_LAGS[:told], dtype=np.float64), np.log(np.minimum(found[:told], _MOST_CORRELATION))
+        slope, level = np.polyfit(lags, logs, 1) if told > 1 else (logs[0], 0.0)
+        kept, share = float(np.exp(min(slope, np.log(_MOST_CORRELATION)))), float(np.exp(min(level, 0.0)))
+        both_ways = 1.0 + 2.0 * share * kept / (1.0 - kept)
+        return -self._step_s / float(np.log((both_ways - 1.0) / (both_ways + 1.0)))
+
+
+def mean_cosine(correlation: np.ndarray, freedom: int) -> np.ndarray:
+    """Of the angle between two normal vectors of so many independent numbers, each number correlated so much."""
+    half = 0.5 * freedom
+    level = np.exp(2.0 * gammaln(half + 0.5) - gammaln(half) - gammaln(half + 1.0))
+    return correlation * level * hyp2f1(0.5, 0.5, half + 1.0, np.square(correlation))
 
 
 class _Sums:
@@ -148,6 +200,7 @@ class _Sums:
         self._square = np.zeros(n_bones)
         self._noise = np.zeros(n_bones)
         self._sizes: list[float] = []
+        self._errors: list[tuple[float, float]] = []
 
     def add(
         self, observed: Observed, bones: Bones, options: TrajectoryOptions, correlation_s: float, spread: float
@@ -156,7 +209,8 @@ class _Sums:
         smoothness = Smoothness.of(options.prior, observed.time_s)
         alone = Bones(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
         solver = Solver(observed, smoothness, alone, replace(options, burst_s=0.0))
-        paths, density, known = fit_density(solver, correlation_s, spread)
+        paths, density, known, errors = fit_density(solver, correlation_s, spread)
+        self._errors.append(errors)
         told = np.where(np.isfinite(density), known, 0.0)
         self._known += told
         self._weighted += np.where(told > 0.0, told * density, 0.0)
@@ -193,6 +247,11 @@ class _Sums:
         if extent.size:
             self._sizes.append(float(np.median(extent)))
 
+    @property
+    def errors(self) -> tuple[float, float]:
+        """How large new errors are, and how steadily."""
+        return float(np.mean([fresh for fresh, _ in self._errors])), float(np.median([each for _, each in self._errors]))
+
     def density(self, options: TrajectoryOptions) -> np.ndarray:
         """Shape (keypoint,); of keypoints that told nothing, that of the others."""
         if options.density is not None:
@@ -227,20 +286,25 @@ def _filled(weighted: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(told, mean, np.exp(np.log(mean[told]).mean()))
 
 
-def fit_density(solver: Solver, correlation_s: float, spread: float) -> tuple[Paths, np.ndarray, np.ndarray]:
-    """Paths solved without bones, the density of each keypoint, and how many numbers told of it."""
+def fit_density(
+    solver: Solver, correlation_s: float, spread: float
+) -> tuple[Paths, np.ndarray, np.ndarray, tuple[float, float]]:
+    """Paths solved without bones, the density of each keypoint, how many numbers told of it, and how errors vary."""
     observed, order = solver.observed, ORDERS[solver.options.prior]
     paths = Paths.begin(observed, solver.smoothness, solver.options)
-    keypoints = len(paths.paths_m)
     nothing = np.empty(0)
     variance = solver.first_variance(paths, spread)
     density = density_lasting(observed.step_s, variance, _SHORT_STEPS * observed.step_s, order)
-    known = np.zeros(keypoints)
+    law = Law(density, nothing, nothing, correlation_s, spread)
+    known = np.zeros(len(density))
     for number in range(_ROUNDS):
-        law = Law(np.where(np.isfinite(density), density, 1.0), nothing, nothing, correlation_s, spread)
+        law = replace(law, density=np.where(np.isfinite(density), density, 1.0))
         paths = solver.round(paths, law, trusting=number < _ROUNDS // 2)
         known = paths.known.sum(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
             change = paths.squares.sum(axis=1) / known
         density = density * np.clip(np.where(known > 0.0, change, 1.0), 1.0 / _MOST_CHANGE, _MOST_CHANGE)
-    return paths, density, known
+        if number >= _ROUNDS // 2 - 1:
+            fresh, steady = solver.steadiness(paths, law)
+            law = replace(law, fresh=fresh, steady=steady)
+    return paths, density, known, (law.fresh, law.steady)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from posefuse.kernels.trajectory_band import REACH, factor_paths, invert_paths
 from posefuse.kernels.trajectory_terms import (
@@ -16,6 +17,7 @@ from posefuse.kernels.trajectory_terms import (
     direct_bones,
     pass_messages,
     pull_bones,
+    renew_errors,
     solve_jointly,
     square_differences,
     weigh,
@@ -32,6 +34,18 @@ _TOLERANCE = 1e-3
 _TRUSTING = 2
 """So many rounds weigh views as the measured points do."""
 
+_ERRORS_S = 0.3
+"""A view errs more or less than usual for about so long."""
+
+STEADIEST = 1e6
+"""Errors of one size all the time."""
+
+_LEAST_SCALE, _MOST_SCALE = 0.5, 4.0
+
+_STIFFEST = 10.0
+"""Bones are taken for no stiffer than so many times what views say along them: stiffer ones would tell hardly more, and
+the solve would take long."""
+
 _BONE_S = 0.05
 """A bone's length differs from its own for about so long at a time."""
 
@@ -46,6 +60,8 @@ class Law:
         length_sd_m: shape (bone,): inf where a bone tells nothing.
         correlation_s: how long detection errors last; 0 if they are white.
         spread: of accepted errors, in units of the noise.
+        fresh: mean square of what is new in errors, in units of what is expected.
+        steady: how steadily a view errs: as if so many numbers had shown that it errs as usual.
     """
 
     density: np.ndarray
@@ -53,6 +69,8 @@ class Law:
     length_sd_m: np.ndarray
     correlation_s: float
     spread: float
+    fresh: float = 1.0
+    steady: float = STEADIEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +144,8 @@ class Solver:
         nothing = np.empty(0)
         law = Law(nothing, nothing, nothing, 0.0, spread)
         rows = np.zeros(paths.lively.shape)
-        _, _, seen = self._terms(residuals, jacobians, paths.weights, law, rows, paths)
+        sigma = spread * self.observed.sigma_px
+        _, _, seen = self._terms(residuals, jacobians, sigma, paths.weights, law, rows, paths)
         return usual_variance(seen, paths.weights)
 
     def round(self, paths: Paths, law: Law, *, trusting: bool) -> Paths:
@@ -140,12 +159,15 @@ class Solver:
         observed, options = self.observed, self.options
         residuals, jacobians = observed.linear(paths.paths_m)
         weights = paths.weights if trusting else self._weights(residuals, jacobians, paths.covariance_m2)
+        weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
         alive = alive_frames(weights.any(axis=-1), observed.time_s, options.max_gap_s)
         density = law.density[:, None] * paths.lively
         stiffness = self.smoothness.stiffness(density, alive)
-        band, pull, seen = self._terms(residuals, jacobians, weights, law, stiffness, paths)
+        sigma = law.spread * observed.sigma_px
+        sigma *= self._scale(residuals, sigma, weights, law)
+        band, pull, seen = self._terms(residuals, jacobians, sigma, weights, law, stiffness, paths)
         variance = usual_variance(seen, weights)
-        steps, covariance = self._step(paths.paths_m, band, pull, seen, self._tightness(law, alive), law.length_m)
+        steps, covariance = self._step(paths.paths_m, band, pull, seen, self._tightness(law, alive, variance), law.length_m)
         moved = paths.paths_m + steps
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
         square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
@@ -174,6 +196,7 @@ class Solver:
         self,
         residuals: np.ndarray,
         jacobians: np.ndarray,
+        sigma_px: np.ndarray,
         weights: np.ndarray,
         law: Law,
         stiffness: np.ndarray,
@@ -188,7 +211,7 @@ class Solver:
         assemble(
             residuals,
             jacobians,
-            law.spread * self.observed.sigma_px,
+            sigma_px,
             weights,
             self._kept(law.correlation_s),
             self.smoothness.differences,
@@ -201,6 +224,40 @@ class Solver:
         )
         return band, pull, seen
 
+    def _scale(self, residuals: np.ndarray, sigma_px: np.ndarray, weights: np.ndarray, law: Law) -> np.ndarray:
+        """Shape (keypoint, frame, view): how much more each view errs about a frame than it usually does.
+
+        From what of its errors is new in each frame: what is left over from the last one may as well be the path's.
+        """
+        if law.steady >= STEADIEST:
+            return np.ones(weights.shape)
+        total, count = self._new_errors(residuals, sigma_px, weights, law)
+        # Less than expected is what the path took up; more is more.
+        scale = np.sqrt((law.steady + total / min(law.fresh, 1.0)) / (law.steady + count))
+        return np.clip(scale, _LEAST_SCALE, _MOST_SCALE)
+
+    def _new_errors(
+        self, residuals: np.ndarray, sigma_px: np.ndarray, weights: np.ndarray, law: Law
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is new in errors about each frame, squared, and how many numbers that is of."""
+        squares, counts = np.empty(weights.shape), np.empty(weights.shape)
+        renew_errors(residuals, sigma_px, weights, self._kept(law.correlation_s), squares, counts)
+        window = 2 * round(0.5 * _ERRORS_S / self.observed.step_s) + 1
+        return tuple(uniform_filter1d(each, window, axis=1, mode="nearest") * window for each in (squares, counts))
+
+    def steadiness(self, paths: Paths, law: Law) -> tuple[float, float]:
+        """``fresh`` and ``steady`` of a law: by how much more errors vary in size than chance would have it."""
+        residuals, _ = self.observed.linear(paths.paths_m)
+        total, count = self._new_errors(residuals, law.spread * self.observed.sigma_px, paths.weights, law)
+        told = count > 0.0
+        if not told.any():
+            return 1.0, STEADIEST
+        total, count = total[told], count[told]
+        fresh = float(total.sum() / count.sum())
+        varies = float((count * np.square(total / count / fresh - 1.0)).sum() / count.sum())
+        chance = 2.0 * len(count) / float(count.sum())
+        return fresh, min(2.0 / max(varies - chance, 2.0 / STEADIEST), STEADIEST)
+
     def _kept(self, correlation_s: float) -> np.ndarray:
         """Shape (frame,): the correlation of an error with that of the frame before."""
         kept = np.zeros(len(self.observed.time_s))
@@ -208,13 +265,14 @@ class Solver:
             kept[1:] = np.exp(-np.diff(self.observed.time_s) / correlation_s)
         return kept
 
-    def _tightness(self, law: Law, alive: np.ndarray) -> np.ndarray:
+    def _tightness(self, law: Law, alive: np.ndarray, variance_m2: np.ndarray) -> np.ndarray:
         """Shape (bone, frame): one over the variance of each length, as if frames told of it one by one."""
-        ends = self.bones.ends
+        one, other = self.bones.ends.T
         share = min(self.observed.step_s / (2.0 * _BONE_S), 1.0)
         with np.errstate(divide="ignore"):
             own = share / np.square(law.length_sd_m)
-        return np.where(alive[ends[:, 0]] & alive[ends[:, 1]], own[:, None], 0.0)
+        own = np.minimum(own, _STIFFEST / np.nan_to_num(variance_m2[one] + variance_m2[other], nan=np.inf))
+        return np.where(alive[one] & alive[other], own[:, None], 0.0)
 
     def _step(
         self,
@@ -229,7 +287,8 @@ class Solver:
         ends, order = self.bones.ends, self.bones.order
         keypoints, frames, _ = paths_m.shape
         directions, excess = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
-        direct_bones(ends, length_m, paths_m, directions, excess)
+        # A bone of unknown length pulls at nothing; what is not a number would pull at everything.
+        direct_bones(ends, np.nan_to_num(length_m), paths_m, directions, excess)
         told = np.empty_like(seen)
         pass_messages(ends, order, directions, tightness, seen, told, np.empty((len(order), 3, 3)))
         add_to_diagonal(told, band)
