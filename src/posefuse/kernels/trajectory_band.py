@@ -113,6 +113,38 @@ def solve_path(lower, inverse, vector):
                 vector[f, i] -= u[0, i] * y[0] + u[1, i] * y[1] + u[2, i] * y[2]
 
 
+@inline
+def _subtract_left(left, right, out):
+    """``out -= left right``, 3 x 3 each."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] -= left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
+
+
+@inline
+def _subtract_turned(left, right, out):
+    """``out -= left^T right``, 3 x 3 each."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] -= left[0, i] * right[0, j] + left[1, i] * right[1, j] + left[2, i] * right[2, j]
+
+
+@dense
+def _join_later(lower, covariance, f, ahead):
+    """The blocks of the inverse that join frame ``f`` with later ones."""
+    for m in range(1, ahead + 1):
+        z = covariance[f + m, m]
+        for i in range(3):
+            for j in range(3):
+                z[i, j] = 0.0
+        for n in range(1, ahead + 1):
+            # Of the frames f + m and f + n: the block stands with the later one.
+            if m >= n:
+                _subtract_left(covariance[f + m, m - n], lower[f + n, n - 1], z)
+            else:
+                _subtract_turned(covariance[f + n, n - m], lower[f + n, n - 1], z)
+
+
 @dense
 def invert_path(lower, inverse, covariance):
     """The inverse within the band, in the layout of the band.
@@ -125,34 +157,13 @@ def invert_path(lower, inverse, covariance):
     frames = covariance.shape[0]
     for f in range(frames - 1, -1, -1):
         ahead = min(REACH, frames - 1 - f)
-        for m in range(1, ahead + 1):
-            z = covariance[f + m, m]
-            for i in range(3):
-                for j in range(3):
-                    z[i, j] = 0.0
-            for n in range(1, ahead + 1):
-                u = lower[f + n, n - 1]
-                # Of the frames f + m and f + n: the block stands with the later one.
-                if m >= n:
-                    other = covariance[f + m, m - n]
-                    for i in range(3):
-                        for j in range(3):
-                            z[i, j] -= other[i, 0] * u[0, j] + other[i, 1] * u[1, j] + other[i, 2] * u[2, j]
-                else:
-                    other = covariance[f + n, n - m]
-                    for i in range(3):
-                        for j in range(3):
-                            z[i, j] -= other[0, i] * u[0, j] + other[1, i] * u[1, j] + other[2, i] * u[2, j]
+        _join_later(lower, covariance, f, ahead)
         own = covariance[f, 0]
         for i in range(3):
             for j in range(3):
                 own[i, j] = inverse[f, i, j]
         for m in range(1, ahead + 1):
-            u = lower[f + m, m - 1]
-            z = covariance[f + m, m]
-            for i in range(3):
-                for j in range(3):
-                    own[i, j] -= z[0, i] * u[0, j] + z[1, i] * u[1, j] + z[2, i] * u[2, j]
+            _subtract_turned(covariance[f + m, m], lower[f + m, m - 1], own)
         # What rounding makes unsymmetric would grow from frame to frame.
         for i in range(3):
             for j in range(i):

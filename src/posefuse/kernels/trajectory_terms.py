@@ -18,11 +18,16 @@ _LOOSE = 1e-7
 """Directions in which a point is not seen: as if seen with this share of its information."""
 
 
+_MOST_LENIENT = 10.0
+"""How much the path's own uncertainty may count, in squared sigmas of a detection."""
+
+
 @kernel
 def weigh(residuals, jacobians, sigma, covariance, full, none, weights):
     """Weights of observations by how far they lie from the path: 1 up to ``full`` sigmas, 0 from ``none`` on.
 
-    Where the path is not known as well as a detection, that counts too: its covariance, seen by the view.
+    Where the path is not known as well as a detection, that counts too: its covariance, as the view sees it, up to a
+    bound: where nothing is known of a path, nothing tells right views from wrong ones either.
 
     Args:
         residuals: shape (point, view, 2), px, NaN where there is none.
@@ -40,9 +45,14 @@ def weigh(residuals, jacobians, sigma, covariance, full, none, weights):
             s = sigma[n, v]
             x = residuals[n, v, 0]
             y = residuals[n, v, 1]
-            a = _spread(jacobians[n, v, 0], covariance[n], jacobians[n, v, 0]) + s * s
+            a = _spread(jacobians[n, v, 0], covariance[n], jacobians[n, v, 0])
             b = _spread(jacobians[n, v, 0], covariance[n], jacobians[n, v, 1])
-            c = _spread(jacobians[n, v, 1], covariance[n], jacobians[n, v, 1]) + s * s
+            c = _spread(jacobians[n, v, 1], covariance[n], jacobians[n, v, 1])
+            bound = _MOST_LENIENT * s * s
+            share = bound / (a + c) if a + c > bound else 1.0
+            a = share * a + s * s
+            b = share * b
+            c = share * c + s * s
             squared = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
             weight = min(1.0 - (squared - full_squared) * fall, 1.0)
             # Comparisons with NaN are false: nothing seen, no weight.
@@ -346,6 +356,25 @@ def _times_bones(bones, directions, tightness, vectors, out):
 
 
 @dense
+def _times_views(band, told, vector, out):
+    """What views and smoothness do to one path's vector: its band without what stands there in place of bones."""
+    times_path(band, vector, out)
+    for f in range(vector.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                out[f, i] -= told[f, i, j] * vector[f, j]
+
+
+@dense
+def _combine(one, first, other, second):
+    """``second = one first + other second``."""
+    for k in range(first.shape[0]):
+        for f in range(first.shape[1]):
+            for i in range(3):
+                second[k, f, i] = one * first[k, f, i] + other * second[k, f, i]
+
+
+@dense
 def _inner(first, second):
     total = 0.0
     for k in range(first.shape[0]):
@@ -377,7 +406,7 @@ def solve_jointly(band, told, lower, inverse, bones, directions, tightness, pull
     Returns:
         How many iterations it took.
     """
-    keypoints, frames = pull.shape[0], pull.shape[1]
+    keypoints = pull.shape[0]
     steps[:] = 0.0
     z = np.empty_like(pull)
     along = np.zeros_like(pull)
@@ -392,22 +421,13 @@ def solve_jointly(band, told, lower, inverse, bones, directions, tightness, pull
         if n == most or not size > tolerance * tolerance * first:
             return n
         turn = size / before if n > 0 else 0.0
+        _combine(1.0, z, turn, along)
         for k in range(keypoints):
-            for f in range(frames):
-                for i in range(3):
-                    along[k, f, i] = z[k, f, i] + turn * along[k, f, i]
-            times_path(band[k], along[k], image[k])
-            for f in range(frames):
-                for i in range(3):
-                    for j in range(3):
-                        image[k, f, i] -= told[k, f, i, j] * along[k, f, j]
+            _times_views(band[k], told[k], along[k], image[k])
         _times_bones(bones, directions, tightness, along, image)
         far = size / _inner(along, image)
-        for k in range(keypoints):
-            for f in range(frames):
-                for i in range(3):
-                    steps[k, f, i] += far * along[k, f, i]
-                    pull[k, f, i] -= far * image[k, f, i]
+        _combine(far, along, 1.0, steps)
+        _combine(-far, image, 1.0, pull)
     return most
 
 

@@ -40,7 +40,7 @@ class TrajectoryOptions:
     prior: SmoothnessPrior = "jerk"
     density: float | None = None
     burst_s: float = 0.2
-    calm: float = 0.1
+    calm: float = 0.02
     bones: bool = True
     least_bone_share: float = 0.003
     correlation_s: float | None = None

@@ -9,7 +9,6 @@ from scipy.special import gammaln, hyp2f1
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import ViewStatus
 from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observed import Measured, Observed
@@ -24,6 +23,13 @@ _FEWEST_LENGTHS = 20
 _LAGS = (1, 2, 4, 8, 16, 32, 64)
 _LONGEST_S = 1.5
 _LEAST_CORRELATION, _MOST_CORRELATION = 0.1, 0.999
+_WHOLE = 0.9
+"""Errors of changing size look no more correlated than this at no distance, although all of each of them lasts."""
+
+_GENEROUS = 2.0
+"""Motion is less even than white noise. So much more of it costs a hundredth of the accuracy where it is, and regions
+hold what they say where it is not."""
+
 _CORRELATIONS = np.linspace(-1.0, 1.0, 401)
 _MARGIN = 12.0
 """Time constants after which what came before has been forgotten, to less than a hundredth of the uncertainty."""
@@ -176,7 +182,7 @@ class _Errors:
             return 0.0
         lags, logs = np.array(_LAGS[:told], dtype=np.float64), np.log(np.minimum(found[:told], _MOST_CORRELATION))
         slope, level = np.polyfit(lags, logs, 1) if told > 1 else (logs[0], 0.0)
-        kept, share = float(np.exp(min(slope, np.log(_MOST_CORRELATION)))), float(np.exp(min(level, 0.0)))
+        kept, share = float(np.exp(min(slope, np.log(_MOST_CORRELATION)))), float(min(np.exp(level) / _WHOLE, 1.0))
         both_ways = 1.0 + 2.0 * share * kept / (1.0 - kept)
         return -self._step_s / float(np.log((both_ways - 1.0) / (both_ways + 1.0)))
 
@@ -238,7 +244,7 @@ class _Sums:
             total += np.where(there, values, 0.0).sum(axis=1)
 
     def _add_size(self, paths: Paths) -> None:
-        seen = paths.weights.any(axis=-1)
+        seen = np.asarray(paths.weights.any(axis=-1))
         points = np.where(seen[..., None], paths.paths_m, np.nan)
         with np.errstate(invalid="ignore"):
             low, high = np.fmin.reduce(points, axis=0), np.fmax.reduce(points, axis=0)
@@ -250,13 +256,15 @@ class _Sums:
     @property
     def errors(self) -> tuple[float, float]:
         """How large new errors are, and how steadily."""
-        return float(np.mean([fresh for fresh, _ in self._errors])), float(np.median([each for _, each in self._errors]))
+        return float(np.mean([fresh for fresh, _ in self._errors])), float(
+            np.median([each for _, each in self._errors])
+        )
 
     def density(self, options: TrajectoryOptions) -> np.ndarray:
         """Shape (keypoint,); of keypoints that told nothing, that of the others."""
         if options.density is not None:
             return np.full(len(self._known), options.density)
-        return _filled(self._weighted, self._known)
+        return _GENEROUS * _filled(self._weighted, self._known)
 
     def lasting_s(self, options: TrajectoryOptions) -> np.ndarray:
         """Shape (keypoint,)."""

@@ -120,7 +120,7 @@ def swapped_pairs(skeleton: Skeleton, swaps: Swaps | None, view_status: np.ndarr
     if swaps is None or not len(pairs):
         return swapped
     state = np.asarray(swaps.state[:])[:, person] == SwapState.SWAPPED
-    of_limb = {pair: limb for limb, chain in reversed(skeleton.chains.items()) for pair in chain}
+    of_limb = {pair: limb for limb, chain in reversed(list(skeleton.chains.items())) for pair in chain}
     for p, pair in enumerate(skeleton.pairs):
         name = of_limb.get(pair, pair[0].removeprefix("left_"))
         if name in swaps.chains:

@@ -4,7 +4,7 @@ Every round is one Gauss-Newton step on all paths together. The first ones trust
 on, so that the density can follow the motion before anything is rejected for not being smooth.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -107,7 +107,7 @@ class Paths:
             paths_m=paths,
             covariance_m2=np.zeros((keypoints, frames, 3, 3)),
             weights=weights,
-            alive=alive_frames(weights.any(axis=-1), observed.time_s, options.max_gap_s),
+            alive=alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s),
             variance_m2=np.full(keypoints, np.nan),
             lively=rows,
             squares=rows,
@@ -160,14 +160,16 @@ class Solver:
         residuals, jacobians = observed.linear(paths.paths_m)
         weights = paths.weights if trusting else self._weights(residuals, jacobians, paths.covariance_m2)
         weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
-        alive = alive_frames(weights.any(axis=-1), observed.time_s, options.max_gap_s)
+        alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
         density = law.density[:, None] * paths.lively
         stiffness = self.smoothness.stiffness(density, alive)
         sigma = law.spread * observed.sigma_px
         sigma *= self._scale(residuals, sigma, weights, law)
         band, pull, seen = self._terms(residuals, jacobians, sigma, weights, law, stiffness, paths)
         variance = usual_variance(seen, weights)
-        steps, covariance = self._step(paths.paths_m, band, pull, seen, self._tightness(law, alive, variance), law.length_m)
+        steps, covariance = self._step(
+            paths.paths_m, band, pull, seen, self._tightness(law, alive, variance), law.length_m
+        )
         moved = paths.paths_m + steps
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
         square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
@@ -180,7 +182,8 @@ class Solver:
         """Of each observation by how far it lies from where the path is, as well as that is known."""
         observed, options = self.observed, self.options
         weights = np.empty(observed.sigma_px.shape)
-        n, views = weights.shape[0] * weights.shape[1], weights.shape[2]
+        keypoints, frames, views = observed.sigma_px.shape
+        n = keypoints * frames
         weigh(
             residuals.reshape(n, views, 2),
             jacobians.reshape(n, views, 2, 3),
@@ -234,7 +237,8 @@ class Solver:
         total, count = self._new_errors(residuals, sigma_px, weights, law)
         # Less than expected is what the path took up; more is more.
         scale = np.sqrt((law.steady + total / min(law.fresh, 1.0)) / (law.steady + count))
-        return np.clip(scale, _LEAST_SCALE, _MOST_SCALE)
+        # Of the variance of sizes, 2 / steady, about a third is of changes too quick to be seen.
+        return np.clip(scale, _LEAST_SCALE, _MOST_SCALE) * np.sqrt(1.0 + 0.7 / law.steady)
 
     def _new_errors(
         self, residuals: np.ndarray, sigma_px: np.ndarray, weights: np.ndarray, law: Law
@@ -243,7 +247,8 @@ class Solver:
         squares, counts = np.empty(weights.shape), np.empty(weights.shape)
         renew_errors(residuals, sigma_px, weights, self._kept(law.correlation_s), squares, counts)
         window = 2 * round(0.5 * _ERRORS_S / self.observed.step_s) + 1
-        return tuple(uniform_filter1d(each, window, axis=1, mode="nearest") * window for each in (squares, counts))
+        total = uniform_filter1d(squares, window, axis=1, mode="nearest") * window
+        return total, uniform_filter1d(counts, window, axis=1, mode="nearest") * window
 
     def steadiness(self, paths: Paths, law: Law) -> tuple[float, float]:
         """``fresh`` and ``steady`` of a law: by how much more errors vary in size than chance would have it."""
@@ -313,7 +318,7 @@ class Solver:
 def usual_variance(seen: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Shape (keypoint,), m^2: of what a frame by itself says, in the median of those seen; NaN if there are none."""
     trace = np.trace(seen, axis1=-2, axis2=-1) / 3.0
-    there = weights.any(axis=-1)
+    there = np.asarray(weights.any(axis=-1))
     return np.array(
         [1.0 / np.median(own[known]) if known.any() else np.nan for own, known in zip(trace, there, strict=True)]
     )

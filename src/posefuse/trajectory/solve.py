@@ -9,7 +9,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
-from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
+from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.model.trajectory_options import TrajectoryOptions

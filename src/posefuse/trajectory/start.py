@@ -15,7 +15,7 @@ def begin(observed: Observed) -> tuple[np.ndarray, np.ndarray]:
     """Paths to begin with, shape (keypoint, frame, 3), and the weights of their views, (keypoint, frame, view)."""
     paths = fill(observed.points_m, observed.time_s)
     window = max(_FEWEST, 2 * round(0.5 * _WINDOW_S / observed.step_s) + 1)
-    middle = median_filter(paths, size=(1, window, 1), mode="nearest")
+    middle = median_filter(paths, size=(1, window, 1), mode="mirror")
     off = np.linalg.norm(observed.points_m - middle, axis=-1)
     there = np.isfinite(off)
     usual = np.array(
@@ -32,7 +32,7 @@ def fill(points_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     A keypoint that is nowhere known begins in the middle of the others.
     """
     out = points_m.copy()
-    known = np.isfinite(points_m).all(axis=-1)
+    known = np.asarray(np.isfinite(points_m).all(axis=-1))
     middle = np.median(points_m[known], axis=0) if known.any() else np.zeros(3)
     for k, there in enumerate(known):
         if not there.any():

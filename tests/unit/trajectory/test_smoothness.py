@@ -1,0 +1,56 @@
+"""Differences, and where a path is."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_lasting, lasting_s
+
+
+@pytest.mark.parametrize("prior", ["jerk", "acceleration"])
+def test_differences_are_derivatives_at_any_times(prior):
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.005, 0.05, 40))
+    order = ORDERS[prior]
+    smoothness = Smoothness.of(prior, t)
+    for power, derivative in ((order, np.prod(np.arange(1, order + 1))), (order - 1, 0.0)):
+        path = np.append(t**power, np.zeros(3))
+        found = [smoothness.differences[r] @ path[r : r + 4] for r in range(len(smoothness.time_s))]
+        assert np.allclose(found, derivative, atol=1e-4)
+
+
+def test_rows_share_all_of_the_time():
+    t = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.05, 2000))
+    assert Smoothness.of("jerk", t).time_s.sum() == pytest.approx(t[-1] - t[0], rel=0.01)
+
+
+def test_a_path_lives_in_short_gaps_and_never_beyond_its_ends():
+    t = np.arange(10) / 10.0
+    seen = np.array([[0, 1, 0, 0, 1, 0, 0, 0, 1, 0]], dtype=bool)
+    alive = alive_frames(seen, t, 0.2)
+    assert alive[0].astype(int).tolist() == [0, 1, 1, 1, 1, 0, 0, 0, 1, 0]
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=30))
+def test_turned_about_in_time_the_same_frames_are_alive(frames):
+    seen = np.array([frames])
+    t = np.arange(len(frames)) / 30.0
+    forward, backward = alive_frames(seen, t, 0.1), alive_frames(seen[:, ::-1], t, 0.1)
+    assert np.array_equal(forward, backward[:, ::-1])
+
+
+def test_time_constants_and_densities_belong_together():
+    density = density_lasting(0.01, np.array([1e-4, 4e-4]), 0.05, 3)
+    assert np.allclose(lasting_s(0.01, np.array([1e-4, 4e-4]), density, 3), 0.05)
+
+
+def test_liveliness_is_one_where_differences_are_as_expected_and_follows_them_where_not():
+    smoothness = Smoothness.of("jerk", np.arange(203) / 100.0)
+    known, squares = np.ones((1, 200)), np.ones((1, 200))
+    assert np.allclose(smoothness.local(squares, known, 21, 10.0), 1.0)
+    squares[:, 100:] = 50.0
+    found = smoothness.local(squares, known, 21, 1.0)[0]
+    assert found[:80] == pytest.approx(1.0)
+    assert found[130] > 40.0
+    assert (np.diff(found) > -1e-9).all()

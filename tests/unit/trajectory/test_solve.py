@@ -1,0 +1,291 @@
+"""One solve over all frames: what it keeps, what it finds, and that it is what it says it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.reconstruction import Layer, unpack_covariance
+from posefuse.model.skeletons import Skeleton
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.swaps import Swaps, SwapState
+from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.laws import Laws, learn, margin_s
+from posefuse.trajectory.observed import Measured, Observed
+from posefuse.trajectory.paths import _BONE_S, _STIFFEST, STEADIEST
+from posefuse.trajectory.smoothness import Smoothness
+from tests.scenes import ring
+from tests.unit.trajectory.problems import (
+    ARM,
+    errors_m,
+    exact_pixels,
+    measured,
+    part_of,
+    solved,
+    swinging,
+)
+
+FRAMES = 240
+PLAIN = TrajectoryOptions(burst_s=0.0, full_sigma=50.0, none_sigma=100.0, max_sd_share=10.0)
+
+
+def laws_of(density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3) -> Laws:
+    return Laws(
+        density=np.full((1, keypoints), density),
+        length_m=np.array([[0.3, 0.25]]),
+        length_sd_m=np.full((1, 2), length_sd_m),
+        correlation_s=correlation_s,
+        fresh=np.ones(1),
+        steady=np.full(1, STEADIEST),
+        size_m=np.array([0.5]),
+        lasting_s=np.full((1, keypoints), 0.03),
+        max_gap_s=0.5,
+    )
+
+
+@pytest.fixture(scope="module")
+def arm() -> Measured:
+    return measured(swinging(FRAMES))
+
+
+def test_noise_is_smoothed_and_coverage_honest(arm):
+    truth = swinging(FRAMES)
+    layer = solved(arm)
+    assert np.median(errors_m(layer, truth)) < 0.5 * np.median(errors_m(arm.layer, truth))
+    offset = np.asarray(layer.points_m)[:, 0] - truth
+    squared = np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(layer.covariance_m2)[:, 0]), offset)
+    assert 0.9 < (squared < 7.815).mean() <= 1.0
+    assert (np.asarray(layer.source) == Source.TRAJECTORY).all()
+
+
+@pytest.mark.parametrize(("prior", "powers"), [("jerk", (1.0, -0.3, 0.2)), ("acceleration", (1.0, -0.3))])
+def test_what_costs_nothing_is_reproduced_exactly(prior, powers):
+    t = np.arange(90) / 60.0
+    moved = sum(c * t**p for p, c in enumerate(powers))
+    truth = swinging(1).repeat(90, axis=0) + np.stack([moved, 0.4 * moved, -0.2 * moved], axis=-1)[:, None]
+    layer = solved(measured(truth, 0.0), laws_of(1e-3), TrajectoryOptions(prior=prior))
+    assert errors_m(layer, truth).max() < 1e-6
+
+
+def twin(given: Measured, laws: Laws, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+    """The same by a general least-squares solver: paths (keypoint, frame, 3), and the covariance of each point."""
+    observed = Observed.of(given, 0)
+    smoothness, ends = Smoothness.of(options.prior, observed.time_s), Bones.of(given.detections.skeleton).ends
+    keypoints, frames = observed.points_m.shape[:2]
+    step = observed.step_s
+    c = np.exp(-step / laws.correlation_s) if laws.correlation_s else 0.0
+    _, jacobians = observed.linear(observed.points_m)
+    seen = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / 4.0 * (1.0 - c) / (1.0 + c)
+    usual = 1.0 / np.median(np.trace(seen, axis1=-2, axis2=-1) / 3.0, axis=1)
+    tight = np.minimum(step / (2.0 * _BONE_S) / laws.length_sd_m[0] ** 2, _STIFFEST / usual[ends].sum(axis=1))
+
+    def residuals(flat: np.ndarray) -> np.ndarray:
+        paths = flat.reshape(keypoints, frames, 3)
+        errors = observed.linear(paths)[0] / 2.0
+        errors[:, 1:] = (errors[:, 1:] - c * errors[:, :-1]) / np.sqrt(1.0 - c * c)
+        rows = np.stack([smoothness.differences[r] @ paths[:, r : r + 4] for r in range(frames - 3)], axis=1)
+        rough = rows * np.sqrt(smoothness.time_s[:, None] / laws.density[0][:, None, None])
+        length = np.linalg.norm(paths[ends[:, 0]] - paths[ends[:, 1]], axis=-1)
+        long = np.sqrt(tight)[:, None] * (length - laws.length_m[0][:, None])
+        return np.concatenate([errors.ravel(), rough.ravel(), long.ravel()])
+
+    found = least_squares(residuals, observed.points_m.ravel(), method="trf", xtol=1e-12, ftol=1e-14, gtol=1e-12)
+    covariance = np.linalg.inv(found.jac.T @ found.jac)
+    blocks = [covariance[3 * n : 3 * n + 3, 3 * n : 3 * n + 3] for n in range(keypoints * frames)]
+    return found.x.reshape(keypoints, frames, 3), np.stack(blocks).reshape(keypoints, frames, 3, 3)
+
+
+@pytest.mark.parametrize(("length_sd_m", "correlation_s"), [(np.inf, 0.0), (0.004, 0.0), (np.inf, 0.1), (0.004, 0.1)])
+def test_the_solution_is_that_of_a_general_solver(length_sd_m, correlation_s):
+    given = measured(swinging(24), seed=3)
+    laws = laws_of(20.0, length_sd_m, correlation_s)
+    layer = solved(given, laws, PLAIN)
+    paths, covariance = twin(given, laws, PLAIN)
+    ours = np.asarray(layer.points_m)[:, 0].transpose(1, 0, 2)
+    sd = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
+    assert (np.linalg.norm(ours - paths, axis=-1) / sd).max() < 0.02
+    found = unpack_covariance(layer.covariance_m2)[:, 0].transpose(1, 0, 2, 3)
+    ratio = np.trace(found, axis1=-2, axis2=-1) / np.trace(covariance, axis1=-2, axis2=-1)
+    # What neighbours know is passed on frame by frame: with bones the covariance is not exact.
+    assert np.allclose(ratio, 1.0, atol=1e-3 if np.isinf(length_sd_m) else 0.25)
+
+
+def moved_rig(rig: CameraRig, world_from_new: np.ndarray) -> CameraRig:
+    cameras = tuple(replace(c, camera_from_world=c.camera_from_world @ world_from_new) for c in rig.cameras)
+    return replace(rig, cameras=cameras)
+
+
+def test_another_world_moves_the_result_with_it(arm):
+    turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn * np.linalg.det(turn), (3.0, -2.0, 5.0)
+    pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)
+    other = solved(measured(swinging(FRAMES), rig=moved_rig(arm.rig, pose), pixels=pixels, noise_px=2.0))
+    back = np.asarray(other.points_m)[:, 0] @ pose[:3, :3].T + pose[:3, 3]
+    assert np.abs(back - np.asarray(solved(arm).points_m)[:, 0]).max() < 1e-5
+
+
+def test_lengths_in_another_unit_give_the_same_paths(arm):
+    cameras = []
+    for camera in arm.rig.cameras:
+        pose = camera.camera_from_world.copy()
+        pose[:3, 3] *= 1000.0
+        cameras.append(replace(camera, camera_from_world=pose))
+    pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)
+    rig = replace(arm.rig, cameras=tuple(cameras))
+    other = solved(measured(swinging(FRAMES), rig=rig, pixels=pixels, noise_px=2.0))
+    assert np.abs(np.asarray(other.points_m) / 1000.0 - np.asarray(solved(arm).points_m)).max() < 1e-5
+
+
+def test_the_order_of_cameras_does_not_matter(arm):
+    pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)[:, ::-1]
+    rig = replace(arm.rig, cameras=arm.rig.cameras[::-1])
+    other = solved(measured(swinging(FRAMES), rig=rig, pixels=pixels, noise_px=2.0))
+    assert np.abs(np.asarray(other.points_m) - np.asarray(solved(arm).points_m)).max() < 1e-5
+
+
+def test_time_turned_about_turns_the_result_about(arm):
+    pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)[::-1]
+    other = solved(measured(swinging(FRAMES), pixels=pixels, noise_px=2.0))
+    assert np.abs(np.asarray(other.points_m)[::-1] - np.asarray(solved(arm).points_m)).max() < 1e-5
+
+
+def test_windows_leave_no_seams():
+    given = measured(swinging(420), seed=5)
+    laws = learn([given], ARM, TrajectoryOptions())
+    whole = solved(given, laws)
+    around = int(np.ceil(60.0 * margin_s(laws)))
+    assert around < 150
+    window = solved(part_of(given, 200 - around, 260 + around), laws)
+    apart = np.linalg.norm(
+        np.asarray(window.points_m)[around : around + 60, 0] - np.asarray(whole.points_m)[200:260, 0], axis=-1
+    )
+    assert (apart / np.asarray(whole.sd_m)[200:260, 0].max(axis=-1)).max() < 0.05
+
+
+def with_outliers(truth: np.ndarray, share: float, seed: int) -> Measured:
+    rng = np.random.default_rng(seed)
+    pixels = exact_pixels(ring(4), truth) + 2.0 * rng.standard_normal((len(truth), 4, truth.shape[1], 2))
+    wrong = rng.random(pixels.shape[:-1]) < share
+    pixels[wrong] += rng.uniform(40.0, 300.0, (wrong.sum(), 1)) * np.array([0.8, -0.6])
+    return measured(truth, pixels=pixels, noise_px=2.0)
+
+
+def test_wrong_views_are_named_and_do_no_harm():
+    truth = swinging(FRAMES)
+    given = with_outliers(truth, 0.15, 7)
+    layer = solved(given)
+    assert np.nanmax(errors_m(layer, truth)) < 0.05
+    off = np.asarray(given.detections.keypoints_px).reshape(FRAMES, 4, 3, 2) - exact_pixels(given.rig, truth)
+    wrong = (np.linalg.norm(off, axis=-1) > 30.0).transpose(0, 2, 1)
+    used = np.asarray(layer.view_status)[:, 0] == ViewStatus.USED
+    assert not (used & wrong).any()
+    assert used[~wrong].mean() > 0.99
+
+
+def hidden(truth: np.ndarray, views: int, start: int, stop: int, keypoint: int = 1) -> Measured:
+    """A keypoint that only so many views see for a while."""
+    pixels = exact_pixels(ring(4), truth)
+    pixels = pixels + 2.0 * np.random.default_rng(2).standard_normal(pixels.shape)
+    pixels[start:stop, views:, keypoint] = np.nan
+    return measured(truth, pixels=pixels, noise_px=2.0)
+
+
+def test_one_camera_is_enough_for_a_while():
+    truth = swinging(FRAMES)
+    layer = solved(hidden(truth, 1, 100, 115))
+    assert (np.asarray(layer.status)[100:115, 0, 1] == PointStatus.HELD).all()
+    assert errors_m(layer, truth)[100:115, 1].max() < 0.03
+    assert (np.asarray(layer.source)[100:115, 0, 1] == Source.TRAJECTORY).all()
+
+
+def test_bones_hold_what_one_camera_sees():
+    truth = swinging(FRAMES)
+    given = hidden(truth, 1, 90, 150)
+    options = TrajectoryOptions(max_sd_share=10.0)
+    errors = [
+        errors_m(solved(given, options=replace(options, bones=bones)), truth)[90:150, 1].mean()
+        for bones in (True, False)
+    ]
+    assert errors[0] < 0.7 * errors[1]
+
+
+def test_short_gaps_are_filled_and_long_ones_are_not():
+    truth = swinging(FRAMES)
+    short = solved(hidden(truth, 0, 100, 108))
+    assert (np.asarray(short.source)[100:108, 0, 1] == Source.FILLED).all()
+    assert (np.asarray(short.status)[100:108, 0, 1] == PointStatus.FILLED).all()
+    assert errors_m(short, truth)[100:108, 1].max() < 0.02
+    long = solved(hidden(truth, 0, 100, 160))
+    assert np.isnan(np.asarray(long.points_m)[100:160, 0, 1]).all()
+    assert (np.asarray(long.status)[100:160, 0, 1] >= PointStatus.NOT_SEEN).all()
+    assert np.isfinite(np.asarray(long.points_m)[:100, 0]).all()
+
+
+def test_nothing_is_told_before_the_first_and_after_the_last_view():
+    truth = swinging(FRAMES)
+    given = hidden(truth, 0, 0, 10)
+    layer = solved(given)
+    assert np.isnan(np.asarray(layer.points_m)[:10, 0, 1]).all()
+    assert np.isfinite(np.asarray(layer.points_m)[10:, 0, 1]).all()
+
+
+def test_what_is_known_too_badly_is_not_given():
+    truth = swinging(FRAMES)
+    given = hidden(truth, 1, 60, 180)
+    layer = solved(given, options=TrajectoryOptions(bones=False, max_sd_share=0.02))
+    status = np.asarray(layer.status)[:, 0, 1]
+    assert (status == PointStatus.UNCERTAIN).any()
+    assert np.isnan(np.asarray(layer.points_m)[:, 0, 1][status == PointStatus.UNCERTAIN]).all()
+
+
+def test_a_swapped_view_is_exchanged_first():
+    skeleton = Skeleton("feet", ("left_foot", "right_foot"), pairs=(("left_foot", "right_foot"),))
+    truth = swinging(90)[:, 1:]
+    given = measured(truth, skeleton=skeleton)
+    rows = np.array(given.detections.keypoints_px).reshape(90, 4, 2, 2)
+    rows[30:60, 2] = rows[30:60, 2, ::-1]
+    swapped = replace(given.detections, keypoints_px=rows.reshape(360, 2, 2))
+    state = np.full((90, 1, 4, 1), SwapState.AS_LABELLED, dtype=np.int8)
+    state[30:60, 0, 2] = SwapState.SWAPPED
+    status = np.array(given.layer.view_status)
+    status[30:60, :, :, 2] = ViewStatus.USED_SWAPPED
+    other = replace(
+        given,
+        detections=swapped,
+        swaps=Swaps(("foot",), state),
+        layer=replace(given.layer, view_status=status),
+    )
+    one, two = solved(given), solved(other)
+    assert np.array_equal(np.asarray(one.points_m), np.asarray(two.points_m))
+    assert (np.asarray(two.view_status)[30:60, 0, :, 2] == ViewStatus.USED_SWAPPED).mean() > 0.98
+
+
+def quick_hand(frames: int) -> np.ndarray:
+    """The wrist swings at 3 Hz, 30 cm from side to side, everything else stands."""
+    points = swinging(1).repeat(frames, axis=0)
+    points[:, 2, 0] += 0.15 * np.sin(2.0 * np.pi * 3.0 * np.arange(frames) / 60.0)
+    return points
+
+
+def test_a_quick_hand_keeps_its_way():
+    truth = quick_hand(FRAMES)
+    layer = solved(measured(truth, seed=4))
+    t = np.arange(FRAMES) / 60.0
+    basis = np.stack([np.sin(6.0 * np.pi * t), np.cos(6.0 * np.pi * t), np.ones(FRAMES)], axis=-1)
+    found = np.linalg.lstsq(basis, np.asarray(layer.points_m)[:, 0, 2, 0], rcond=None)[0]
+    assert np.hypot(*found[:2]) == pytest.approx(0.15, rel=0.02)
+
+
+def test_the_same_gives_the_same(arm):
+    assert solved(arm) == solved(arm)
+
+
+def test_nobody_gives_nothing(arm):
+    pixels = np.full((30, 4, 3, 2), np.nan)
+    layer = solved(measured(swinging(30), pixels=pixels))
+    assert isinstance(layer, Layer)
+    assert np.isnan(np.asarray(layer.points_m)).all()
