@@ -8,7 +8,7 @@ from platform import python_version
 
 import numpy as np
 
-from posefuse import following, survey
+from posefuse import following, solving, survey
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
@@ -24,8 +24,11 @@ from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks
+from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent, watched
+from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
+from posefuse.triangulation import noise as noise_scale
 from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
@@ -45,6 +48,7 @@ class Plan:
         bodies: fitted to them, or None.
         noise: of the detections.
         provenance: how the result is made.
+        solver: makes the solved layer, or None where there is to be none.
     """
 
     rig: CameraRig
@@ -54,6 +58,7 @@ class Plan:
     bodies: Followed | None
     noise: NoiseModel
     provenance: Provenance
+    solver: Solver | None = None
 
 
 def reconstruct(
@@ -88,8 +93,8 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, who the subject is, the noise, the method."""
-    return settle(examine(rig, detections, options, progress))
+    """Settle everything that needs the whole recording: views, frames, who the subject is, noise, method, solver."""
+    return settle_solver(settle(examine(rig, detections, options, progress)))
 
 
 def examine(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
@@ -158,7 +163,30 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
     options, warning = settle_min_views(options, len(plan.rig))
     options, remarks = settle_method(plan.rig, plan.detections, options, plan.subjects, plan.noise)
     notes = (*plan.provenance.notes, *warning, *remarks)
-    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes))
+    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes), solver=None)
+
+
+def settle_solver(plan: Plan) -> Plan:
+    """Settle how points are solved over time, if they are, and learn from a sample what that takes.
+
+    Raises:
+        DetectionsError: if that takes times and frames have none.
+        OptionsError: if a filter cannot be had at this frame rate.
+    """
+    wanted = plan.options.postprocess
+    if wanted.does_nothing:
+        return plan
+    bones = None
+    if wanted.rigid_bones:
+        sample = [np.asarray(part.layers["measured"].points_m) for part in sampled(plan)]
+        bones = usual_bones(sample, plan.detections.skeleton)
+    step: Step = Postprocess.of(plan.rig, plan.detections, plan.options, bones)
+    return replace(plan, solver=Solver((step,), solving.clock_of(plan.detections).period_s))
+
+
+def sampled(plan: Plan) -> Iterator[Reconstruction]:
+    """Measured ranges of frames that represent the recording: all of a short one, pieces of a long one."""
+    return (measure(plan, *span) for span in noise_scale.spans(plan.detections))
 
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
@@ -166,6 +194,8 @@ def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES)
     n_frames = plan.detections.n_frames
     smoother = None if plan.bodies is None else plan.bodies.smoother()
     parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
+    if plan.solver is not None:
+        parts = plan.solver.solve(parts, n_frames)
     yield from watched(parts, n_frames, "triangulating", progress)
 
 
@@ -192,15 +222,12 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         events = known.events
     if plan.bodies is not None and smoother is not None:
         layers["model"], poses = plan.bodies.bodies(plan.rig, detections, start, smoother.take(stop))
-    recorded = detections.recorded & np.isfinite(detections.time_s)
-    times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
-    count = recorded.sum(axis=1)
     return Reconstruction(
         rig=plan.rig,
         skeleton=detections.skeleton if plan.bodies is None else plan.bodies.skeleton,
         person_ids=tracks.person_ids,
         frame_numbers=detections.frame_numbers,
-        time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),
+        time_s=solving.mean_times(detections),
         layers=layers,
         tracks=tracks,
         noise=plan.noise,

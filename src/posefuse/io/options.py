@@ -134,7 +134,7 @@ def _comment(text: str) -> Iterator[str]:
 
 def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
     if allowed:
-        return f'"{allowed[0]}"'
+        return f'["{allowed[0]}"]' if get_origin(hint) is tuple else f'"{allowed[0]}"'
     kinds = get_args(hint)
     if float in kinds:
         if get_origin(hint) is tuple:

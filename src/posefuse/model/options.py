@@ -10,6 +10,7 @@ from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import UP_AXES, UpAxis
 from posefuse.model.pair_options import PairMethod, PairOptions
+from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.side_options import SideMethod, SideOptions
 from posefuse.model.tracker_options import TrackerOptions
 
@@ -239,6 +240,7 @@ class Options:
         side_search: How sides are decided.
         association: How people are proposed from the detections of several views.
         tracker: How people are followed.
+        postprocess: What is done with points over time, once they are solved.
     """
 
     people: People = "auto"
@@ -265,6 +267,7 @@ class Options:
     side_search: SideOptions = field(default_factory=SideOptions)
     association: AssociationOptions = field(default_factory=AssociationOptions)
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
+    postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):

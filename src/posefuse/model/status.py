@@ -99,7 +99,7 @@ _POINT_SENTENCES = {
     PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
     PointStatus.HELD: "seen by one camera: held in depth by the time before and after and by bones",
-    PointStatus.FILLED: "seen by no camera: from the time before and after and from bones",
+    PointStatus.FILLED: "not measured: filled from the time before and after, or from bones",
     PointStatus.NOT_SEEN: "no valid detection, or nothing followed has it",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
     PointStatus.DEGENERATE: "the rays do not fix a point",
