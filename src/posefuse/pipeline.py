@@ -1,7 +1,7 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from platform import python_version
@@ -9,12 +9,16 @@ from platform import python_version
 import numpy as np
 
 from posefuse import following, solving, survey
+from posefuse.alignment.apply import after_scaling, laid, scaled_rig, unchanged
+from posefuse.alignment.lay import lay
+from posefuse.alignment.size import scale_of
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, MatchError, OptionsError, PosefuseWarning, choices
 from posefuse.following import Followed, WholeSmoother
+from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
@@ -49,6 +53,7 @@ class Plan:
         noise: of the detections.
         provenance: how the result is made.
         solver: makes the solved layer, or None where there is to be none.
+        alignment: of the world of the result, or None where it is the calibration's.
     """
 
     rig: CameraRig
@@ -59,6 +64,7 @@ class Plan:
     noise: NoiseModel
     provenance: Provenance
     solver: Solver | None = None
+    alignment: Alignment | None = None
 
 
 def reconstruct(
@@ -93,8 +99,37 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, who the subject is, noise, method, solver."""
-    return settle_solver(settle(examine(rig, detections, options, progress)))
+    """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver."""
+    plan = settle(examine(rig, detections, options, progress))
+    scale = None
+    if options.align.scales:
+        scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
+        plan = settle(examine(scaled_rig(rig, scale), detections, options, progress))
+    return settle_solver(settle_world(plan, scale))
+
+
+def settle_world(plan: Plan, scale: float | None) -> Plan:
+    """Find the world that the options ask for, and say how.
+
+    Args:
+        plan: what is settled, in a world of the right size.
+        scale: what its lengths were multiplied by, or None if nothing was said of that.
+
+    Raises:
+        DetectionsError: if people do not show what is asked for.
+        OptionsError: if nothing tells which way is up.
+    """
+    wanted = plan.options.align
+    if not (wanted.turns or wanted.scales):
+        return plan
+    if len(plan.rig) == 1:
+        raise OptionsError("align: one camera shows its image plane, which is no place in the world to align.")
+    alignment = unchanged(plan.rig.up_axis)
+    if wanted.turns:
+        alignment = lay(points_of(sampled(plan)), plan.detections.skeleton, plan.rig, wanted)
+    if scale is not None:
+        alignment = after_scaling(alignment, scale, wanted)
+    return replace(plan, alignment=alignment, provenance=plan.provenance.with_notes(alignment.steps))
 
 
 def examine(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
@@ -163,7 +198,7 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
     options, warning = settle_min_views(options, len(plan.rig))
     options, remarks = settle_method(plan.rig, plan.detections, options, plan.subjects, plan.noise)
     notes = (*plan.provenance.notes, *warning, *remarks)
-    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes), solver=None)
+    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes), solver=None, alignment=None)
 
 
 def settle_solver(plan: Plan) -> Plan:
@@ -178,8 +213,7 @@ def settle_solver(plan: Plan) -> Plan:
         return plan
     bones = None
     if wanted.rigid_bones:
-        sample = [np.asarray(part.layers["measured"].points_m) for part in sampled(plan)]
-        bones = usual_bones(sample, plan.detections.skeleton)
+        bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton)
     step: Step = Postprocess.of(plan.rig, plan.detections, plan.options, bones)
     return replace(plan, solver=Solver((step,), solving.clock_of(plan.detections).period_s))
 
@@ -189,6 +223,11 @@ def sampled(plan: Plan) -> Iterator[Reconstruction]:
     return (measure(plan, *span) for span in noise_scale.spans(plan.detections))
 
 
+def points_of(parts: Iterable[Reconstruction]) -> list[np.ndarray]:
+    """The measured points of ranges of frames, each of shape (frame, person, keypoint, 3)."""
+    return [np.asarray(part.layers["measured"].points_m) for part in parts]
+
+
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
     n_frames = plan.detections.n_frames
@@ -196,6 +235,8 @@ def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES)
     parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
     if plan.solver is not None:
         parts = plan.solver.solve(parts, n_frames)
+    if plan.alignment is not None:
+        parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "triangulating", progress)
 
 

@@ -125,7 +125,8 @@ def _say_keypoints(told: FrameAccount) -> None:
     for each in told.people:
         for layer in each.layers:
             say("")
-            note(f"{each.name}, layer {layer.layer}:")
+            how = ", ".join(f"{n} {code.label}" for code, n in layer.source.items())
+            note(f"{each.name}, layer {layer.layer}: {how or 'no points'}")
             for code, names in layer.status.items():
                 which = ", ".join(names) if len(layer.status) > 1 else f"all {len(names)} keypoints"
                 note(f"  {which}: {code.label}, {code.sentence}")

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -29,18 +29,21 @@ def reconstruct(
     edits: EditsPath = None,
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
+    align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
-    where bodies are fitted model.csv, angles.csv and events.csv; with the method percentile_filter
-    debug/percentile_filter.png.
+    where points are solved over time solved.csv; where bodies are fitted model.csv, angles.csv and events.csv; with
+    the method percentile_filter debug/percentile_filter.png.
     """
     from posefuse.io.files import replacing_folder
 
     short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
     options = replace(options, tracker=replace(options.tracker, **short))
+    if align == "floor":
+        options = replace(options, align=replace(options.align, floor="feet"))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
     say(f"Wrote {', '.join(files)} to {output} (TRC and C3D hold the layer {layer})")
@@ -143,7 +146,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
-    from posefuse.report.summary import summarise
+    from posefuse.report.summary import sources_in_words, summarise
 
     name, _ = result.best_layer(result.options.layer)
     summary = summarise(result.chunks(), name)
@@ -159,6 +162,8 @@ def describe(result: Reconstruction) -> None:
         note("note: one camera: coordinates are px in its image plane, no place in the world; C3D cannot hold them.")
     whose = "" if len(result.person_ids) == 1 else " of people who are followed"
     say(f"{percent(there / max(summary.n_points, 1))} of the points{whose} have coordinates (layer {name})")
+    if there:
+        say(f"of these: {sources_in_words(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]

@@ -17,6 +17,7 @@ def report(
     ] = None,
 ) -> None:
     """Write a result's report: one HTML page that needs no network."""
+    from posefuse.alignment.apply import in_world_of
     from posefuse.cli.results import open_result
     from posefuse.io.files import replacing
     from posefuse.io.results import netcdf
@@ -28,7 +29,7 @@ def report(
     if truth is not None:
         from posefuse.evaluation.accuracy import evaluate, truth_from_result
 
-        known = netcdf.read_reconstruction(truth)
+        known = in_world_of(reconstruction, netcdf.read_reconstruction(truth))
         accuracy = evaluate(reconstruction, truth_from_result(reconstruction, known))
     with replacing(target) as temporary:
         temporary.write_text(render_report(reconstruction, known, accuracy, Bars()), "utf-8")

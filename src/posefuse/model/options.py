@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.model.align_options import AlignOptions
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import UP_AXES, UpAxis
 from posefuse.model.pair_options import PairMethod, PairOptions
@@ -241,6 +242,7 @@ class Options:
         association: How people are proposed from the detections of several views.
         tracker: How people are followed.
         postprocess: What is done with points over time, once they are solved.
+        align: How the world of the result is laid.
     """
 
     people: People = "auto"
@@ -268,6 +270,7 @@ class Options:
     association: AssociationOptions = field(default_factory=AssociationOptions)
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
     postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
+    align: AlignOptions = field(default_factory=AlignOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):

@@ -83,6 +83,11 @@ class Source(IntEnum):
         """The word that files carry; empty for a missing point."""
         return "" if self is Source.NONE else self.name.lower()
 
+    @property
+    def sentence(self) -> str:
+        """What it means."""
+        return _SOURCE_SENTENCES[self]
+
 
 USED_CODES = (ViewStatus.USED, ViewStatus.USED_SWAPPED)
 
@@ -109,6 +114,16 @@ _POINT_SENTENCES = {
     PointStatus.ABSENT: "the person is not there",
     PointStatus.UNDECIDED: "two places far apart explain the views equally well",
     PointStatus.UNCERTAIN: "known too badly to be given",
+}
+
+_SOURCE_SENTENCES = {
+    Source.NONE: "missing",
+    Source.MEASURED: "from the views of its own frame",
+    Source.FILLED: "nothing was measured there: put in from what is before and after",
+    Source.SMOOTHED: "measured, then moved by a filter or onto a rigid bone",
+    Source.TRAJECTORY: "from the views of all frames together",
+    Source.MODELLED: "of a fitted body",
+    Source.TRUTH: "known",
 }
 
 _VIEW_SENTENCES = {
