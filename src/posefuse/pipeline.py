@@ -208,14 +208,19 @@ def settle_solver(plan: Plan) -> Plan:
         DetectionsError: if that takes times and frames have none.
         OptionsError: if a filter cannot be had at this frame rate.
     """
+    plan = replace(plan, options=settle_solve(plan.options, plan.detections, len(plan.rig)))
     wanted = plan.options.postprocess
-    if wanted.does_nothing:
+    steps: list[Step] = []
+    if plan.options.solve == "trajectory":
+        spans = solving.telling_spans(plan.subjects.follow(0, plan.detections.n_frames))
+        parts = ((span, measure(plan, *span)) for span in spans)
+        steps.append(solving.learned(plan.rig, plan.detections, plan.noise, parts, plan.options.trajectory))
+    if not wanted.does_nothing:
+        bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton) if wanted.rigid_bones else None
+        steps.append(Postprocess.of(plan.rig, plan.detections, plan.options, bones))
+    if not steps:
         return plan
-    bones = None
-    if wanted.rigid_bones:
-        bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton)
-    step: Step = Postprocess.of(plan.rig, plan.detections, plan.options, bones)
-    return replace(plan, solver=Solver((step,), solving.clock_of(plan.detections).period_s))
+    return replace(plan, solver=Solver(tuple(steps), solving.clock_of(plan.detections).period_s))
 
 
 def sampled(plan: Plan) -> Iterator[Reconstruction]:
@@ -492,6 +497,29 @@ def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Option
     believed = options.triangulation.method != TriangulationOptions().method
     pairs = options.pairs or ("labels" if believed else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
+
+
+def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Options:
+    """Decide whether frames are solved each by itself or all together, where that is left open.
+
+    Other methods than the default are asked for by name for what they make of each frame.
+
+    Raises:
+        DetectionsError: if all frames are to be solved together and have no times.
+        OptionsError: if they are and there is one camera.
+    """
+    timed = detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any())
+    if options.solve == "trajectory" and n_cameras == 1:
+        raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Leave it out.")
+    if options.solve == "trajectory" and not timed:
+        raise DetectionsError(
+            "solve = 'trajectory' needs times, and the files give no frame rate. Add --rate-hz, or in Python: "
+            "detections.with_rate(60)."
+        )
+    if options.solve != "auto":
+        return options
+    usual = options.triangulation.method == TriangulationOptions().method
+    return replace(options, solve="trajectory" if n_cameras > 1 and timed and usual else "frame")
 
 
 def settle_method(

@@ -8,13 +8,24 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import CHUNK_FRAMES, Detections, with_lacking_times
+from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import Source, ViewStatus, is_used
+from posefuse.model.tracks import Tracks, TrackState
+from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.recipe import margin_s, postprocess
+from posefuse.trajectory import solve as trajectory
+from posefuse.trajectory.laws import Laws, learn
+from posefuse.trajectory.observed import Measured
+
+_BLOCK_FRAMES = 1024
+"""So many frames are solved at a time, and those around them that count."""
+
+_PIECES, _PIECE_FRAMES = 4, 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +100,85 @@ class Postprocess:
 
 
 @dataclass(frozen=True, eq=False)
+class Trajectory:
+    """All frames of a window together; see :mod:`posefuse.trajectory.solve`.
+
+    Attributes:
+        rig: the cameras.
+        detections: of the whole recording.
+        noise: of the detections.
+        laws: of the recording.
+        options: of the solve.
+    """
+
+    rig: CameraRig
+    detections: Detections
+    noise: NoiseModel
+    laws: Laws
+    options: TrajectoryOptions
+
+    @property
+    def margin_s(self) -> float:
+        """What lies this far beyond a range changes nothing in it that shows."""
+        return trajectory.margin_s(self.laws)
+
+    def apply(self, window: Window, layer: Layer) -> Layer:
+        """The layer after the step, of all frames of the window."""
+        part = window.part
+        assert part.tracks is not None
+        detections = self.detections.frames(window.first, window.first + part.n_frames)
+        return trajectory.solve(
+            self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.laws, self.options
+        )
+
+
+def learned(
+    rig: CameraRig,
+    detections: Detections,
+    noise: NoiseModel,
+    parts: Iterable[tuple[tuple[int, int], Reconstruction]],
+    options: TrajectoryOptions,
+) -> Trajectory:
+    """The solve of a recording, with what a sample tells of its motion, bones and errors.
+
+    Args:
+        rig: the cameras.
+        detections: of the whole recording.
+        noise: of the detections.
+        parts: ranges of frames, counted from 0, and what was measured there.
+        options: of the solve.
+    """
+    told = (
+        Measured(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
+        for span, part in parts
+        if part.tracks is not None
+    )
+    return Trajectory(rig, detections, noise, learn(told, detections.skeleton, options), options)
+
+
+def telling_spans(tracks: Tracks) -> list[tuple[int, int]]:
+    """Ranges of frames that show how everybody moves: evenly spread ones, and of each person the middle of their life.
+
+    Args:
+        tracks: of the whole recording.
+    """
+    n_frames = tracks.state.shape[0]
+    if n_frames <= _PIECES * _PIECE_FRAMES:
+        return [(0, n_frames)]
+    starts = np.linspace(0, n_frames - _PIECE_FRAMES, _PIECES).astype(int).tolist()
+    for state in np.asarray(tracks.state[:]).T:
+        there = np.flatnonzero(state == TrackState.ACTIVE)
+        if len(there):
+            middle = int(there[len(there) // 2])
+            starts.append(min(max(middle - _PIECE_FRAMES // 2, 0), n_frames - _PIECE_FRAMES))
+    spans: list[tuple[int, int]] = []
+    for start in sorted(starts):
+        if not spans or start >= spans[-1][1]:
+            spans.append((start, start + _PIECE_FRAMES))
+    return spans
+
+
+@dataclass(frozen=True, eq=False)
 class Solver:
     """The steps that make the solved layer of the measured one.
 
@@ -112,7 +202,7 @@ class Solver:
             parts: consecutive ranges of frames, with a measured layer.
             n_frames: of all of them.
         """
-        for window in windows(iter(parts), n_frames, self.margin, max(CHUNK_FRAMES, self.margin)):
+        for window in windows(iter(parts), n_frames, self.margin, max(_BLOCK_FRAMES, self.margin)):
             layer = window.part.layers["measured"]
             for step in self.steps:
                 layer = step.apply(window, layer)
@@ -180,7 +270,7 @@ def with_errors(layer: Layer, rig: CameraRig, detections: Detections, part: Reco
         exchanged = (views[there][:, :, v] == ViewStatus.USED_SWAPPED)[..., None]
         seen = np.where(exchanged, seen[:, mirror], seen)
         errors[there, :, v] = np.linalg.norm(camera.project(points[there])[0] - seen, axis=-1)
-    kept = np.asarray(layer.source) == Source.MEASURED
+    kept = np.isin(np.asarray(layer.source), (Source.MEASURED, Source.TRAJECTORY))
     errors = np.where(kept[..., None], np.asarray(layer.view_error_px), errors)
     counted = is_used(views) & np.isfinite(errors)
     number = counted.sum(axis=-1)

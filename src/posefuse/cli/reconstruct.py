@@ -154,7 +154,8 @@ def describe(result: Reconstruction) -> None:
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
-        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}"
+        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}, "
+        f"solved by {result.options.solve}"
     )
     for remark in result.provenance.notes:
         note(f"note: {remark}")
