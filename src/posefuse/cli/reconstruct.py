@@ -88,34 +88,17 @@ def reconstruct_into(
     return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
 
 
-def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of joint angles and, shape (frame, person, angle), the angles of fitted bodies in degrees.
-
-    How the root stands in the world is not known where nobody knows which way is up.
-    """
-    from posefuse.model.cameras import up_vector
-    from posefuse.tracking.angles import whole_angles
-
-    skeleton, tree = part.skeleton, part.skeleton.tree
-    if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != skeleton.stood_names[:2]:
-        return (), np.empty((part.n_frames, len(part.person_ids), 0))
-    turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
-    names, degrees = whole_angles(skeleton, turns, directions, up_vector(part.rig.up_axis or "z"))
-    if part.rig.up_axis is None and tree.segments:
-        degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
-    return names, degrees
-
-
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
     """Write all that stands beside ``reconstruction.nc``, and say what came out.
 
     Returns:
         The names of what was written, and the layer that TRC and C3D hold.
     """
+    from posefuse.derived import angles_of, tables_of
     from posefuse.io.results.write import write_folder
     from posefuse.report.html import render_report
 
-    files, layer = write_folder(result, folder, progress, angles_of)
+    files, layer = write_folder(result, folder, progress, angles_of, tables_of(result))
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
     return [*files, "report.html"], layer

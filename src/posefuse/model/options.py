@@ -13,6 +13,7 @@ from posefuse.model.cameras import UP_AXES, UpAxis
 from posefuse.model.pair_options import PairMethod, PairOptions
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.side_options import SideMethod, SideOptions
+from posefuse.model.subject_options import SubjectOptions
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.trajectory_options import TrajectoryOptions
 
@@ -247,6 +248,7 @@ class Options:
             auto takes the trajectory where there are times, two cameras or more, and the method is consensus.
         trajectory: How all frames are solved together.
         postprocess: What is done with points over time, once they are solved.
+        subject: Of whom the recording is.
         align: How the world of the result is laid.
     """
 
@@ -277,6 +279,7 @@ class Options:
     solve: Solve = "auto"
     trajectory: TrajectoryOptions = field(default_factory=TrajectoryOptions)
     postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
+    subject: SubjectOptions = field(default_factory=SubjectOptions)
     align: AlignOptions = field(default_factory=AlignOptions)
 
     def __post_init__(self) -> None:
