@@ -29,12 +29,21 @@ def shown_pose(tree: Tree, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray
     for f, points in enumerate(flat):
         if not np.isfinite(points[:, 0]).any():
             continue
-        turns[f] = np.where(enough[f, :, None, None], pose_from_points(tree, points, tree.shape_m)[1], np.nan)
+        turns[f] = np.where(enough[f, :, None, None], _turns(tree, points), np.nan)
         along = bones_shown(tree, points)
         length = np.linalg.norm(along, axis=-1, keepdims=True)
         directions[f] = along / np.where(length > 0.0, length, np.nan)
     shape = points_m.shape[:-2]
     return turns.reshape(*shape, *turns.shape[1:]), directions.reshape(*shape, *directions.shape[1:])
+
+
+def _turns(tree: Tree, points_m: np.ndarray) -> np.ndarray:
+    """Shape (segment, 3, 3)."""
+    if not tree.segments:
+        return np.empty((0, 3, 3))
+    # A first pose is drawn a little to the world's axes; seen from itself it is not.
+    first = pose_from_points(tree, points_m, tree.shape_m)[1][0]
+    return first @ pose_from_points(tree, points_m @ first, tree.shape_m)[1]
 
 
 def _segments_shown(tree: Tree, points_m: np.ndarray) -> np.ndarray:
