@@ -61,7 +61,7 @@ def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.nda
     if len(still) < _FEWEST:
         raise DetectionsError(
             f"align.floor = 'feet' found feet in {len(still)} places, and needs {_FEWEST}. Give three points on the "
-            "floor (align.floor = 'points')."
+            "floor (align.floor_points_m)."
         )
     body = np.concatenate([part.reshape(-1, 3) for part in points_m])
     body = body[np.isfinite(body[:, 0])].mean(axis=0)
@@ -71,7 +71,7 @@ def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.nda
             raise DetectionsError(
                 f"align.floor = 'feet': feet stand within {100 * plane.spread_m:.0f} cm of one line, which is no "
                 "plane, and which way is up is not known. Say it with --up, or give three points on the floor "
-                "(align.floor = 'points')."
+                "(align.floor_points_m)."
             )
         # The lower ones: the other foot may be held up.
         middle = np.quantile(still @ up, _LOW_SHARE) * up
@@ -93,7 +93,7 @@ def foot_columns(skeleton: Skeleton) -> tuple[list[int], float]:
             return columns, height_m
     raise DetectionsError(
         f"align.floor = 'feet' looks for toes, heels, paws or ankles, and skeleton {skeleton.name} has none. Give "
-        "three points on the floor (align.floor = 'points')."
+        "three points on the floor (align.floor_points_m)."
     )
 
 

@@ -47,7 +47,7 @@ def lay(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig: CameraRig, opti
 def _floor(
     points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, options: AlignOptions
 ) -> tuple[Plane, str]:
-    if options.floor == "points":
+    if options.floor_points_m:
         return _floor_of_points(points_m, np.array(options.floor_points_m, dtype=np.float64).reshape(3, 3))
     if options.floor == "feet":
         plane = floor_of_feet(points_m, skeleton, up)
@@ -57,7 +57,7 @@ def _floor(
     if up is None:
         raise OptionsError(
             "align: the calibration does not say which way is up. Say it with --up, or find the floor: "
-            "align.floor = 'feet' or 'points'."
+            "align.floor = 'feet', or align.floor_points_m."
         )
     return Plane(up, np.zeros(3)), "The floor is the calibration's."
 
@@ -79,7 +79,7 @@ def _floor_of_points(points_m: Sequence[np.ndarray], corners: np.ndarray) -> tup
 def _origin(points_m: Sequence[np.ndarray], plane: Plane, options: AlignOptions) -> tuple[np.ndarray, str]:
     """A point on the floor."""
     where, how = np.zeros(3), "The origin is on the floor under the calibration's."
-    if options.origin == "point":
+    if options.origin_m:
         where, how = (
             np.array(options.origin_m, dtype=np.float64),
             "The origin is on the floor under a point that was given.",
@@ -106,7 +106,7 @@ def _ahead(
     points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray, options: AlignOptions
 ) -> tuple[np.ndarray, str]:
     """A level unit vector."""
-    if options.forward == "direction":
+    if options.forward_m:
         given = np.array(options.forward_m, dtype=np.float64) / np.linalg.norm(options.forward_m)
         if abs(given @ up) > 0.99:
             raise OptionsError(f"align.forward_m is upright: {options.forward_m}. Give a direction along the floor.")
@@ -129,7 +129,7 @@ def _facing(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray) 
     if not pairs:
         raise DetectionsError(
             f"align.forward = 'subject' needs hips or shoulders, and skeleton {skeleton.name} has neither. "
-            "Give align.forward = 'walk' or 'direction'."
+            "Give align.forward = 'walk' or align.forward_m."
         )
     leftwards = np.concatenate(
         [(part[..., a, :] - part[..., b, :]).reshape(-1, 3) for part in points_m for a, b in pairs]
@@ -140,7 +140,8 @@ def _facing(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray) 
     mean = ahead.mean(axis=0) if len(ahead) else np.zeros(3)
     if np.linalg.norm(mean) < _SURE:
         raise DetectionsError(
-            "align.forward = 'subject': the subject faces every way alike. Give align.forward = 'walk' or 'direction'."
+            "align.forward = 'subject': the subject faces every way alike. Give align.forward = 'walk', or "
+            "align.forward_m."
         )
     return mean
 
@@ -153,7 +154,7 @@ def _walk(points_m: Sequence[np.ndarray], up: np.ndarray) -> np.ndarray:
     if np.linalg.norm(way) < _LEAST_WALK_M:
         raise DetectionsError(
             f"align.forward = 'walk': from first to last the subject gets {np.linalg.norm(way):.2f} m far, less than "
-            f"{_LEAST_WALK_M} m. Give align.forward = 'subject' or 'direction'."
+            f"{_LEAST_WALK_M} m. Give align.forward = 'subject' or align.forward_m."
         )
     return way
 

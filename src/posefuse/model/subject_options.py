@@ -15,7 +15,7 @@ class SubjectOptions:
     Attributes:
         mass_table: By which table the centre of mass is found and written to com.csv: none, winter, de_leva_female or
             de_leva_male.
-        mass_kg: The subject's mass: com.csv then has the segments' masses too.
+        mass_kg: The subject's mass: com.csv then says of how many kg the place is known.
     """
 
     mass_table: MassTable = "none"

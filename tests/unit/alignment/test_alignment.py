@@ -144,8 +144,8 @@ def test_axes_of_presets(walker, true_points, preset):
 
 def test_three_points_and_a_direction_by_hand(walker, true_points):
     options = AlignOptions(
-        floor="points", floor_points_m=(0, 0, 0, 0, 1, 0, 1, 0, 0), origin="point", origin_m=(1, 2, 9),
-        forward="direction", forward_m=(0, 1, 0.5),
+        floor_points_m=(0, 0, 0, 0, 1, 0, 1, 0, 0), origin_m=(1, 2, 9),
+        forward_m=(0, 1, 0.5),
     )  # fmt: skip
     found = lay([true_points], walker.truth.skeleton, walker.rig, options)
     np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 0.0])), 0.0, atol=1e-12)
@@ -233,8 +233,8 @@ class TestFindings:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"floor": "points"}, "9 values"),
-        ({"origin_m": (1.0, 2.0, 3.0)}, "not used"),
+        ({"floor_points_m": (1.0,)}, "9 numbers"),
+        ({"origin_m": (1.0, 2.0, 3.0), "origin": "subject"}, "two things"),
         ({"floor": "feat"}, "Did you mean 'feet'"),
         ({"height_m": -1.0}, "must be positive"),
         ({"height_m": 1.7, "length_m": 0.4, "length_between": ("a", "b")}, "one of them"),
