@@ -173,8 +173,9 @@ def telling_spans(tracks: Tracks) -> list[tuple[int, int]]:
             starts.append(min(max(middle - _PIECE_FRAMES // 2, 0), n_frames - _PIECE_FRAMES))
     spans: list[tuple[int, int]] = []
     for start in sorted(starts):
-        if not spans or start >= spans[-1][1]:
-            spans.append((start, start + _PIECE_FRAMES))
+        first, last = max(start, spans[-1][1] if spans else 0), start + _PIECE_FRAMES
+        if first < last:
+            spans.append((first, last))
     return spans
 
 
@@ -195,14 +196,17 @@ class Solver:
         """How many frames around a range its steps look at."""
         return round(sum(step.margin_s for step in self.steps) / self.period_s) + 1
 
-    def solve(self, parts: Iterable[Reconstruction], n_frames: int) -> Iterator[Reconstruction]:
+    def solve(
+        self, parts: Iterable[Reconstruction], n_frames: int, block: int = _BLOCK_FRAMES
+    ) -> Iterator[Reconstruction]:
         """The recording with its solved layer, in ranges of its own, the same however it comes.
 
         Args:
             parts: consecutive ranges of frames, with a measured layer.
             n_frames: of all of them.
+            block: so many frames are solved at a time, or as many as the steps look at on either side.
         """
-        for window in windows(iter(parts), n_frames, self.margin, max(_BLOCK_FRAMES, self.margin)):
+        for window in windows(iter(parts), n_frames, self.margin, max(block, self.margin)):
             layer = window.part.layers["measured"]
             for step in self.steps:
                 layer = step.apply(window, layer)

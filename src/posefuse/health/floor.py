@@ -30,11 +30,11 @@ def upright_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig: Cam
 
     Args:
         points_m: arrays of shape (frame, person, keypoint, 3).
-        skeleton: of the keypoints; of other bodies than humans nothing is said.
+        skeleton: of the keypoints; nothing is said of other bodies than humans, nor where it knows no body's lengths.
         rig: the cameras.
     """
     heads, feet = ([skeleton.index(n) for n in names if n in skeleton.keypoints] for names in (_HEADS, _FEET))
-    if rig.up_axis is None or not heads or not feet:
+    if rig.up_axis is None or not heads or not feet or not skeleton.plausible_m:
         return None
     up = np.array(up_vector(rig.up_axis))
     spans = [_middle(part[..., heads, :]) - _middle(part[..., feet, :]) for part in points_m]
@@ -59,7 +59,7 @@ def below_floor_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, rig:
         rig: the cameras.
     """
     feet = [skeleton.index(name) for name in _FEET[:2] if name in skeleton.keypoints]
-    if rig.up_axis is None or not feet:
+    if rig.up_axis is None or not feet or not skeleton.plausible_m:
         return None
     up = np.array(up_vector(rig.up_axis))
     heights = np.concatenate([(part[..., feet, :] @ up).ravel() for part in points_m])
