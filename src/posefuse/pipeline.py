@@ -211,8 +211,9 @@ def settle_solver(plan: Plan) -> Plan:
     plan = replace(plan, options=settle_solve(plan.options, plan.detections, len(plan.rig)))
     wanted = plan.options.postprocess
     steps: list[Step] = []
-    if plan.options.solve == "trajectory":
-        spans = solving.telling_spans(plan.subjects.follow(0, plan.detections.n_frames))
+    tracks = plan.subjects.follow(0, plan.detections.n_frames)
+    if plan.options.solve == "trajectory" and tracks.person_ids:
+        spans = solving.telling_spans(tracks)
         parts = ((span, measure(plan, *span)) for span in spans)
         steps.append(solving.learned(plan.rig, plan.detections, plan.noise, parts, plan.options.trajectory))
     if not wanted.does_nothing:
