@@ -64,4 +64,4 @@ def _centre(
     assert ends is not None
     near, far = ([skeleton.index(name) for name in names] for names in ends[:2])
     start, end = points_m[:, :, near].mean(axis=2), points_m[:, :, far].mean(axis=2)
-    return start + ends[2] * (end - start), filled[:, :, near + far].any(axis=2)
+    return start + ends[2] * (end - start), np.asarray(filled[:, :, near + far].any(axis=2))
