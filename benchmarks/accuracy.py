@@ -61,7 +61,7 @@ def _shares(ours: np.ndarray, oracle: np.ndarray) -> dict[str, float]:
 
 def options_of(method: str) -> Options:
     """Everything else as it is by default."""
-    return Options(pairs="labels", triangulation=TriangulationOptions(method=method))
+    return Options(pairs="labels", solve="frame", triangulation=TriangulationOptions(method=method))
 
 
 def coverage(method: str, lens: LensKind, frames: int) -> dict[str, float]:

@@ -94,7 +94,7 @@ def main() -> None:
     for name, rig, detections in recordings(folder):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            result = posefuse.reconstruct(rig, detections, Options())
+            result = posefuse.reconstruct(rig, detections, Options(solve="frame"))
         layer = result.layers["measured"]
         shares = ", ".join(f"{camera} {100 * share:.1f} %" for camera, share in rejected_shares(result).items())
         noise = result.noise

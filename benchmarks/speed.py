@@ -80,7 +80,7 @@ def beside_aniposelib(frames: int = 8000) -> dict[str, float]:
         "aniposelib_ms": statistics.median(peer for peer, _ in rounds),
         "simple_ms": statistics.median(ours for _, ours in rounds),
         "ratio": statistics.median(peer / ours for peer, ours in rounds),
-        "default_ms": 1000 * median_cpu_s(lambda: reconstruct(data.rig, detections)) / frames,
+        "default_ms": 1000 * median_cpu_s(lambda: reconstruct(data.rig, detections, Options(solve="frame"))) / frames,
     }
 
 
@@ -108,7 +108,7 @@ def first_call_s(recording: Path, cache: Path) -> float:
         "import posefuse\n"
         f"rig = posefuse.read_cameras({str(recording / 'calibration.toml')!r})\n"
         f"detections = posefuse.read_detections({str(recording / 'keypoints.nc')!r})\n"
-        "posefuse.reconstruct(rig, detections)\n"
+        "posefuse.reconstruct(rig, detections, posefuse.Options(solve='frame'))\n"
     )
     start = time.perf_counter()
     subprocess.run(

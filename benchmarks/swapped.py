@@ -25,7 +25,7 @@ SHARES = (0.0, 0.003, 0.25)
 def errors_mm(scene: Scene, pairs: PairMethod) -> np.ndarray:
     """Distances from the truth of all keypoints that come in pairs; NaN where missing."""
     paired = scene.detections.skeleton.pair_indices.ravel()
-    result = reconstruct(scene.rig, scene.detections, Options(pairs=pairs))
+    result = reconstruct(scene.rig, scene.detections, Options(pairs=pairs, solve="frame"))
     points, truth = (np.asarray(each.layers["measured"].points_m) for each in (result, scene.truth))
     return 1000.0 * np.linalg.norm(points - truth, axis=-1)[:, 0, paired]
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from posefuse.io.options import read_options as read_options
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
     from posefuse.io.results.write import write as write
+    from posefuse.model.align_options import AlignOptions as AlignOptions
+    from posefuse.model.alignment import Alignment as Alignment
     from posefuse.model.cameras import Camera as Camera
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from posefuse.model.options import NoiseOptions as NoiseOptions
     from posefuse.model.options import Options as Options
     from posefuse.model.options import TriangulationOptions as TriangulationOptions
+    from posefuse.model.postprocess_options import PostprocessOptions as PostprocessOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
     from posefuse.model.skeletons import Skeleton as Skeleton
@@ -44,9 +47,11 @@ if TYPE_CHECKING:
     from posefuse.model.status import PointStatus as PointStatus
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
+    from posefuse.model.subject_options import SubjectOptions as SubjectOptions
     from posefuse.model.tracker_options import TrackerOptions as TrackerOptions
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
+    from posefuse.model.trajectory_options import TrajectoryOptions as TrajectoryOptions
     from posefuse.pipeline import Tracker as Tracker
     from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
@@ -72,16 +77,21 @@ _PLACES = {
     "io.options": ("read_options",),
     "io.results.netcdf": ("read_reconstruction",),
     "io.results.write": ("write",),
+    "model.align_options": ("AlignOptions",),
+    "model.alignment": ("Alignment",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
     "model.frames": ("Frame",),
     "model.noise": ("NoiseModel",),
     "model.options": ("NoiseOptions", "Options", "TriangulationOptions"),
+    "model.postprocess_options": ("PostprocessOptions",),
     "model.reconstruction": ("Layer", "Reconstruction"),
     "model.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
+    "model.subject_options": ("SubjectOptions",),
     "model.tracker_options": ("TrackerOptions",),
     "model.tracks": ("TrackState", "Tracks"),
+    "model.trajectory_options": ("TrajectoryOptions",),
     "pipeline": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
     "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),

@@ -15,7 +15,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.status import PointStatus, is_used
+from posefuse.model.status import PointStatus, Source, is_used
 from posefuse.model.swaps import SwapState
 from posefuse.model.tracks import TrackState
 
@@ -74,6 +74,7 @@ class LayerAccount:
         error_px: median of their reprojection errors, NaN where there is none.
         sd_mm: median of their standard deviations, likewise.
         status: status to the keypoints that have it.
+        source: how points came about to how many did.
     """
 
     layer: str
@@ -81,6 +82,7 @@ class LayerAccount:
     error_px: float
     sd_mm: float
     status: dict[PointStatus, tuple[str, ...]]
+    source: dict[Source, int]
 
 
 @dataclass(frozen=True)
@@ -393,10 +395,12 @@ def _layer(here: _Here, name: str, person: int) -> LayerAccount:
     codes = np.asarray(layer.status)[0, person]
     keypoints = np.array(here.result.skeleton.keypoints)
     status = {code: tuple(keypoints[codes == code].tolist()) for code in PointStatus if (codes == code).any()}
+    origins = np.asarray(layer.source)[0, person]
+    source = {code: n for code in Source if code and (n := int((origins == code).sum()))}
     there = layer.has_point[0, person]
     deviation = 1000.0 * np.sqrt((layer.sd_m[0, person] ** 2).mean(axis=-1))
     error = np.asarray(layer.reprojection_error_px)[0, person]
-    return LayerAccount(name, int(there.sum()), _median(error[there]), _median(deviation[there]), status)
+    return LayerAccount(name, int(there.sum()), _median(error[there]), _median(deviation[there]), status, source)
 
 
 def _events_around(result: Reconstruction, place: int, person: str | None) -> tuple[Event, ...]:

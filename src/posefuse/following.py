@@ -14,7 +14,7 @@ from posefuse.association.subjects import Subjects
 from posefuse.errors import OptionsError, PosefuseWarning, choices
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
+from posefuse.model.detections import Detections, with_lacking_times
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event, Poses
 from posefuse.model.noise import NoiseModel
@@ -522,16 +522,7 @@ def _times(detections: Detections) -> np.ndarray:
     """Shape (frame,): when frames were; of those that no view recorded, when they should have been; NaN if unknown."""
     known = np.asarray(detections.recorded) & np.isfinite(detections.time_s)
     last = np.where(known, detections.time_s, -np.inf).max(axis=1)
-    there = np.isfinite(last)
-    if there.sum() < 2:
-        return np.where(there, last, np.nan)
-    numbers = np.asarray(detections.frame_numbers, dtype=float)
-    times_s = np.interp(numbers, numbers[there], last[there])
-    period_s = np.median(np.diff(last[there]) / np.diff(numbers[there]))
-    first, final = np.flatnonzero(there)[[0, -1]]
-    times_s[:first] = last[first] - period_s * (numbers[first] - numbers[:first])
-    times_s[final + 1 :] = last[final] + period_s * (numbers[final + 1 :] - numbers[final])
-    return times_s
+    return with_lacking_times(np.where(np.isfinite(last), last, np.nan), detections.frame_numbers)
 
 
 class _Book:

@@ -1,20 +1,24 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from platform import python_version
 
 import numpy as np
 
-from posefuse import following, survey
+from posefuse import following, solving, survey
+from posefuse.alignment.apply import after_scaling, laid, scaled_rig, unchanged
+from posefuse.alignment.lay import lay
+from posefuse.alignment.size import scale_of
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, MatchError, OptionsError, PosefuseWarning, choices
 from posefuse.following import Followed, WholeSmoother
+from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
@@ -25,8 +29,11 @@ from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks
+from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent, watched
+from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
+from posefuse.triangulation import noise as noise_scale
 from posefuse.triangulation import paired, single_view
 from posefuse.triangulation.registry import load_method
 
@@ -46,6 +53,8 @@ class Plan:
         bodies: fitted to them, or None.
         noise: of the detections.
         provenance: how the result is made.
+        solver: makes the solved layer, or None where there is to be none.
+        alignment: of the world of the result, or None where it is the calibration's.
     """
 
     rig: CameraRig
@@ -55,6 +64,8 @@ class Plan:
     bodies: Followed | None
     noise: NoiseModel
     provenance: Provenance
+    solver: Solver | None = None
+    alignment: Alignment | None = None
 
 
 def reconstruct(
@@ -89,8 +100,37 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, who the subject is, the noise, the method."""
-    return settle(examine(rig, detections, options, progress))
+    """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver."""
+    plan = settle(examine(rig, detections, options, progress))
+    scale = None
+    if options.align.scales:
+        scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
+        plan = settle(examine(scaled_rig(rig, scale), detections, options, progress))
+    return settle_solver(settle_world(plan, scale))
+
+
+def settle_world(plan: Plan, scale: float | None) -> Plan:
+    """Find the world that the options ask for, and say how.
+
+    Args:
+        plan: what is settled, in a world of the right size.
+        scale: what its lengths were multiplied by, or None if nothing was said of that.
+
+    Raises:
+        DetectionsError: if people do not show what is asked for.
+        OptionsError: if nothing tells which way is up.
+    """
+    wanted = plan.options.align
+    if not (wanted.turns or wanted.scales):
+        return plan
+    if len(plan.rig) == 1:
+        raise OptionsError("align: one camera shows its image plane, which is no place in the world to align.")
+    alignment = unchanged(plan.rig.up_axis)
+    if wanted.turns:
+        alignment = lay(points_of(sampled(plan)), plan.detections.skeleton, plan.rig, wanted)
+    if scale is not None:
+        alignment = after_scaling(alignment, scale, wanted)
+    return replace(plan, alignment=alignment, provenance=plan.provenance.with_notes(alignment.steps))
 
 
 def examine(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
@@ -161,7 +201,40 @@ def settle(plan: Plan, method: str | None = None) -> Plan:
     options, warning = settle_min_views(options, len(plan.rig))
     options, remarks = settle_method(plan.rig, plan.detections, options, plan.subjects, plan.noise)
     notes = (*plan.provenance.notes, *warning, *remarks)
-    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes))
+    return replace(plan, options=options, provenance=replace(plan.provenance, notes=notes), solver=None, alignment=None)
+
+
+def settle_solver(plan: Plan) -> Plan:
+    """Settle how points are solved over time, if they are, and learn from a sample what that takes.
+
+    Raises:
+        DetectionsError: if that takes times and frames have none.
+        OptionsError: if a filter cannot be had at this frame rate.
+    """
+    plan = replace(plan, options=settle_solve(plan.options, plan.detections, len(plan.rig)))
+    wanted = plan.options.postprocess
+    steps: list[Step] = []
+    tracks = plan.subjects.follow(0, plan.detections.n_frames)
+    if plan.options.solve == "trajectory" and tracks.person_ids:
+        spans = solving.telling_spans(tracks)
+        parts = ((span, measure(plan, *span)) for span in spans)
+        steps.append(solving.learned(plan.rig, plan.detections, plan.noise, parts, plan.options.trajectory))
+    if not wanted.does_nothing:
+        bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton) if wanted.rigid_bones else None
+        steps.append(Postprocess.of(plan.rig, plan.detections, plan.options, bones))
+    if not steps:
+        return plan
+    return replace(plan, solver=Solver(tuple(steps), solving.clock_of(plan.detections).period_s))
+
+
+def sampled(plan: Plan) -> Iterator[Reconstruction]:
+    """Measured ranges of frames that represent the recording: all of a short one, pieces of a long one."""
+    return (measure(plan, *span) for span in noise_scale.spans(plan.detections))
+
+
+def points_of(parts: Iterable[Reconstruction]) -> list[np.ndarray]:
+    """The measured points of ranges of frames, each of shape (frame, person, keypoint, 3)."""
+    return [np.asarray(part.layers["measured"].points_m) for part in parts]
 
 
 def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
@@ -169,6 +242,10 @@ def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES)
     n_frames = plan.detections.n_frames
     smoother = None if plan.bodies is None else plan.bodies.smoother()
     parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
+    if plan.solver is not None:
+        parts = plan.solver.solve(parts, n_frames)
+    if plan.alignment is not None:
+        parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "triangulating", progress)
 
 
@@ -195,15 +272,12 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         events = known.events
     if plan.bodies is not None and smoother is not None:
         layers["model"], poses = plan.bodies.bodies(plan.rig, detections, start, smoother.take(stop))
-    recorded = detections.recorded & np.isfinite(detections.time_s)
-    times = np.where(recorded, detections.time_s, 0.0).sum(axis=1)
-    count = recorded.sum(axis=1)
     return Reconstruction(
         rig=plan.rig,
         skeleton=detections.skeleton if plan.bodies is None else plan.bodies.skeleton,
         person_ids=tracks.person_ids,
         frame_numbers=detections.frame_numbers,
-        time_s=np.where(count > 0, times / np.maximum(count, 1), np.nan),
+        time_s=solving.mean_times(detections),
         layers=layers,
         tracks=tracks,
         noise=plan.noise,
@@ -430,6 +504,29 @@ def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Option
     believed = options.triangulation.method != TriangulationOptions().method
     pairs = options.pairs or ("labels" if believed else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
+
+
+def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Options:
+    """Decide whether frames are solved each by itself or all together, where that is left open.
+
+    Other methods than the default are asked for by name for what they make of each frame.
+
+    Raises:
+        DetectionsError: if all frames are to be solved together and have no times.
+        OptionsError: if they are and there is one camera.
+    """
+    timed = detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any())
+    if options.solve == "trajectory" and n_cameras == 1:
+        raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Leave it out.")
+    if options.solve == "trajectory" and not timed:
+        raise DetectionsError(
+            "solve = 'trajectory' needs times, and the files give no frame rate. Add --rate-hz, or in Python: "
+            "detections.with_rate(60)."
+        )
+    if options.solve != "auto":
+        return options
+    usual = options.triangulation.method == TriangulationOptions().method
+    return replace(options, solve="trajectory" if n_cameras > 1 and timed and usual else "frame")
 
 
 def settle_method(

@@ -11,6 +11,7 @@ import numpy as np
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choices
 from posefuse.health.agreement import agreement_finding, camera_finding, coincidence_finding
+from posefuse.health.floor import floor_findings
 from posefuse.health.scale import scale_finding
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -40,11 +41,13 @@ def survey(
         layer = agree(sampled(few=True), noise)
     else:
         noise, layer = find_noise(rig, sampled, agree, noise, progress)
+    points = [np.asarray(layer.points_m)]
     findings = (
         coincidence_finding(rig),
         agreement_finding([layer], rig, noise),
         camera_finding([layer], rig),
-        scale_finding([np.asarray(layer.points_m)], detections.skeleton, rig.metres_per_unit),
+        scale_finding(points, detections.skeleton, rig.metres_per_unit),
+        *floor_findings(points, detections.skeleton, rig),
     )
     said = tuple(finding for finding in findings if finding is not None)
     for finding in said:

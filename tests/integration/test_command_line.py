@@ -16,7 +16,10 @@ from posefuse.io.keypoints import native
 from posefuse.io.results import trc
 from tests.files import anipose_toml, write_openpose
 
-OUTPUTS = ["keypoints.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html"]
+OUTPUTS = [
+    "angles.csv", "keypoints.csv", "lengths.csv", "person_1.c3d", "person_1.trc", "reconstruction.nc", "report.html",
+    "solved.csv",
+]  # fmt: skip
 
 
 def test_from_files_to_people(run, recording, tmp_path):
@@ -25,7 +28,8 @@ def test_from_files_to_people(run, recording, tmp_path):
     assert code == 0
     assert sorted(entry.name for entry in out.iterdir()) == OUTPUTS
     assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in said
-    assert "layer measured" in said
+    assert "layer solved" in said
+    assert "% trajectory" in said
     code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
     assert code == 0
     assert "mean error (MPJPE)" in said

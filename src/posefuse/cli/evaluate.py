@@ -59,12 +59,16 @@ def evaluate(
 
     With more than one person in either, people are matched in every frame, and by name over the whole recording.
     """
+    from posefuse.alignment.apply import in_calibration_world
     from posefuse.cli.results import open_result
     from posefuse.evaluation.own_account import OwnAccount, own_account
     from posefuse.io.files import must_exist, replacing
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
+    if reconstruction.alignment is not None:
+        note("The result was aligned; it is compared in the calibration's world.")
+        reconstruction = in_calibration_world(reconstruction)
     if states:
         from posefuse.evaluation.people import only_in_states
 
@@ -103,6 +107,7 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     Raises:
         ResultError: if several files are given that are not TRC.
     """
+    from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation import people
     from posefuse.io.results import netcdf
 
@@ -114,7 +119,7 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
         if len(files) == len(result.person_ids) == 1:
             return None
         return people.with_truths(result, [truth_finder(file)(result) for file in files], [file.stem for file in files])
-    known = netcdf.read_reconstruction(first)
+    known = in_calibration_world(netcdf.read_reconstruction(first))
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
     return people.people_points(result, known)
@@ -129,12 +134,13 @@ def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
     """Read a truth file of one person; what comes back finds its positions at the frames of a result."""
     import numpy as np
 
+    from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation import accuracy
     from posefuse.io.results import netcdf, trc
     from posefuse.io.results.axes import y_up_from_world
 
     if path.suffix.lower() != ".trc":
-        known = netcdf.read_reconstruction(path)
+        known = in_calibration_world(netcdf.read_reconstruction(path))
         return lambda result: accuracy.truth_from_result(result, known)
     tracks = trc.read(path)
 

@@ -129,7 +129,8 @@ def _say_keypoints(told: FrameAccount, skeleton: Skeleton) -> None:
     for each in told.people:
         for layer in each.layers:
             say("")
-            note(f"{each.name}, layer {layer.layer}:")
+            how = ", ".join(f"{n} {code.label}" for code, n in layer.source.items())
+            note(f"{each.name}, layer {layer.layer}: {how or 'no points'}")
             for code, names in layer.status.items():
                 which = _in_short(names, skeleton) if len(layer.status) > 1 else f"all {len(names)} keypoints"
                 note(f"  {which}: {code.label}, {code.sentence}")

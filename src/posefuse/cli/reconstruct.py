@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -30,18 +30,21 @@ def reconstruct(
     edits: EditsPath = None,
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
+    align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
-    where bodies are fitted model.csv, angles.csv and events.csv; with the method percentile_filter
-    debug/percentile_filter.png.
+    where points are solved over time solved.csv; where bodies are fitted model.csv, angles.csv and events.csv; with
+    the method percentile_filter debug/percentile_filter.png.
     """
     from posefuse.io.files import replacing_folder
 
     short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
     options = replace(options, tracker=replace(options.tracker, **short))
+    if align == "floor":
+        options = replace(options, align=replace(options.align, floor="feet"))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
     wrote(files, output, f"TRC and C3D hold the layer {layer}.")
@@ -86,41 +89,17 @@ def reconstruct_into(
     return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
 
 
-def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Joint angles of fitted bodies.
-
-    How the root stands in the world is not known where nobody knows which way is up.
-
-    Returns:
-        Names; shape (frame, person, angle), degrees; and their standard deviations, NaN where they are not known.
-    """
-    from posefuse.model.cameras import up_vector
-    from posefuse.tracking.angles import whole_angles
-
-    skeleton, tree = part.skeleton, part.skeleton.tree
-    if part.poses is None or tree is None or (part.poses.segments, part.poses.bones) != skeleton.stood_names[:2]:
-        nothing = np.empty((part.n_frames, len(part.person_ids), 0))
-        return (), nothing, nothing
-    turns, directions = np.asarray(part.poses.turns[:]), np.asarray(part.poses.directions[:])
-    names, degrees = whole_angles(skeleton, turns, directions, up_vector(part.rig.up_axis or "z"))
-    if part.rig.up_axis is None and tree.segments:
-        degrees[..., [name.startswith(f"{tree.segments[0]}.") for name in names]] = np.nan
-    sds = np.full_like(degrees, np.nan)
-    if part.poses.angles == names:
-        sds = np.where(np.isfinite(degrees), np.asarray(part.poses.angle_sd_deg[:]), np.nan)
-    return names, degrees, sds
-
-
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
     """Write all that stands beside ``reconstruction.nc``, and say what came out.
 
     Returns:
         The names of what was written, and the layer that TRC and C3D hold.
     """
+    from posefuse.derived import angles_of, tables_of
     from posefuse.io.results.write import write_folder
     from posefuse.report.html import render_report
 
-    files, layer = write_folder(result, folder, progress, angles_of)
+    files, layer = write_folder(result, folder, progress, angles_of, tables_of(result))
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
     return [*files, "report.html"], layer
@@ -151,7 +130,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
-    from posefuse.report.summary import summarise
+    from posefuse.report.summary import sources_in_words, summarise
 
     name, _ = result.best_layer(result.options.layer)
     summary = summarise(result.chunks(), name)
@@ -159,7 +138,8 @@ def describe(result: Reconstruction) -> None:
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
-        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}"
+        f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}, "
+        f"solved by {result.options.solve}"
     )
     for remark in result.provenance.notes:
         note(f"note: {remark}")
@@ -168,6 +148,8 @@ def describe(result: Reconstruction) -> None:
     whose = "" if len(result.person_ids) == 1 else " of people who are followed"
     share = there / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{whose} have coordinates (layer {name})")
+    if there:
+        say(f"of these: {sources_in_words(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]

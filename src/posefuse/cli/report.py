@@ -17,6 +17,7 @@ def report(
     ] = None,
 ) -> None:
     """Write a result's report: one HTML page that needs no network."""
+    from posefuse.alignment.apply import in_calibration_world, in_world_of
     from posefuse.cli.evaluate import compare
     from posefuse.cli.results import open_result
     from posefuse.io.files import must_exist, replacing
@@ -27,8 +28,8 @@ def report(
     target = output or path.parent / "report.html"
     known = accuracy = None
     if truth is not None:
-        known = netcdf.read_reconstruction(must_exist(truth, "truth"))
-        accuracy = compare(reconstruction, (truth,))
+        known = in_world_of(reconstruction, netcdf.read_reconstruction(must_exist(truth, "truth")))
+        accuracy = compare(in_calibration_world(reconstruction), (truth,))
     with replacing(target) as temporary:
         temporary.write_text(render_report(reconstruction, known, accuracy, Bars()), "utf-8")
     note(f"Wrote {target}")

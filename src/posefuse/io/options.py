@@ -132,14 +132,26 @@ def _comment(text: str) -> Iterator[str]:
     yield f"# {words[:1].upper()}{words[1:]}"
 
 
+_EXAMPLES = {
+    "volume_m": "[-3.0, -3.0, -0.5, 3.0, 3.0, 2.5]",
+    "floor_points_m": "[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]",
+    "origin_m": "[0.0, 0.0, 0.0]",
+    "forward_m": "[1.0, 0.0, 0.0]",
+    "length_between": '["left_knee", "left_ankle"]',
+    "rate_hz": "60.0",
+}
+
+
 def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
+    if name in _EXAMPLES:
+        return _EXAMPLES[name]
     if allowed:
-        return f'"{allowed[0]}"'
+        return f'["{allowed[0]}"]' if get_origin(hint) is tuple else f'"{allowed[0]}"'
     kinds = get_args(hint)
     if float in kinds:
         if get_origin(hint) is tuple:
-            return "[-3.0, -3.0, -0.5, 3.0, 3.0, 2.5]" if name == "volume_m" else "[2.0, 2.5]"
-        return "60.0" if name == "rate_hz" else "1.0"
+            return "[2.0, 2.5]"
+        return "1.0"
     if int in kinds:
         return "3"
     if name == "known_m":

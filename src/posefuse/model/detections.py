@@ -337,3 +337,22 @@ def frame_times(frame_numbers: np.ndarray, n_views: int, rate_hz: float | None) 
 
 def _starts(counts: np.ndarray) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(counts.ravel())]).astype(np.int64)
+
+
+def with_lacking_times(time_s: np.ndarray, frame_numbers: np.ndarray) -> np.ndarray:
+    """Times of frames with those that nobody recorded put in by their numbers; NaN if fewer than two are known.
+
+    Args:
+        time_s: shape (frame,), NaN where unknown.
+        frame_numbers: shape (frame,), ascending.
+    """
+    there = np.isfinite(time_s)
+    if there.sum() < 2:
+        return time_s
+    known_s, numbers = time_s[there], np.asarray(frame_numbers, dtype=float)
+    times_s = np.interp(numbers, numbers[there], known_s)
+    period_s = np.median(np.diff(known_s) / np.diff(numbers[there]))
+    first, final = np.flatnonzero(there)[[0, -1]]
+    times_s[:first] = known_s[0] - period_s * (numbers[first] - numbers[:first])
+    times_s[final + 1 :] = known_s[-1] + period_s * (numbers[final + 1 :] - numbers[final])
+    return times_s

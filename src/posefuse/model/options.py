@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.model.align_options import AlignOptions
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import UP_AXES, UpAxis
 from posefuse.model.pair_options import PairMethod, PairOptions
+from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.side_options import SideMethod, SideOptions
+from posefuse.model.subject_options import SubjectOptions
 from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.trajectory_options import TrajectoryOptions
 
 People = Literal["auto", "one", "many"]
 Bodies = Literal["auto", "fit", "none"]
@@ -21,6 +25,7 @@ LengthUnit = Literal["m", "cm", "mm"]
 ErrorUnit = Literal["px", "normalised"]
 RansacUnit = Literal["px", "m"]
 LayerName = Literal["measured", "solved", "model"]
+Solve = Literal["auto", "frame", "trajectory"]
 
 METHODS: dict[str, str] = {
     "consensus": "the point most views agree on; wrong views are found, named and left out",
@@ -239,6 +244,12 @@ class Options:
         side_search: How sides are decided.
         association: How people are proposed from the detections of several views.
         tracker: How people are followed.
+        solve: What points over time are solved from: each frame by itself (frame), or all frames together (trajectory);
+            auto takes the trajectory where there are times, two cameras or more, and the method is consensus.
+        trajectory: How all frames are solved together.
+        postprocess: What is done with points over time, once they are solved.
+        subject: Of whom the recording is.
+        align: How the world of the result is laid.
     """
 
     people: People = "auto"
@@ -265,6 +276,11 @@ class Options:
     side_search: SideOptions = field(default_factory=SideOptions)
     association: AssociationOptions = field(default_factory=AssociationOptions)
     tracker: TrackerOptions = field(default_factory=TrackerOptions)
+    solve: Solve = "auto"
+    trajectory: TrajectoryOptions = field(default_factory=TrajectoryOptions)
+    postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
+    subject: SubjectOptions = field(default_factory=SubjectOptions)
+    align: AlignOptions = field(default_factory=AlignOptions)
 
     def __post_init__(self) -> None:
         for name in ("rate_hz", "noise_scale_px"):
@@ -284,6 +300,7 @@ class Options:
             ("up", UP_AXES),
             ("pick", get_args(Pick)),
             ("layer", get_args(LayerName)),
+            ("solve", get_args(Solve)),
             ("pairs", get_args(PairMethod)),
             ("sides", get_args(SideMethod)),
         ):

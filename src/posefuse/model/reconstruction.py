@@ -1,12 +1,13 @@
 """What came out: people in 3D, in named layers, each number with a statement of how well it is known."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from posefuse.arrays import ArraySource, check_shape, frozen, ranges, same
 from posefuse.errors import ResultError, choices
+from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.life import Event, Poses
@@ -109,6 +110,10 @@ class Provenance:
     inputs: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    def with_notes(self, notes: Iterable[str]) -> "Provenance":
+        """The same with more worth saying."""
+        return replace(self, notes=(*self.notes, *notes))
+
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
@@ -127,6 +132,7 @@ class Reconstruction:
         poses: how bodies stand, or None where no body was fitted.
         events: what happened to people, in order.
         rate_hz: nominal frame rate, or None where unknown.
+        alignment: how the world follows from the calibration's, or None where it is the same.
         unit: ``m``; ``px`` for one flattened camera, whose image plane is no place in the world.
         options: what the user chose.
         provenance: how it was made.
@@ -147,6 +153,7 @@ class Reconstruction:
     poses: Poses | None = None
     events: tuple[Event, ...] = ()
     rate_hz: float | None = None
+    alignment: Alignment | None = None
     unit: str = "m"
     options: Options = field(default_factory=Options)
     provenance: Provenance = field(default_factory=Provenance)

@@ -84,6 +84,11 @@ class Source(IntEnum):
         """The word that files carry; empty for a missing point."""
         return "" if self is Source.NONE else self.name.lower()
 
+    @property
+    def sentence(self) -> str:
+        """What it means."""
+        return _SOURCE_SENTENCES[self]
+
 
 USED_CODES = (ViewStatus.USED, ViewStatus.USED_SWAPPED)
 
@@ -100,7 +105,7 @@ _POINT_SENTENCES = {
     PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
     PointStatus.HELD: "seen by one camera: held in depth by the time before and after and by bones",
-    PointStatus.FILLED: "seen by no camera: from the time before and after and from bones",
+    PointStatus.FILLED: "not measured: filled from the time before and after, or from bones",
     PointStatus.NOT_SEEN: "no valid detection",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
     PointStatus.DEGENERATE: "the rays do not fix a point",
@@ -111,6 +116,16 @@ _POINT_SENTENCES = {
     PointStatus.UNDECIDED: "two places far apart explain the views equally well",
     PointStatus.NOT_FOLLOWED: "of a hand or face that is not followed just then, or of no body",
     PointStatus.UNCERTAIN: "known too badly to be given",
+}
+
+_SOURCE_SENTENCES = {
+    Source.NONE: "missing",
+    Source.MEASURED: "from the views of its own frame",
+    Source.FILLED: "nothing was measured there: put in from what is before and after",
+    Source.SMOOTHED: "measured, then moved by a filter or onto a rigid bone",
+    Source.TRAJECTORY: "from the views of all frames together",
+    Source.MODELLED: "of a fitted body",
+    Source.TRUTH: "known",
 }
 
 _VIEW_SENTENCES = {

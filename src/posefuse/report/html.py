@@ -22,7 +22,7 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.progress import Progress, Silent, watched
 from posefuse.report.people import events_in_words, life_lines, lives, people_section
-from posefuse.report.summary import Summary, summarise
+from posefuse.report.summary import Summary, sources_in_words, summarise
 from posefuse.report.swaps import swap_table, time_line
 
 SHOWN_FRAMES = 1500
@@ -207,6 +207,8 @@ def _words(result: Reconstruction, summary: Summary, accuracy: Accuracy | People
         f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
         f"{100 * there / max(summary.n_points, 1):.1f} % of the points {whose}have coordinates.",
     ]
+    if there:
+        sentences.append(f"Of these {sources_in_words(summary.source_counts)}.")
     if summary.error_px.count:
         sentences.append(
             f"Half of the used observations lie within {summary.error_px.median:.1f} px of the reprojected points, "

@@ -1,13 +1,13 @@
 """The numbers a report shows, gathered range by range."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.status import PointStatus, ViewStatus, is_used
+from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.swaps import SwapState
 from posefuse.model.tracks import TrackState
 
@@ -29,6 +29,7 @@ class Summary:
         layer: which.
         n_points: keypoints of all people and frames, but for frames in which a person is absent.
         status_counts: how many points have each status.
+        source_counts: how many of those with coordinates came about in each way.
         view_status_counts: shape (view, ViewStatus): how many observations of each view.
         error_px: of all used observations.
         error_px_by_view: per view.
@@ -42,6 +43,7 @@ class Summary:
     layer: LayerName
     n_points: int
     status_counts: dict[PointStatus, int]
+    source_counts: dict[Source, int]
     view_status_counts: np.ndarray
     error_px: Spread
     error_px_by_view: tuple[Spread, ...]
@@ -66,7 +68,7 @@ class Summary:
 
 def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary:
     """Gather a layer's numbers from consecutive ranges of frames."""
-    errors, statuses, view_statuses, deviations, swaps = [], [], [], [], []
+    errors, statuses, sources, view_statuses, deviations, swaps = [], [], [], [], [], []
     for part in parts:
         layer = part.layers[layer_name]
         status = np.asarray(layer.status[:])
@@ -75,18 +77,21 @@ def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         there = _there(part, status)
         errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan)[there])
         statuses.append(status[there])
+        sources.append(np.asarray(layer.source[:])[there])
         view_statuses.append(view_status[there])
         deviations.append(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)).ravel())
         if part.swaps is not None:
             swaps.append(np.asarray(part.swaps.state[:]))
     error = np.concatenate(errors)
     status = np.concatenate(statuses)
+    source = np.concatenate(sources)
     view_status = np.concatenate(view_statuses)
     counts = [[int((view_status[..., v] == code).sum()) for code in ViewStatus] for v in range(view_status.shape[-1])]
     return Summary(
         layer=layer_name,
         n_points=int(status.size),
         status_counts={code: int((status == code).sum()) for code in PointStatus if (status == code).any()},
+        source_counts={code: n for code in Source if code and (n := int((source == code).sum()))},
         view_status_counts=np.array(counts),
         error_px=spread(error),
         error_px_by_view=tuple(spread(error[..., v]) for v in range(error.shape[-1])),
@@ -95,6 +100,12 @@ def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary
         sd_mm=spread(np.concatenate(deviations)),
         swapped=swapped_share(np.concatenate(swaps)) if swaps else None,
     )
+
+
+def sources_in_words(counts: Mapping[Source, int]) -> str:
+    """Which shares of the points came about how: ``94.0 % smoothed, 6.0 % filled``."""
+    total = max(sum(counts.values()), 1)
+    return ", ".join(f"{100.0 * n / total:.1f} % {code.label}" for code, n in counts.items())
 
 
 def _there(part: Reconstruction, status: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ def pose_from_points(
     known = np.full((len(tree.nodes), 3), np.nan)
     has = tree.keypoint_nodes >= 0
     known[tree.keypoint_nodes[has]] = points_m[has]
-    places = _places(tree, shape_m)
+    places = places_of(tree, shape_m)
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
     bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
     found = np.full_like(known, np.nan)
@@ -60,7 +60,7 @@ def pose_from_points(
     return found[0], turns, bones
 
 
-def _places(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
+def places_of(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
     """Shape (node, 3): places in the axes of what carries them, for this shape."""
     _, _, _, places, shape_of, signs, _, _ = tree.packed
     own = signs * np.append(shape_m, 0.0)[shape_of]

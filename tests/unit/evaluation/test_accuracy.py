@@ -13,6 +13,7 @@ from posefuse.evaluation.accuracy import (
     truth_from_result,
     truth_from_trajectories,
 )
+from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline import reconstruct
 from posefuse.synthetic.options import CLEAN, SceneOptions
@@ -69,7 +70,7 @@ def test_what_the_truth_lacks_is_not_missing(truth, rng):
 
 def test_coverage_of_a_real_reconstruction():
     scene = simulate(SceneOptions(duration_s=8, detector=CLEAN))
-    result = reconstruct(scene.rig, scene.detections)
+    result = reconstruct(scene.rig, scene.detections, Options(solve="frame"))
     found = evaluate(result, truth_from_result(result, scene.truth))
     assert found.covered_68 == pytest.approx(0.68, abs=0.025)
     assert found.covered_95 == pytest.approx(0.95, abs=0.015)

@@ -128,7 +128,7 @@ class TestFolder:
 
     def test_angles_are_tidy_and_missing_is_empty(self, result, folder):
         rows = rows_of(folder / "angles.csv")
-        assert list(rows[0]) == ["frame", "time_s", "person", "angle", "degrees", "sd_degrees"]
+        assert list(rows[0]) == ["frame", "time_s", "person", "angle", "degrees", "sd_degrees", "layer"]
         assert [row["angle"] for row in rows[:3]] == ["elbow_bend", "knee_bend", "elbow_bend"]
         assert [row["person"] for row in rows[:9:2]] == ["person_1", "person_2", "person_3", "person_4", "person_1"]
         degrees = np.array([float(row["degrees"] or "nan") for row in rows])

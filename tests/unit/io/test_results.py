@@ -33,7 +33,7 @@ def result(rng) -> Reconstruction:
     keypoints = np.array(detections.keypoints_px)
     keypoints[3 * 4 : 3 * 4 + 4, 5] = np.nan
     keypoints[2 * 4 : 2 * 4 + 2, 7] = np.nan
-    options = Options(triangulation=TriangulationOptions(min_views=2))
+    options = Options(solve="frame", triangulation=TriangulationOptions(min_views=2))
     return reconstruct(rig, replace(detections, keypoints_px=keypoints), options)
 
 
@@ -140,7 +140,7 @@ class TestCsv:
 
     def test_a_flattened_camera_is_in_pixels(self, rng, tmp_path):
         rig = ring(1)
-        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng))
+        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng), Options(solve="frame"))
         row = self.rows(flat, tmp_path)[0]
         assert "x_px" in row
         assert "x_m" not in row
@@ -255,7 +255,7 @@ class TestC3d:
 
     def test_more_views_than_bits(self, rng, tmp_path):
         rig = ring(9)
-        many = reconstruct(rig, seen(rig, body_points(rng, 3), rng))
+        many = reconstruct(rig, seen(rig, body_points(rng, 3), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
         found = ezc3d.c3d(str(tmp_path / "person.c3d"))
         assert not found["data"]["meta_points"]["camera_masks"].any()
@@ -263,7 +263,7 @@ class TestC3d:
 
     def test_many_keypoints(self, rng, tmp_path):
         rig = ring(3)
-        many = reconstruct(rig, seen(rig, body_points(rng, 3, 300), rng))
+        many = reconstruct(rig, seen(rig, body_points(rng, 3, 300), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
         assert ezc3d.c3d(str(tmp_path / "person.c3d"))["data"]["points"].shape == (4, 300, 3)
 
@@ -286,7 +286,7 @@ class TestC3d:
 
     def test_pixels_are_no_place(self, rng, tmp_path):
         rig = ring(1)
-        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng))
+        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng), Options(solve="frame"))
         with pytest.raises(ResultError, match="in px.*Use TRC"):
             posefuse.write(flat, tmp_path / "person.c3d")
         assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.cli.reconstruct import angles_of
+from posefuse.derived import angles_of
 from posefuse.following import tracker_of, usual_noise
 from posefuse.kernels.anchors import tell_anchors
 from posefuse.kernels.smoothing import apply_changes

@@ -1,6 +1,7 @@
 """C3D, by ezc3d: a file a person, mm, world axes, missing points with residual -1.
 
-A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25). Up to
+A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25); that of a
+filled point is 0, by which the standard tells points that were not measured. Up to
 seven views set the standard's camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
 More than 65,535 frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs that do not know
 it (ezc3d among them) read the first 65,535.
@@ -18,7 +19,7 @@ from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.status import is_used
+from posefuse.model.status import Source, is_used
 from posefuse.progress import Progress, Silent, watched
 
 _CAMERA_BITS = 7
@@ -86,11 +87,12 @@ def _first_frame(result: Reconstruction) -> int:
 
 
 def _residuals(layer: Layer, index: int) -> np.ndarray:
-    """Shape (frame, keypoint): standard deviation in mm, -1 where missing."""
+    """Shape (frame, keypoint): standard deviation in mm, 0 where filled or unknown, -1 where missing."""
     deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
     # ezc3d cuts to whole steps: hand it the middle of the nearest. Zero would mean that nothing is known.
     steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 254)
-    known = np.where(np.isfinite(deviation), (steps + 0.01) * _RESIDUAL_STEP_MM, 0.0)
+    told = np.isfinite(deviation) & (np.asarray(layer.source)[:, index] != Source.FILLED)
+    known = np.where(told, (steps + 0.01) * _RESIDUAL_STEP_MM, 0.0)
     return np.where(layer.has_point[:, index], known, -1.0)
 
 

@@ -1,6 +1,6 @@
 """Tidy CSV: a row a frame, person and keypoint (or angle, or an event). Missing is empty; numbers in full."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -61,8 +61,18 @@ def write_events(events: Iterable[Event], path: Path) -> None:
 
 
 def write_angles(parts: Iterable[Reconstruction], path: Path, angles: Angles) -> None:
-    """Write joint angles of consecutive ranges of frames: ``frame, time_s, person, angle, degrees, sd_degrees``."""
+    """Write joint angles of consecutive ranges of frames, with standard deviations, saying of which layer."""
     _write_tables((_angles_table(part, *angles(part)) for part in parts), path)
+
+
+def write_columns(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> None:
+    """Write consecutive tables of the same columns as one; NaN is an empty cell."""
+    _write_tables((_columns_table(columns) for columns in tables), path)
+
+
+def _columns_table(columns: Mapping[str, np.ndarray]) -> pa.Table:
+    arrays = [_text(each) if each.dtype == object else pa.array(each, from_pandas=True) for each in columns.values()]
+    return pa.table(arrays, names=list(columns))
 
 
 def _write_tables(tables: Iterable[pa.Table], path: Path) -> None:
@@ -93,8 +103,9 @@ def _table(part: Reconstruction, name: LayerName) -> pa.Table:
 
 
 def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray, sds: np.ndarray) -> pa.Table:
-    data = [*_whose(part, names), _number(degrees), _number(sds)]
-    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees", "sd_degrees"])
+    layer = np.full(degrees.size, "solved" if part.poses is None else "model", dtype=object)
+    data = [*_whose(part, names), _number(degrees), _number(sds), _text(layer)]
+    return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees", "sd_degrees", "layer"])
 
 
 def _whose(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:

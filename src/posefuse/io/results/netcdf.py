@@ -2,8 +2,8 @@
 
 Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
 (time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
-themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance and skeleton (JSON) are attributes.
-Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction`` (time,
+themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance, skeleton and alignment (JSON) are
+attributes. Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction`` (time,
 individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
 ``pose_nis_dof`` (time, individual), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to
 people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
@@ -33,6 +33,7 @@ from posefuse.io.netcdf import (
     text_of,
 )
 from posefuse.io.options import options_from_dict, options_to_toml
+from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.life import Event, Poses
 from posefuse.model.noise import NoiseModel
@@ -102,6 +103,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
             "time_s": np.asarray(file.variables["time"][...]),
             "rate_hz": number_of(file, "rate_hz") if "rate_hz" in file.attrs else None,
             "unit": text_of(file, "unit"),
+            "alignment": _read_alignment(file),
             "options": options_from_dict(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
         }
@@ -137,6 +139,8 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
     file.attrs["provenance"] = json.dumps(asdict(first.provenance))
     if first.rate_hz is not None:
         file.attrs["rate_hz"] = float(first.rate_hz)
+    if first.alignment is not None:
+        file.attrs["alignment"] = _alignment_text(first.alignment)
     file.dimensions = {
         "time": None,
         "individual": len(first.person_ids),
@@ -177,6 +181,29 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         file.attrs["noise_nu"] = float(first.noise.nu)
         add_variable(file, "noise_scale", ("view",), first.noise.scale_px, units="px")
     _write_rig(file, first.rig)
+
+
+def _alignment_text(alignment: Alignment) -> str:
+    return json.dumps(
+        {
+            "aligned_from_calibration": alignment.rotation.tolist(),
+            "shift_m": alignment.shift_m.tolist(),
+            "scale": alignment.scale,
+            "up_axis": alignment.up_axis,
+            "calibration_up_axis": alignment.calibration_up_axis,
+            "steps": alignment.steps,
+        }
+    )
+
+
+def _read_alignment(file: h5netcdf.File) -> Alignment | None:
+    if "alignment" not in file.attrs:
+        return None
+    found = json.loads(text_of(file, "alignment"))
+    return Alignment(
+        np.array(found["aligned_from_calibration"]), np.array(found["shift_m"]), found["scale"], found["up_axis"],
+        found["calibration_up_axis"], tuple(found["steps"]),
+    )  # fmt: skip
 
 
 def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, Any]:

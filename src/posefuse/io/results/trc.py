@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import read_text, replacing
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.timing import export_rate, regular_rows
+from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import Source
 from posefuse.progress import Progress, Silent, watched
 
 
@@ -47,7 +50,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         start = float(result.time_s[0])
     names = result.skeleton.keypoints
     header = [
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled(result, person, layer)}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate:.10g}\t{rate:.10g}\t{n_rows}\t{len(names)}\t{result.unit}\t{rate:.10g}\t1\t{n_rows}",
         "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
@@ -71,6 +74,14 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
                 file.write(f"{row + 1}\t{start + row / rate:.6f}\t{cells}\n")
                 row += 1
             done += len(points)
+
+
+def _filled(result: Reconstruction, person: str, layer: LayerName) -> str:
+    """How many points were not measured but filled, where any were: the format has no other place for it."""
+    source, index = result.layers[layer].source, result.person_ids.index(person)
+    spans = ranges(result.n_frames, CHUNK_FRAMES)
+    number = sum(int((np.asarray(source[start:stop])[:, index] == Source.FILLED).sum()) for start, stop in spans)
+    return f" filled={number}" if number else ""
 
 
 def read(path: Path) -> Trajectories:

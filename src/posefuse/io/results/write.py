@@ -1,5 +1,6 @@
 """Write results in any format."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,7 +57,11 @@ def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
 
 
 def write_folder(
-    result: Reconstruction, folder: Path, progress: Progress | None = None, angles: csv.Angles | None = None
+    result: Reconstruction,
+    folder: Path,
+    progress: Progress | None = None,
+    angles: csv.Angles | None = None,
+    tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
 ) -> tuple[list[str], LayerName]:
     """Write every output of a reconstruction but ``reconstruction.nc``.
 
@@ -67,7 +72,8 @@ def write_folder(
         result: what to write.
         folder: where.
         progress: told how far the work is.
-        angles: finds the joint angles of fitted bodies.
+        angles: finds the joint angles of bodies.
+        tables: what else to write, by file name: ranges of columns by name.
 
     Returns:
         The file names, in order, and the layer that TRC and C3D hold.
@@ -81,9 +87,13 @@ def write_folder(
     if result.events or result.poses is not None:
         csv.write_events(result.events, folder / csv.EVENTS)
         files.append(csv.EVENTS)
-    if result.poses is not None and angles is not None:
-        csv.write_angles(result.chunks(), folder / csv.ANGLES, angles)
+    if angles is not None and angles(result.frames(0, 1))[0]:
+        parts = watched(result.chunks(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
+        csv.write_angles(parts, folder / csv.ANGLES, angles)
         files.append(csv.ANGLES)
+    for file_name, columns in (tables or {}).items():
+        csv.write_columns(columns, folder / file_name)
+        files.append(file_name)
     layer, points = result.best_layer(result.options.layer)
     # Each person's files go through the frames: nothing is read that they do not hold.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())

@@ -1,0 +1,108 @@
+"""Everything of a result in another world: cameras, points, covariances, bodies."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from posefuse.model.align_options import AlignOptions
+from posefuse.model.alignment import Alignment
+from posefuse.model.cameras import Camera, CameraRig, UpAxis
+from posefuse.model.life import Poses
+from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
+
+_PACKED = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))
+
+
+def aligned(part: Reconstruction, alignment: Alignment) -> Reconstruction:
+    """A range of frames in the aligned world; pixels, and what was whose, stay.
+
+    Args:
+        part: in the calibration's world.
+        alignment: from there.
+    """
+    return replace(
+        part,
+        rig=aligned_rig(part.rig, alignment),
+        layers={name: _layer(layer, alignment) for name, layer in part.layers.items()},
+        poses=None if part.poses is None else _poses(part.poses, alignment),
+        alignment=alignment,
+    )
+
+
+def laid(parts: Iterable[Reconstruction], alignment: Alignment) -> Iterator[Reconstruction]:
+    """Ranges of frames in the aligned world.
+
+    Args:
+        parts: from cameras whose world has its size already.
+        alignment: from the calibration's world.
+    """
+    rest = replace(alignment, scale=1.0)
+    return (replace(aligned(part, rest), alignment=alignment) for part in parts)
+
+
+def unchanged(up_axis: UpAxis | None) -> Alignment:
+    """The calibration's world."""
+    return Alignment(np.eye(3), np.zeros(3), up_axis=up_axis, calibration_up_axis=up_axis)
+
+
+def after_scaling(rest: Alignment, scale: float, options: AlignOptions) -> Alignment:
+    """An alignment of a world that was scaled, as one from the calibration's."""
+    known = f"{options.height_m:g} m tall" if options.height_m is not None else None
+    pair = " to ".join(options.length_between)
+    why = f"the subject is {known}" if known else f"{pair} is {options.length_m} m"
+    return replace(rest, scale=scale, steps=(f"Lengths are multiplied by {scale:.5g}: {why}.", *rest.steps))
+
+
+def scaled_rig(rig: CameraRig, scale: float) -> CameraRig:
+    """The cameras in a world of another size."""
+    return aligned_rig(rig, replace(unchanged(rig.up_axis), scale=scale))
+
+
+def in_calibration_world(part: Reconstruction) -> Reconstruction:
+    """A result as it was before it was aligned; one that never was stays."""
+    if part.alignment is None:
+        return part
+    return replace(aligned(part, part.alignment.inverse), alignment=None)
+
+
+def in_world_of(result: Reconstruction, other: Reconstruction) -> Reconstruction:
+    """Another result of the same calibration in the world of the first."""
+    other = in_calibration_world(other)
+    return other if result.alignment is None else aligned(other, result.alignment)
+
+
+def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
+    """The cameras, which see the same pixels of the aligned world."""
+    cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
+    return replace(
+        rig, cameras=cameras, up_axis=alignment.up_axis, metres_per_unit=rig.metres_per_unit * alignment.scale
+    )
+
+
+def _camera(camera: Camera, alignment: Alignment) -> Camera:
+    rotation = camera.rotation @ alignment.rotation.T
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = alignment.scale * camera.translation_m - rotation @ alignment.shift_m
+    return replace(camera, camera_from_world=pose)
+
+
+def _layer(layer: Layer, alignment: Alignment) -> Layer:
+    covariance = unpack_covariance(np.asarray(layer.covariance_m2[:]))
+    turned = alignment.scale**2 * alignment.rotation @ covariance @ alignment.rotation.T
+    return replace(
+        layer,
+        points_m=alignment.points(np.asarray(layer.points_m[:])),
+        covariance_m2=turned[..., _PACKED[0], _PACKED[1]],
+    )
+
+
+def _poses(poses: Poses, alignment: Alignment) -> Poses:
+    return replace(
+        poses,
+        turns=alignment.rotation @ np.asarray(poses.turns[:]),
+        directions=np.asarray(poses.directions[:]) @ alignment.rotation.T,
+        shape_m=alignment.scale * np.asarray(poses.shape_m[:]),
+        shape_sd_m=alignment.scale * np.asarray(poses.shape_sd_m[:]),
+    )

@@ -1,0 +1,1 @@
+"""Bodies in numbers: where their mass is, and how long their segments are."""

@@ -1,0 +1,110 @@
+"""The solved layer, the world and what follows from points, on the command line."""
+
+import csv
+from dataclasses import replace
+
+import ezc3d
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.io.keypoints import native
+from posefuse.model.status import Source
+
+SHORT = ("--end-s", "0.6")
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def holed(recording):
+    """The recording with a keypoint that no camera sees for four frames."""
+    detections = posefuse.read_detections(recording / "keypoints.nc")
+    wrist = detections.skeleton.index("left_wrist")
+    pixels = np.array(detections.keypoints_px[:])
+    starts, views = detections.offsets, detections.n_views
+    pixels[starts[6 * views] : starts[10 * views], wrist] = np.nan
+    native.write(replace(detections, keypoints_px=pixels), recording / "keypoints.nc")
+    return recording
+
+
+def test_each_frame_filled_and_smoothed_says_so_everywhere(run, holed, tmp_path):
+    out = tmp_path / "out"
+    flags = ["--solve", "frame", "--postprocess.fill", "pchip", "--postprocess.smooth", "hampel", "butterworth"]
+    code, said, _ = run("reconstruct", holed, "-o", out, *SHORT, *flags)
+    assert code == 0
+    assert "solved by frame" in said.replace("\n", " ")
+    assert "% filled" in said
+    assert "% smoothed" in said
+    wrist = [row for row in rows_of(out / "solved.csv") if row["keypoint"] == "left_wrist"]
+    assert [row["source"] for row in wrist[6:10]] == ["filled"] * 4
+    assert [row["status"] for row in wrist[6:10]] == ["filled"] * 4
+    assert all(row["x_m"] and not row["sd_x_m"] for row in wrist[6:10])
+    measured = [row for row in rows_of(out / "keypoints.csv") if row["keypoint"] == "left_wrist"]
+    assert all(not row["x_m"] for row in measured[6:10])
+    assert "layer=solved filled=4" in (out / "person_1.trc").read_text().splitlines()[0]
+    residuals = ezc3d.c3d(str(out / "person_1.c3d"))["data"]["meta_points"]["residuals"][0]
+    keypoint = posefuse.find_skeleton("halpe_26").index("left_wrist")
+    assert (residuals[keypoint, 6:10] == 0).all()
+    assert (residuals[keypoint, :6] > 0).all()
+    assert "% filled" in (out / "report.html").read_text()
+    result = posefuse.read_reconstruction(out / "reconstruction.nc")
+    assert (result.layers["solved"].source[6:10, 0, keypoint] == Source.FILLED).all()
+    code, said, _ = run("explain", out, "--frame", "7", "--person", "person_1", "--recording", holed)
+    assert code == 0
+    assert "1 filled" in said
+    assert all(len(line) <= 80 for line in said.splitlines())
+
+
+def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_path):
+    out = tmp_path / "out"
+    flags = ["--solve", "frame", "--align", "floor", "--align.preset", "opensim", "--align.origin", "subject"]
+    code, said, _ = run("reconstruct", recording, "-o", out, *flags)
+    assert code == 0
+    assert "feet stand still" in said.replace("\n", " ")
+    result = posefuse.read_reconstruction(out / "reconstruction.nc")
+    assert result.rig.up_axis == "y"
+    assert result.alignment is not None
+    nose = result.layers["measured"].points_m[:, 0, result.skeleton.index("nose")]
+    assert (nose[:, 1] > 1.2).all()
+    code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
+    assert code == 0
+    assert "compared in the calibration's world" in said.replace("\n", " ")
+    assert "layer measured" in said
+    median = next(line for line in said.splitlines() if line.startswith("median "))
+    assert float(median.split()[1]) < 10
+
+
+def test_tables_of_the_body(run, recording, tmp_path):
+    out = tmp_path / "out"
+    flags = ["--solve", "frame", "--postprocess.smooth", "butterworth", "--subject.mass-table", "winter"]
+    code, said, _ = run("reconstruct", recording, "-o", out, *SHORT, *flags, "--subject.mass-kg", "70")
+    assert code == 0
+    assert "com.csv" in said
+    com = rows_of(out / "com.csv")
+    assert list(com[0]) == [
+        "frame", "time_s", "person", "x_m", "y_m", "z_m", "known_share", "filled_share", "layer", "known_mass_kg",
+    ]  # fmt: skip
+    assert 0.7 < float(com[0]["z_m"]) < 1.2
+    assert com[0]["layer"] == "solved"
+    lengths = rows_of(out / "lengths.csv")
+    assert {row["near"] for row in lengths} >= {"left_knee", "left_elbow"}
+    angles = rows_of(out / "angles.csv")
+    assert {row["layer"] for row in angles} == {"solved"}
+    knees = [float(row["degrees"]) for row in angles if row["angle"] == "left_knee.flexion"]
+    assert len(knees) == 18
+    assert 0 <= min(knees) <= max(knees) < 120
+
+
+def test_bad_wishes(run, recording, tmp_path):
+    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--postprocess.butterworth.cutoff-hz", "20",
+                        "--postprocess.smooth", "butterworth")  # fmt: skip
+    assert code == 2
+    assert "below half the frame rate (15 Hz)" in said
+    code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--align.forward", "walk", "--up", "z",
+                        "--cameras", "cam_1")  # fmt: skip
+    assert code == 2
+    assert "one camera" in said

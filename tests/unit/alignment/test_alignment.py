@@ -1,0 +1,245 @@
+"""Laws of laying the world anew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import posefuse
+from posefuse.alignment.apply import aligned, in_calibration_world
+from posefuse.alignment.feet import floor_of_feet
+from posefuse.alignment.lay import lay
+from posefuse.alignment.size import height_of, scale_of
+from posefuse.errors import DetectionsError, OptionsError, ResultError
+from posefuse.health.floor import floor_findings
+from posefuse.model.align_options import PRESETS, AlignOptions
+from posefuse.model.alignment import Alignment
+from posefuse.model.cameras import up_vector
+from posefuse.model.options import Options
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.people import crowd, followed
+from tests.scenes import ring
+
+MOVED = Alignment(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix(), np.array([1.0, -2.0, 3.0]), 2.5, "y", "z")
+
+
+@pytest.fixture(scope="module")
+def walker():
+    """Somebody who walks over a floor at z = 0, for six seconds."""
+    return simulate(SceneOptions(duration_s=6, cameras=4, detector=CLEAN))
+
+
+@pytest.fixture(scope="module")
+def true_points(walker):
+    return np.asarray(walker.truth.layers["model" if "model" in walker.truth.layers else "measured"].points_m)
+
+
+def turned(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    return points @ rotation.T + shift
+
+
+def test_a_result_and_back(walker):
+    result = followed(crowd())
+    there = aligned(result, MOVED)
+    assert there.alignment == MOVED
+    assert there.rig.up_axis == "y"
+    for name, layer in result.layers.items():
+        points = np.asarray(layer.points_m)
+        np.testing.assert_allclose(
+            there.rig.project(np.asarray(there.layers[name].points_m)), result.rig.project(points), atol=1e-6
+        )
+    turns, before = np.asarray(there.poses.turns), np.asarray(result.poses.turns)
+    np.testing.assert_allclose(turns, MOVED.rotation @ before, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(there.poses.shape_m), 2.5 * np.asarray(result.poses.shape_m))
+    back = in_calibration_world(there)
+    assert back.alignment is None
+    assert back.rig.up_axis == "z"
+    for name, layer in result.layers.items():
+        np.testing.assert_allclose(np.asarray(back.layers[name].points_m), np.asarray(layer.points_m), atol=1e-12)
+        np.testing.assert_allclose(
+            np.asarray(back.layers[name].covariance_m2), np.asarray(layer.covariance_m2), rtol=1e-9, atol=1e-15
+        )
+    np.testing.assert_allclose(
+        back.rig.cameras[1].camera_from_world, result.rig.cameras[1].camera_from_world, atol=1e-12
+    )
+
+
+def test_covariances_turn_with_their_points():
+    rng = np.random.default_rng(0)
+    result = followed(crowd())
+    layer = result.layers["model"]
+    root = rng.normal(size=(3, 3)) * 0.01
+    full = root @ root.T
+    entries = np.broadcast_to(full[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], layer.covariance_m2.shape).copy()
+    told = replace(result, layers={"model": replace(layer, covariance_m2=entries)})
+    found = np.asarray(aligned(told, MOVED).layers["model"].covariance_m2)[0, 0, 0]
+    by_hand = 2.5**2 * MOVED.rotation @ full @ MOVED.rotation.T
+    np.testing.assert_allclose(found, by_hand[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+
+
+def test_an_alignment_that_mirrors_cannot_be():
+    with pytest.raises(ResultError, match="rotation"):
+        Alignment(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_floor_of_feet_wherever_it_is(walker, true_points, seed):
+    rng = np.random.default_rng(seed)
+    rotation, shift = Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3)
+    noisy = turned(true_points, rotation, shift) + 0.004 * rng.normal(size=true_points.shape)
+    wild = rng.random(true_points.shape[:3]) < 0.05
+    noisy[wild] += rng.normal(size=(int(wild.sum()), 3))
+    plane = floor_of_feet([noisy], walker.truth.skeleton, None)
+    assert np.degrees(np.arccos(plane.normal @ rotation[:, 2])) < 1.0
+    # Toes and heels are a few centimetres above their soles.
+    assert abs((shift - plane.point_m) @ plane.normal) < 0.06
+
+
+def test_feet_on_one_spot_need_an_up_axis(walker, true_points):
+    standing = np.broadcast_to(true_points[:1, :, 11:17], (60, 1, 6, 3))
+    skeleton = replace(
+        walker.truth.skeleton,
+        keypoints=walker.truth.skeleton.keypoints[11:17],
+        edges=(),
+        pairs=(),
+        chains={},
+        derived={},
+        plausible_m=(),
+        names={},
+        core=(),
+        tree=None,
+        parts=(),
+    )
+    noisy = standing + 0.002 * np.random.default_rng(0).normal(size=standing.shape)
+    with pytest.raises(DetectionsError, match="one line"):
+        floor_of_feet([noisy], skeleton, None)
+    plane = floor_of_feet([noisy], skeleton, np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(plane.normal, [0, 0, 1])
+    assert abs(plane.point_m[2]) < 0.1
+
+
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_axes_of_presets(walker, true_points, preset):
+    options = AlignOptions(floor="feet", origin="subject", forward="walk", preset=preset)
+    rotation = Rotation.from_rotvec([0.3, 0.2, -2.0]).as_matrix()
+    points = turned(true_points, rotation, np.array([3.0, 1.0, -1.0]))
+    rig = aligned(walker.truth, Alignment(rotation, np.array([3.0, 1.0, -1.0]), 1.0, None, None)).rig
+    found = lay([points], walker.truth.skeleton, rig, options)
+    new = found.points(points)
+    up, ahead = (np.array(up_vector(axis)) for axis in PRESETS[preset])
+    skeleton = walker.truth.skeleton
+    heads = np.nanmedian(new[:, 0, skeleton.index("nose")] @ up)
+    assert 1.2 < heads < 1.9
+    feet = new[:, 0, [skeleton.index("left_heel"), skeleton.index("right_heel")]] @ up
+    assert abs(np.nanquantile(feet, 0.1)) < 0.05
+    hips = new[:, 0, skeleton.index("left_hip")]
+    way = hips[-1] - hips[0]
+    assert way @ ahead > 0.9 * np.linalg.norm(way)
+    assert np.linalg.norm(hips[0] - (hips[0] @ up) * up) < 0.4
+    assert found.up_axis == PRESETS[preset][0]
+    assert (preset == "unreal") == any("left-handed" in step for step in found.steps)
+
+
+def test_three_points_and_a_direction_by_hand(walker, true_points):
+    options = AlignOptions(
+        floor_points_m=(0, 0, 0, 0, 1, 0, 1, 0, 0), origin_m=(1, 2, 9),
+        forward_m=(0, 1, 0.5),
+    )  # fmt: skip
+    found = lay([true_points], walker.truth.skeleton, walker.rig, options)
+    np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 0.0])), 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.points(np.array([1.0, 3.0, 0.0])), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 1.0])), [0, 0, 1], atol=1e-12)
+
+
+def test_facing(walker, true_points):
+    found = lay([true_points[:30]], walker.truth.skeleton, walker.rig, AlignOptions(forward="subject"))
+    new = found.points(true_points[:30])
+    skeleton = walker.truth.skeleton
+    across = np.nanmean(new[:, 0, skeleton.index("left_hip")] - new[:, 0, skeleton.index("right_hip")], axis=0)
+    assert across[1] > 5 * abs(across[0])
+
+
+def test_sizes(walker, true_points):
+    skeleton = walker.truth.skeleton
+    length = np.median(
+        np.linalg.norm(
+            true_points[:, 0, skeleton.index("left_hip")] - true_points[:, 0, skeleton.index("left_knee")], axis=-1
+        )
+    )
+    options = AlignOptions(length_m=2 * length, length_between=("left_hip", "left_knee"))
+    assert scale_of([true_points], skeleton, options) == pytest.approx(2.0)
+    height = height_of([true_points], skeleton)
+    assert height_of([2 * true_points], skeleton) == pytest.approx(2 * height)
+    top = true_points[:, 0, skeleton.index("head_top"), 2]
+    assert height == pytest.approx(np.nanmax(top), rel=0.08)
+
+
+class TestPipeline:
+    def test_floor_origin_and_scale_are_done_and_recorded(self, walker):
+        align = AlignOptions(floor="feet", origin="subject", preset="opensim", height_m=0.9)
+        result = posefuse.reconstruct(walker.rig, walker.detections, Options(align=align))
+        plain = posefuse.reconstruct(walker.rig, walker.detections)
+        assert result.rig.up_axis == "y"
+        assert result.alignment.scale == pytest.approx(0.5, rel=0.1)
+        assert any("Lengths are multiplied" in note for note in result.provenance.notes)
+        assert any("feet stand still" in note for note in result.provenance.notes)
+        back = in_calibration_world(result)
+        np.testing.assert_allclose(
+            np.asarray(back.layers["measured"].points_m), np.asarray(plain.layers["measured"].points_m), atol=1e-5
+        )
+        np.testing.assert_allclose(
+            np.asarray(result.layers["measured"].reprojection_error_px),
+            np.asarray(plain.layers["measured"].reprojection_error_px),
+            atol=1e-3,
+        )
+
+    def test_it_comes_back_from_a_file(self, walker, tmp_path):
+        result = posefuse.reconstruct(walker.rig, walker.detections, Options(align=AlignOptions(forward="walk")))
+        posefuse.write(result, tmp_path / "reconstruction.nc")
+        assert posefuse.read_reconstruction(tmp_path / "reconstruction.nc") == result
+
+    def test_without_an_up_axis_it_says_what_is_needed(self, walker):
+        rig = replace(walker.rig, up_axis=None)
+        with pytest.raises(OptionsError, match="--up"):
+            posefuse.reconstruct(rig, walker.detections, Options(align=AlignOptions(forward="walk")))
+
+
+class TestFindings:
+    def test_nothing_is_said_of_a_good_world(self, walker, true_points):
+        assert floor_findings([true_points], walker.truth.skeleton, walker.rig) == (None,)
+
+    def test_people_on_their_heads(self, walker, true_points):
+        rig = replace(walker.rig, up_axis="-z")
+        (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
+        assert "head down" in said
+        assert "--up z" in said
+
+    def test_a_camera_under_the_floor(self, walker, true_points):
+        pose = walker.rig.cameras[0].camera_from_world.copy()
+        low = pose.copy()
+        low[:3, 3] = -pose[:3, :3] @ np.array([4.0, 0.0, -1.5])
+        rig = replace(
+            walker.rig, cameras=(replace(walker.rig.cameras[0], camera_from_world=low), *walker.rig.cameras[1:])
+        )
+        (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
+        assert "cam_0 stands below" in said
+
+    def test_nothing_is_said_where_nobody_knows_up(self, true_points, walker):
+        assert floor_findings([true_points], walker.truth.skeleton, replace(ring(), up_axis=None)) == (None,)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"floor_points_m": (1.0,)}, "9 numbers"),
+        ({"origin_m": (1.0, 2.0, 3.0), "origin": "subject"}, "two things"),
+        ({"floor": "feat"}, "Did you mean 'feet'"),
+        ({"height_m": -1.0}, "must be positive"),
+        ({"height_m": 1.7, "length_m": 0.4, "length_between": ("a", "b")}, "one of them"),
+    ],
+)
+def test_options_are_checked(change, says):
+    with pytest.raises(OptionsError, match=says):
+        AlignOptions(**change)

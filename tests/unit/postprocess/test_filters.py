@@ -1,0 +1,285 @@
+"""Laws of gaps and filters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.postprocess_options import (
+    ButterworthOptions,
+    Filter,
+    HampelOptions,
+    KalmanOptions,
+    MedianOptions,
+    PostprocessOptions,
+    SavgolOptions,
+)
+from posefuse.model.status import Source
+from posefuse.postprocess.filters import smooth
+from posefuse.postprocess.gaps import fill
+from posefuse.postprocess.kalman import smoothed, tempering
+from posefuse.postprocess.points import Clock, Points, stretches
+
+RATE_HZ = 60.0
+FILTERS: tuple[Filter, ...] = ("hampel", "median", "butterworth", "savgol", "one_euro", "kalman")
+LINEAR = ("butterworth", "savgol", "kalman")
+
+
+def points_of(xyz: np.ndarray, sd_m: float = 0.005) -> Points:
+    known = np.isfinite(xyz[..., 0])
+    entries = sd_m**2 * np.array([1.0, 0, 0, 1.0, 0, 1.0])
+    covariance = np.where(known[..., None], entries, np.nan)
+    return Points(xyz, covariance, np.where(known, Source.MEASURED, Source.NONE).astype(np.int8))
+
+
+def clock_of(frames: int, rate_hz: float = RATE_HZ) -> Clock:
+    return Clock.of(np.arange(frames) / rate_hz, rate_hz)
+
+
+def wave(frames: int, hertz: float, amplitude: float = 0.1, rate_hz: float = RATE_HZ) -> np.ndarray:
+    phase = 2 * np.pi * hertz * np.arange(frames) / rate_hz
+    return amplitude * np.stack([np.sin(phase), np.cos(phase), 0 * phase], axis=-1)[:, None]
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_what_stands_still_stays(name):
+    points = points_of(np.broadcast_to([1.0, -2.0, 0.5], (40, 3, 3)).copy())
+    out = smooth(points, clock_of(40), name, PostprocessOptions())
+    np.testing.assert_allclose(out.xyz_m, points.xyz_m, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_missing_points_stay_missing_and_stretches_know_nothing_of_each_other(name):
+    rng = np.random.default_rng(2)
+    xyz = rng.normal(size=(60, 2, 3))
+    xyz[20:30, 0] = np.nan
+    xyz[:, 1] = xyz[:, 0]
+    xyz[30:, 1] += 5.0
+    out = smooth(points_of(xyz), clock_of(60), name, PostprocessOptions())
+    assert np.array_equal(out.known, np.isfinite(xyz[..., 0]))
+    if name != "kalman":
+        np.testing.assert_allclose(out.xyz_m[:20, 1], out.xyz_m[:20, 0], atol=1e-12)
+        np.testing.assert_allclose(out.xyz_m[30:, 1], out.xyz_m[30:, 0] + 5.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+@given(seed=st.integers(0, 999))
+@settings(max_examples=5, deadline=None)
+def test_the_world_moved(name, seed):
+    rng = np.random.default_rng(seed)
+    xyz = wave(50, 2.0) + 0.01 * rng.normal(size=(50, 1, 3))
+    shift = rng.uniform(-3, 3, 3)
+    once = smooth(points_of(xyz), clock_of(50), name, PostprocessOptions())
+    moved = smooth(points_of(xyz + shift), clock_of(50), name, PostprocessOptions())
+    np.testing.assert_allclose(moved.xyz_m, once.xyz_m + shift, atol=1e-5 if name == "kalman" else 1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in FILTERS if name not in ("one_euro", "kalman")])
+def test_time_reversed(name):
+    xyz = wave(80, 1.5) + 0.01 * np.random.default_rng(0).normal(size=(80, 1, 3))
+    there = smooth(points_of(xyz), clock_of(80), name, PostprocessOptions())
+    back = smooth(points_of(xyz[::-1]), clock_of(80), name, PostprocessOptions())
+    # Forwards and backwards differ at the ends, where the filter has begun in the other.
+    np.testing.assert_allclose(back.xyz_m[::-1][30:-30], there.xyz_m[30:-30], atol=1e-5)
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+@pytest.mark.parametrize("cutoff_hz", [3.0, 6.0, 20.0])
+def test_butterworth_leaves_71_percent_at_its_cutoff_and_is_never_late(order, cutoff_hz):
+    options = PostprocessOptions(butterworth=ButterworthOptions(order, cutoff_hz))
+    frames = 1200
+    out = smooth(points_of(wave(frames, cutoff_hz)), clock_of(frames), "butterworth", options)
+    middle = slice(300, -300)
+    ratio = out.xyz_m[middle, 0, :2] / wave(frames, cutoff_hz)[middle, 0, :2]
+    big = np.abs(wave(frames, cutoff_hz)[middle, 0, :2]) > 0.03
+    np.testing.assert_allclose(ratio[big], np.sqrt(0.5), atol=2e-3)
+    slow = smooth(points_of(wave(frames, cutoff_hz / 8)), clock_of(frames), "butterworth", options)
+    np.testing.assert_allclose(slow.xyz_m[middle], wave(frames, cutoff_hz / 8)[middle], atol=2e-3)
+
+
+def test_the_true_frame_rate_counts():
+    options = PostprocessOptions(butterworth=ButterworthOptions(4, 6.0))
+    for rate in (50.0, 240.0):
+        path = wave(1200, 6.0, rate_hz=rate)
+        out = smooth(points_of(path), clock_of(1200, rate), "butterworth", options)
+        assert np.abs(out.xyz_m[400:800, 0, 0]).max() == pytest.approx(0.1 * np.sqrt(0.5), rel=0.01)
+
+
+def test_a_cutoff_that_the_rate_does_not_allow():
+    options = PostprocessOptions(smooth=("butterworth",), butterworth=ButterworthOptions(4, 30.0))
+    with pytest.raises(OptionsError, match=r"half the frame rate \(30 Hz\)"):
+        smooth(points_of(wave(20, 1.0)), clock_of(20), "butterworth", options)
+
+
+def test_savgol_leaves_polynomials():
+    t = np.arange(60) / RATE_HZ
+    cubic = np.stack([t**3 - t, 2 * t**2, t], axis=-1)[:, None]
+    out = smooth(points_of(cubic), clock_of(60), "savgol", PostprocessOptions(savgol=SavgolOptions(0.2, 3)))
+    np.testing.assert_allclose(out.xyz_m, cubic, atol=1e-12)
+
+
+def test_hampel_replaces_the_outlier_only():
+    path = wave(100, 0.5) + 0.005 * np.random.default_rng(3).normal(size=(100, 1, 3))
+    hit = path.copy()
+    hit[40, 0, 1] += 0.3
+    out = smooth(points_of(hit), clock_of(100), "hampel", PostprocessOptions(hampel=HampelOptions(0.25, 3.0)))
+    assert np.abs(out.xyz_m - path).max() < 0.02
+    assert out.source[40, 0] == Source.SMOOTHED
+    assert (out.source == Source.SMOOTHED).mean() < 0.1
+
+
+def test_median_removes_single_jumps_of_what_moves_steadily():
+    ramp = np.linspace(0, 1, 60)[:, None, None] * np.ones(3)
+    hit = ramp.copy()
+    hit[30] += 1.0
+    out = smooth(points_of(hit), clock_of(60), "median", PostprocessOptions(median=MedianOptions(0.1)))
+    assert np.abs(out.xyz_m - ramp).max() < 0.05
+
+
+def test_one_euro_is_causal_and_steadier_than_what_it_gets():
+    rng = np.random.default_rng(1)
+    noisy = 0.01 * rng.normal(size=(200, 1, 3))
+    out = smooth(points_of(noisy), clock_of(200), "one_euro", PostprocessOptions())
+    assert out.xyz_m[50:].std() < 0.7 * noisy[50:].std()
+    later = noisy.copy()
+    later[120:] += 1.0
+    again = smooth(points_of(later), clock_of(200), "one_euro", PostprocessOptions())
+    np.testing.assert_array_equal(again.xyz_m[:120], out.xyz_m[:120])
+
+
+def random_walk(rng: np.random.Generator, frames: int, points: int, acceleration: float) -> np.ndarray:
+    """Positions whose accelerations are white with that spectral density."""
+    dt = 1 / RATE_HZ
+    walk = acceleration * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    kicks = rng.multivariate_normal([0, 0], walk, size=(frames, points, 3))
+    state = np.zeros((points, 3, 2))
+    out = []
+    for kick in kicks:
+        state = np.stack([state[..., 0] + dt * state[..., 1], state[..., 1]], axis=-1) + kick
+        out.append(state[..., 0])
+    return np.stack(out)
+
+
+def test_the_smoother_knows_how_well_it_knows():
+    rng = np.random.default_rng(5)
+    truth = random_walk(rng, 150, 40, 20.0)
+    sd = 0.01
+    noisy = truth + sd * rng.normal(size=truth.shape)
+    noisy[rng.random(truth.shape[:2]) < 0.2] = np.nan
+    out = smoothed(points_of(noisy, sd), clock_of(150), KalmanOptions(20.0, 0.0))
+    inside = out.known
+    error = (out.xyz_m - truth)[inside]
+    variance = out.covariance_m2[inside][:, [0, 3, 5]]
+    assert (error**2 / variance).mean() == pytest.approx(1.0, abs=0.06)
+    assert error.std() < 0.75 * sd
+    assert np.isfinite(out.covariance_m2[inside]).all()
+    missing = inside & np.isnan(noisy[..., 0])
+    assert out.covariance_m2[missing][:, 0].mean() > 1.5 * out.covariance_m2[inside & ~missing][:, 0].mean()
+
+
+def test_the_smoother_equals_the_dense_solution():
+    """Twin: all positions and velocities as one Gaussian, solved at once."""
+    rng = np.random.default_rng(7)
+    frames, sd, q = 12, 0.01, 20.0
+    time = np.cumsum(rng.uniform(0.5, 1.5, frames)) / RATE_HZ
+    z = rng.normal(size=(frames, 1, 3)) * 0.05
+    z[4:6] = np.nan
+    out = smoothed(points_of(z, sd), Clock.of(time, None), KalmanOptions(q, 0.0))
+    information, vector = np.zeros((2 * frames, 2 * frames)), np.zeros((2 * frames, 3))
+    information[:2, :2] += np.diag([1.0, 1 / 25.0])
+    vector[0] += z[0, 0]
+    for f in range(frames - 1):
+        dt = time[f + 1] - time[f]
+        inverse = np.linalg.inv(q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
+        step = np.hstack([-np.array([[1, dt], [0, 1]]), np.eye(2)])
+        information[2 * f : 2 * f + 4, 2 * f : 2 * f + 4] += step.T @ inverse @ step
+    for f in range(frames):
+        if np.isfinite(z[f, 0, 0]):
+            information[2 * f, 2 * f] += 1 / sd**2
+            vector[2 * f] += z[f, 0] / sd**2
+    covariance = np.linalg.inv(information)
+    np.testing.assert_allclose(out.xyz_m[:, 0], (covariance @ vector)[::2], atol=1e-7)
+    np.testing.assert_allclose(out.covariance_m2[:, 0, 0], np.diag(covariance)[::2], rtol=1e-6)
+    np.testing.assert_allclose(out.covariance_m2[:, 0, [1, 2, 4]], 0.0, atol=1e-12)
+
+
+def test_a_fast_hand_keeps_its_swing_at_defaults():
+    swing = wave(240, 3.0, amplitude=0.15)
+    out = smoothed(points_of(swing), clock_of(240), KalmanOptions())
+    assert np.abs(out.xyz_m[60:180, 0, 0]).max() > 0.98 * 0.15
+
+
+def test_errors_that_last_count_for_less():
+    assert tempering(1 / 60, 0.0) == 1.0
+    assert tempering(1.0, 0.001) == 1.0
+    assert tempering(0.01, 1.0) == pytest.approx(200, rel=0.01)
+
+
+@pytest.mark.parametrize("how", ["linear", "pchip", "smoother"])
+def test_gaps_are_filled_to_the_longest_and_never_beyond_the_ends(how):
+    path = wave(100, 0.5)
+    holed = path.copy()
+    for start, stop in ((0, 3), (20, 26), (50, 63), (95, 100)):
+        holed[start:stop] = np.nan
+    options = PostprocessOptions(fill=how, max_gap_s=6 / RATE_HZ)
+    out = fill(points_of(holed), clock_of(100), options)
+    wanted = np.isfinite(holed[:, 0, 0])
+    wanted[20:26] = True
+    assert np.array_equal(out.known[:, 0], wanted)
+    assert (out.source[20:26] == Source.FILLED).all()
+    assert (out.source[wanted & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
+    assert np.abs(out.xyz_m[20:26] - path[20:26]).max() < 0.01
+    np.testing.assert_array_equal(out.xyz_m[:20], holed[:20])
+    assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")
+
+
+def test_linear_filling_by_hand():
+    xyz = np.full((5, 1, 3), np.nan)
+    xyz[0], xyz[4] = 0.0, 4.0
+    out = fill(points_of(xyz), clock_of(5), PostprocessOptions(fill="linear", max_gap_s=1.0))
+    np.testing.assert_allclose(out.xyz_m[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-12)
+
+
+def test_frames_that_nobody_recorded_break_stretches_and_lengthen_gaps():
+    time = np.array([0, 1, 2, 8, 9, 10]) / RATE_HZ
+    clock = Clock.of(time, RATE_HZ)
+    assert stretches(np.ones(6, dtype=bool), clock.follows) == [(0, 3), (3, 6)]
+    xyz = np.ones((6, 1, 3))
+    xyz[3] = np.nan
+    assert not fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.09)).known[3, 0]
+    assert fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.1)).known[3, 0]
+
+
+def test_filled_points_stay_marked_when_they_are_smoothed():
+    path = wave(60, 1.0)
+    path[30:33] = np.nan
+    options = PostprocessOptions(fill="pchip")
+    filled = fill(points_of(path), clock_of(60), options)
+    out = smooth(filled, clock_of(60), "butterworth", options)
+    assert (out.source[30:33] == Source.FILLED).all()
+    assert (out.source[:30] == Source.SMOOTHED).all()
+    assert np.isnan(out.covariance_m2[30:33]).all()
+
+
+def test_no_times_is_an_error_that_says_what_to_do():
+    with pytest.raises(DetectionsError, match="--rate-hz"):
+        Clock.of(np.full(5, np.nan), None)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"smooth": ("butter",)}, "Did you mean 'butterworth'"),
+        ({"smooth": "kalman"}, "a tuple of filters"),
+        ({"fill": "cubic"}, "no 'cubic'"),
+        ({"max_gap_s": 0.0}, "max_gap_s must be positive"),
+        ({"drop_beyond_px": -1.0}, "drop_beyond_px must be positive"),
+        ({"smooth": ("median", "median")}, "twice"),
+    ],
+)
+def test_options_are_checked(change, says):
+    with pytest.raises(OptionsError, match=says):
+        replace(PostprocessOptions(), **change)

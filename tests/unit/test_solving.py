@@ -1,0 +1,195 @@
+"""The solved layer in ranges, for every kind of recording."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.postprocess_options import ButterworthOptions, PostprocessOptions
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus, Source, is_used
+from posefuse.model.tracks import Tracks, TrackState
+from posefuse.pipeline import measure, prepare, reconstruct_chunks, settle_solve
+from posefuse.progress import Silent
+from posefuse.solving import telling_spans, windows
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.scenes import body_points, ring, seen
+
+EVERYTHING = PostprocessOptions(
+    fill="pchip", smooth=("hampel", "butterworth"), butterworth=ButterworthOptions(cutoff_hz=9.0)
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return simulate(SceneOptions(duration_s=4, cameras=3, seed=3))
+
+
+def with_gaps(scene, **postprocess):
+    return posefuse.reconstruct(
+        scene.rig, scene.detections, Options(solve="frame", postprocess=PostprocessOptions(**postprocess))
+    )
+
+
+def test_nothing_asked_for_is_no_layer(scene):
+    result = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
+    assert list(result.layers) == ["measured"]
+
+
+def test_measured_stays_as_measured_and_every_point_says_what_it_is(scene):
+    result = with_gaps(scene, fill="pchip", smooth=("butterworth",))
+    plain = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
+    assert list(result.layers) == ["measured", "solved"]
+    assert result.layers["measured"] == plain.layers["measured"]
+    measured, solved = result.layers["measured"], result.layers["solved"]
+    filled = np.asarray(solved.source) == Source.FILLED
+    assert filled.any()
+    assert (solved.has_point == np.isfinite(solved.points_m[..., 0])).all()
+    assert (np.asarray(solved.status)[filled] == PointStatus.FILLED).all()
+    assert not measured.has_point[filled].any()
+    assert set(np.unique(solved.source)) <= {Source.NONE, Source.MEASURED, Source.FILLED, Source.SMOOTHED}
+    assert (np.asarray(solved.source)[~solved.has_point] == Source.NONE).all()
+    kept = measured.has_point
+    assert solved.has_point[kept].all()
+
+
+def test_errors_are_those_of_the_points_themselves(scene):
+    result = with_gaps(scene, smooth=("butterworth",))
+    solved = result.layers["solved"]
+    pixels = np.moveaxis(result.rig.project(np.asarray(solved.points_m)), 0, 3)
+    rows = result.tracks.rows(scene.detections)
+    seen_px = np.asarray(scene.detections.keypoints_px)[np.maximum(rows, 0)].transpose(0, 1, 3, 2, 4)
+    by_hand = np.linalg.norm(pixels - seen_px, axis=-1)
+    used = np.asarray(solved.view_status) == 0
+    np.testing.assert_allclose(np.asarray(solved.view_error_px)[used], by_hand[used], rtol=1e-4, atol=1e-4)
+    moved = (np.asarray(solved.source) == Source.SMOOTHED) & is_used(np.asarray(solved.view_status)).any(axis=-1)
+    assert np.isfinite(np.asarray(solved.reprojection_error_px)[moved]).all()
+
+
+@pytest.mark.parametrize("size", [37, 64, 1000])
+def test_the_same_bytes_whatever_the_range(scene, size):
+    options = Options(solve="frame", postprocess=EVERYTHING, pairs="labels")
+    plan = prepare(scene.rig, scene.detections, options, Silent())
+    whole = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent())))
+    pieces = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent(), size)))
+    assert pieces == whole
+
+
+def test_seams_do_not_show(scene):
+    options = Options(solve="frame", postprocess=EVERYTHING, pairs="labels")
+    plan = prepare(scene.rig, scene.detections, options, Silent())
+    whole = plan.solver.steps[0].apply(
+        next(windows(iter([measured(plan)]), 120, 0, 120)), measured(plan).layers["measured"]
+    )
+    margin = plan.solver.margin
+    assert margin < 80
+    for window in windows(iter([measured(plan)]), 120, margin, size=20):
+        layer = plan.solver.steps[0].apply(window, window.part.layers["measured"])
+        inner = layer.frames(window.start - window.first, window.stop - window.first)
+        np.testing.assert_allclose(inner.points_m, whole.points_m[window.start : window.stop], atol=1e-8)
+
+
+def measured(plan) -> Reconstruction:
+    return measure(plan, 0, plan.detections.n_frames)
+
+
+def test_windows_hold_what_they_say():
+    rig = ring(3)
+    detections = seen(
+        rig, np.broadcast_to(body_points(np.random.default_rng(0), 1), (50, 17, 3)), np.random.default_rng(1)
+    )
+    plan = prepare(rig, detections, Options(solve="frame"), Silent())
+    whole = measured(plan)
+    for size, margin, step in ((10, 3, 7), (20, 0, 50), (8, 8, 1)):
+        parts = (whole.frames(i, min(i + step, 50)) for i in range(0, 50, step))
+        covered = []
+        for window in windows(parts, 50, margin, size):
+            covered.extend(range(window.start, window.stop))
+            assert window.first == max(window.start - margin, 0)
+            last = min(window.stop + margin, 50)
+            np.testing.assert_array_equal(window.part.frame_numbers, np.arange(window.first, last))
+        assert covered == list(range(50))
+
+
+def test_rigid_bones(scene):
+    result = with_gaps(scene, rigid_bones=True)
+    solved = np.asarray(result.layers["solved"].points_m)[:, 0]
+    hip, knee = result.skeleton.index("left_hip"), result.skeleton.index("left_knee")
+    length = np.linalg.norm(solved[:, hip] - solved[:, knee], axis=-1)
+    assert np.nanstd(length) < 1e-9
+
+
+def test_unreliable_points_are_dropped_and_say_so(scene):
+    result = with_gaps(scene, drop_beyond_px=8.0)
+    solved = result.layers["solved"]
+    gone = np.asarray(result.layers["measured"].reprojection_error_px) > 8.0
+    assert gone.any()
+    assert (np.asarray(solved.status)[gone] == PointStatus.OUTLIER).all()
+    assert not solved.has_point[gone].any()
+    assert not is_used(np.asarray(solved.view_status))[gone].any()
+
+
+def test_without_times_it_says_so(scene):
+    timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
+    with pytest.raises(DetectionsError, match="--rate-hz"):
+        posefuse.reconstruct(scene.rig, timeless, Options(solve="frame", postprocess=EVERYTHING))
+
+
+def test_one_camera(scene):
+    detections = scene.detections.views(["cam_0"])
+    result = posefuse.reconstruct(
+        scene.rig.select(["cam_0"]), detections, Options(solve="frame", postprocess=EVERYTHING)
+    )
+    assert result.unit == "px"
+    assert "solved" in result.layers
+
+
+@pytest.fixture(scope="module")
+def trajectory_plan(scene):
+    return prepare(scene.rig, scene.detections, Options(), Silent())
+
+
+def test_auto_is_the_trajectory_and_the_result_says_so(scene, trajectory_plan):
+    assert trajectory_plan.options.solve == "trajectory"
+    result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
+    solved = result.layers["solved"]
+    assert result.options.solve == "trajectory"
+    assert (np.asarray(solved.source) == Source.TRAJECTORY).mean() > 0.9
+    truth = np.asarray(scene.truth.best_layer()[1].points_m)
+    errors = [
+        np.nanmedian(np.linalg.norm(np.asarray(result.layers[name].points_m) - truth, axis=-1))
+        for name in ("measured", "solved")
+    ]
+    assert errors[1] < 0.9 * errors[0]
+
+
+@pytest.mark.parametrize(("change", "expected"), [({"method": "simple"}, "frame"), ({}, "trajectory")])
+def test_other_methods_are_asked_for_by_name(scene, change, expected):
+    options = Options(triangulation=TriangulationOptions(**change))
+    assert settle_solve(options, scene.detections, 3).solve == expected
+    assert settle_solve(options, scene.detections, 1).solve == "frame"
+
+
+def test_a_trajectory_needs_times_and_two_cameras(scene):
+    timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
+    with pytest.raises(DetectionsError, match="--rate-hz"):
+        settle_solve(Options(solve="trajectory"), timeless, 3)
+    assert settle_solve(Options(), timeless, 3).solve == "frame"
+    with pytest.raises(OptionsError, match="two cameras"):
+        settle_solve(Options(solve="trajectory"), scene.detections, 1)
+
+
+def test_everybody_is_looked_at_to_learn_how_they_move():
+    state = np.zeros((5000, 2), dtype=np.int8)
+    state[:, 0] = TrackState.ACTIVE
+    state[2100:2150, 1] = TrackState.ACTIVE
+    spans = telling_spans(Tracks(("a", "b"), np.full((5000, 2, 3), -1, dtype=np.int32), state))
+    assert all(0 <= start < stop <= 5000 for start, stop in spans)
+    assert all(before[1] <= after[0] for before, after in pairwise(spans))
+    assert any(start <= 2125 < stop for start, stop in spans)
+    assert telling_spans(Tracks(("a",), np.full((90, 1, 3), -1, dtype=np.int32), state[:90, :1])) == [(0, 90)]
