@@ -24,6 +24,7 @@ from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
@@ -39,6 +40,7 @@ from posefuse.triangulation.registry import load_method
 
 _CONTEXT_S = 5.0
 _MOST_CONTEXT_FRAMES = 1024
+_TELLING_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
     Arguments, result and errors are those of :func:`reconstruct`.
     """
-    plan = prepare(rig, detections, options or Options(), Silent())
+    options = replace(options or Options(), solve="frame", postprocess=PostprocessOptions())
+    plan = prepare(rig, detections, options, Silent())
     return measure(plan, 0, plan.detections.n_frames)
 
 
@@ -509,7 +512,9 @@ def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Option
 def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Options:
     """Decide whether frames are solved each by itself or all together, where that is left open.
 
-    Other methods than the default are asked for by name for what they make of each frame.
+    Together for one subject, whose motion and bones ten seconds or more tell well enough; of many people bodies are
+    fitted, which are smooth already. Other methods than the default are asked for by name for what they make of each
+    frame.
 
     Raises:
         DetectionsError: if all frames are to be solved together and have no times.
@@ -526,7 +531,16 @@ def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Op
     if options.solve != "auto":
         return options
     usual = options.triangulation.method == TriangulationOptions().method
-    return replace(options, solve="trajectory" if n_cameras > 1 and timed and usual else "frame")
+    together = options.people == "one" and n_cameras > 1 and usual and _duration_s(detections) >= _TELLING_S
+    return replace(options, solve="trajectory" if together else "frame")
+
+
+def _duration_s(detections: Detections) -> float:
+    """How long a recording is; 0 where it has no times."""
+    if detections.rate_hz is not None:
+        return detections.n_frames / detections.rate_hz
+    times = np.asarray(detections.time_s)
+    return float(np.nanmax(times) - np.nanmin(times)) if np.isfinite(times).any() else 0.0
 
 
 def settle_method(

@@ -24,7 +24,7 @@ OUTPUTS = [
 
 def test_from_files_to_people(run, recording, tmp_path):
     out = tmp_path / "out"
-    code, said, _ = run("reconstruct", recording, "--output", out)
+    code, said, _ = run("reconstruct", recording, "--output", out, "--solve", "trajectory")
     assert code == 0
     assert sorted(entry.name for entry in out.iterdir()) == OUTPUTS
     assert "30 frames at 30 Hz, 4 cameras, 26 keypoints" in said
@@ -42,7 +42,7 @@ def test_from_files_to_people(run, recording, tmp_path):
 
 def test_the_same_input_gives_the_same_bytes(run, recording, tmp_path):
     for name in ("one", "two"):
-        assert run("reconstruct", recording, "-o", tmp_path / name)[0] == 0
+        assert run("reconstruct", recording, "-o", tmp_path / name, "--solve", "trajectory")[0] == 0
     for output in OUTPUTS:
         assert (tmp_path / "one" / output).read_bytes() == (tmp_path / "two" / output).read_bytes(), output
     content = b"".join((tmp_path / "one" / output).read_bytes() for output in OUTPUTS if output != "report.html")

@@ -151,10 +151,10 @@ def test_one_camera(scene):
 
 @pytest.fixture(scope="module")
 def trajectory_plan(scene):
-    return prepare(scene.rig, scene.detections, Options(), Silent())
+    return prepare(scene.rig, scene.detections, Options(solve="trajectory"), Silent())
 
 
-def test_auto_is_the_trajectory_and_the_result_says_so(scene, trajectory_plan):
+def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, trajectory_plan):
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
@@ -168,11 +168,20 @@ def test_auto_is_the_trajectory_and_the_result_says_so(scene, trajectory_plan):
     assert errors[1] < 0.9 * errors[0]
 
 
-@pytest.mark.parametrize(("change", "expected"), [({"method": "simple"}, "frame"), ({}, "trajectory")])
-def test_other_methods_are_asked_for_by_name(scene, change, expected):
-    options = Options(triangulation=TriangulationOptions(**change))
-    assert settle_solve(options, scene.detections, 3).solve == expected
-    assert settle_solve(options, scene.detections, 1).solve == "frame"
+@pytest.mark.parametrize(
+    ("changes", "cameras", "seconds", "expected"),
+    [
+        ({}, 3, 10.0, "trajectory"),
+        ({}, 3, 9.9, "frame"),
+        ({}, 1, 60.0, "frame"),
+        ({"people": "many"}, 3, 60.0, "frame"),
+        ({"triangulation": TriangulationOptions(method="simple")}, 3, 60.0, "frame"),
+        ({"solve": "trajectory", "people": "many"}, 3, 1.0, "trajectory"),
+    ],
+)
+def test_auto_solves_one_subject_together_who_is_seen_for_long_enough(scene, changes, cameras, seconds, expected):
+    detections = scene.detections.with_rate(scene.detections.n_frames / seconds)
+    assert settle_solve(Options(**{"people": "one"} | changes), detections, cameras).solve == expected
 
 
 def test_a_trajectory_needs_times_and_two_cameras(scene):

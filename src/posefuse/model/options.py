@@ -245,7 +245,8 @@ class Options:
         association: How people are proposed from the detections of several views.
         tracker: How people are followed.
         solve: What points over time are solved from: each frame by itself (frame), or all frames together (trajectory);
-            auto takes the trajectory where there are times, two cameras or more, and the method is consensus.
+            auto takes the trajectory for one subject, seen by two cameras or more for ten seconds or more, where the
+            method is consensus.
         trajectory: How all frames are solved together.
         postprocess: What is done with points over time, once they are solved.
         subject: Of whom the recording is.

@@ -3,8 +3,8 @@
 Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
 (time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
 themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance, skeleton and alignment (JSON) are
-attributes. Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction`` (time,
-individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
+attributes. Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction``
+(time, individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
 ``pose_nis_dof`` (time, individual), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to
 people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
 """
