@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from benchmarks import panoptic
-from benchmarks.walking import RATE_HZ, SIGMA_PX, Walk, observe, walk
+from benchmarks.walking import RATE_HZ, Walk, observe, walk
 from posefuse.model.cameras import CameraRig
 from posefuse.model.skeletons import find_skeleton
 from posefuse.synthetic.detector import spells, spoil
@@ -50,7 +50,14 @@ def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
     thrown = rng.random(confidence.shape) < DetectorOptions().outlier_share
     angle, distance = rng.uniform(0, 2 * np.pi, thrown.shape), rng.uniform(30.0, 300.0, thrown.shape)
     pixels += (thrown * distance)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return replace(data, pixels=pixels, confidence=confidence, inlier=np.isfinite(confidence) & ~thrown)
+    inlier = np.isfinite(confidence) & ~thrown
+    return replace(data, pixels=pixels, confidence=confidence, inlier=inlier, white=False)
+
+
+def acts(frames: int) -> Walk:
+    """Somebody walks, turns, reaches, sits and jumps, three seconds each, seen with the errors of the measured law."""
+    points = figure_at(np.arange(frames) / RATE_HZ, ("walk", "turn", "reach", "sit", "jump"))
+    return with_lasting_noise(observe(build_rig("ring", 5), points, np.random.default_rng(0)))
 
 
 def with_swapped_legs(data: Walk, share: float = 0.15, dwell_s: float = 0.0, seed: int = 2) -> Walk:
@@ -129,8 +136,8 @@ def waving(frames: int, rig: CameraRig | None = None, *, start_s: float = 0.0, e
 def landing(jumps: int, rig: CameraRig | None = None, absorb_s: float = 0.04) -> Walk:
     """Somebody drops 30 cm, again and again, at 100 fps; bones keep their lengths.
 
-    Feet come to rest over ``absorb_s``, the pelvis over 0.25 s, knees bending meanwhile. Each drop takes two seconds: up
-    slowly, held, down under gravity.
+    Feet come to rest over ``absorb_s``, the pelvis over 0.25 s, knees bending meanwhile. Each drop takes two seconds:
+    up slowly, held, down under gravity.
     """
     skeleton = find_skeleton("halpe_26")
     time_s = np.arange(jumps * round(2 * LANDING_RATE_HZ)) / LANDING_RATE_HZ
@@ -150,8 +157,11 @@ def landing(jumps: int, rig: CameraRig | None = None, absorb_s: float = 0.04) ->
 
 
 def drop_heights(since_s: np.ndarray, absorb_s: float) -> np.ndarray:
-    """Shape (frame,): height over the floor, m; down to -v absorb / 2 while the fall of velocity v is absorbed, and up
-    again to 0 by the second's end."""
+    """Shape (frame,): how high something is over where it stands, m.
+
+    It is lifted in the first second and falls in the next; the velocity v of the fall is absorbed over ``absorb_s``,
+    v absorb_s / 2 below the start, whence it rises to 0.
+    """
     fall_s = np.sqrt(2 * DROP_M / _GRAVITY)
     speed = _GRAVITY * fall_s
     t = since_s - 1.0
@@ -261,5 +271,3 @@ def still(frames: int) -> Walk:
     """A statue: nothing moves at all."""
     points = np.repeat(figure_at(np.array([1.0])), frames, axis=0)
     return observe(build_rig("ring", 5), points, np.random.default_rng(0), outlier_share=0.05)
-
-

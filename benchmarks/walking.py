@@ -29,6 +29,7 @@ class Walk:
         skeleton: the keypoints, by name.
         rate_hz: nominal frame rate.
         time_s: shape (frame,), of frames that are not evenly spaced; None for frames at the rate.
+        white: whether the errors of inliers are white noise of SIGMA_PX; else they follow the measured law.
     """
 
     rig: CameraRig
@@ -39,11 +40,17 @@ class Walk:
     skeleton: str = "halpe_26"
     rate_hz: float = RATE_HZ
     time_s: np.ndarray | None = None
+    white: bool = True
 
     @property
     def times_s(self) -> np.ndarray:
         """Shape (frame,): when the frames were taken."""
         return np.arange(len(self.points_m)) / self.rate_hz if self.time_s is None else self.time_s
+
+    def first(self, frames: int) -> "Walk":
+        """Its first frames."""
+        cut = {name: getattr(self, name)[:frames] for name in ("points_m", "pixels", "confidence", "inlier")}
+        return replace(self, **cut, time_s=None if self.time_s is None else self.time_s[:frames])
 
     @property
     def detections(self) -> Detections:

@@ -3,9 +3,9 @@
 ``run.py FOLDER [--mode simple|ransac|optim] [--min-cams N] [--frames N]``. ``--min-cams`` is for ransac. The points of
 the first N frames, in the unit of the calibration, go to aniposelib.npy, shape (frame, keypoint, 3).
 
-``optim`` is the whole trajectory as the command line of anipose solves it: triangulated, then ``optim_points`` with its
-default values, chunks of 1000 frames whose first 15 are held at what the chunk before found. limbs.npy, shape (limb, 2),
-are the bones whose lengths are constant.
+``optim`` is the whole trajectory as the command line of anipose solves it: triangulated, then ``optim_points`` with
+its default values, chunks of 1000 frames whose first 15 are held at what the chunk before found. limbs.npy, shape
+(limb, 2), are the bones whose lengths are constant.
 """
 
 import argparse
