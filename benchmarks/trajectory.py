@@ -1,8 +1,8 @@
 """Whole recordings solved at once: ours and aniposelib's on the same data, beside what filters told the truth can do.
 
 ``python -m benchmarks.trajectory [--frames N] [--only NAME,...] [--data FOLDER] [--no-peer]``. All points are scored,
-seen by many cameras or none. ``oracle + smoother`` knows the true inliers and the true noise, and its smoother is tuned on
-the truth; so is the cut-off of the Butterworth on the per-frame points of ``consensus``. aniposelib solves the
+seen by many cameras or none. ``oracle + smoother`` knows the true inliers and the true noise, and its smoother is tuned
+on the truth; so is the cut-off of the Butterworth on the per-frame points of ``consensus``. aniposelib solves the
 trajectory with the values its command line has, in its own locked environment, in the same run.
 """
 
@@ -23,6 +23,8 @@ from benchmarks.speed import run_peer
 from benchmarks.walking import SIGMA_PX, Walk, walk
 from posefuse.evaluation.accuracy import bone_variation
 from posefuse.evaluation.motion import accelerations_m_s2
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.skeletons import find_skeleton
@@ -31,6 +33,7 @@ from posefuse.pipeline import triangulate
 FRAMES = 1000
 FAR_M = 0.05
 TUNED_FRAMES = 600
+OURS = "trajectory"
 DATA = Path(__file__).parent.parent.parent / "shared" / "data"
 
 
@@ -134,33 +137,33 @@ def on_wrong_side(found: Path3D, data: Walk) -> float:
     return wrong / max(judged, 1)
 
 
-def per_frame(data: Walk) -> Layer:
+def per_frame(rig: CameraRig, detections: Detections) -> Layer:
     """The per-frame optimum: ``consensus``."""
-    return triangulate(data.rig, data.detections, Options()).layers["measured"]
+    return triangulate(rig, detections, Options()).layers["measured"]
 
 
-def solved(data: Walk) -> Layer:
+def solved(rig: CameraRig, detections: Detections) -> Layer:
     """Ours."""
     from posefuse.model.trajectory_options import TrajectoryOptions
     from posefuse.trajectory.laws import Measured, learn
     from posefuse.trajectory.solve import solve
 
-    detections = data.detections
-    result = triangulate(data.rig, detections, Options())
+    result = triangulate(rig, detections, Options())
     assert result.tracks is not None
     assert result.noise is not None
-    parts = (data.rig, detections, result.tracks, result.layers["measured"], result.swaps, result.noise)
+    parts = (result.rig, detections, result.tracks, result.layers["measured"], result.swaps, result.noise)
     laws = learn([Measured(*parts)], detections.skeleton, TrajectoryOptions())
     return solve(*parts, laws, TrajectoryOptions())
 
 
-def timed(work: Callable[[Walk], Layer], data: Walk) -> Path3D:
+def timed(work: Callable[[CameraRig, Detections], Layer], data: Walk) -> Path3D:
     """A layer of ours, and the least CPU time of two runs: the machine's speed drifts."""
-    work(data.first(60))
+    work(data.rig, data.first(60).detections)
+    detections = data.detections
     spent = []
     for _ in range(2):
         start = time.process_time()
-        layer = work(data)
+        layer = work(data.rig, detections)
         spent.append(time.process_time() - start)
     covariance = unpack_covariance(np.asarray(layer.covariance_m2)[:, 0])
     return Path3D(np.asarray(layer.points_m)[:, 0], covariance, 1000 * min(spent) / len(data.points_m))
@@ -195,10 +198,9 @@ def oracle_smoothed(data: Walk) -> Path3D:
     return Path3D(*filters.smoother(*given, density), note=f"{density:.3g} m2/s5")
 
 
-def filtered(data: Walk, layer: Layer) -> Path3D:
+def filtered(data: Walk, points_m: np.ndarray) -> Path3D:
     """The per-frame optimum through the Butterworth whose cut-off suits the truth best."""
-    points = np.asarray(layer.points_m)[:, 0]
-    tried = [filters.butterworth(points, data.rate_hz, cut_off) for cut_off in filters.CUT_OFFS_HZ]
+    tried = [filters.butterworth(points_m, data.rate_hz, cut_off) for cut_off in filters.CUT_OFFS_HZ]
     losses = [median_m(each, data) for each in tried]
     least = int(np.argmin(losses))
     return Path3D(tried[least], note=f"{filters.CUT_OFFS_HZ[least]:g} Hz")
@@ -219,10 +221,11 @@ def methods(data: Walk, with_peer: bool) -> Iterator[tuple[str, Path3D]]:
     yield "oracle + smoother, tuned", oracle_smoothed(data)
     measured = timed(per_frame, data)
     yield "consensus, per frame", measured
-    yield "consensus + Butterworth, tuned", filtered(data, per_frame(data))
+    yield "consensus + Butterworth, tuned", filtered(data, measured.points_m)
     if with_peer:
         yield "aniposelib optim_points", peer(data)
-    if solved is not None: yield "trajectory", timed(solved, data)
+    if solved is not None:
+        yield OURS, timed(solved, data)
 
 
 HEADING = (
@@ -241,14 +244,33 @@ def line(name: str, score: Score) -> str:
     ).rstrip()
 
 
-def show(name: str, data: Walk, with_peer: bool) -> dict[str, Score]:
-    """Print a recording's table; its scores."""
+def by_views(found: Path3D, data: Walk) -> str:
+    """The same points apart by how many views see them rightly: those that few see rest on time and bones."""
+    seen = data.inlier.sum(axis=1)
+    error = 1000 * np.linalg.norm(found.points_m - data.points_m, axis=-1)
+    parts = []
+    for n, name in enumerate(("no view", "1 view", "2 views", "3 or more")):
+        judged = seen == n if n < 3 else seen >= 3
+        there = judged & np.isfinite(error)
+        if there.any():
+            hidden = replace(found, points_m=np.where(judged[..., None], found.points_m, np.nan))
+            parts.append(
+                f"    {name:9}{int(judged.sum()):7d} points: median{np.median(error[there]):6.1f}, "
+                f"p99{np.percentile(error[there], 99):7.1f} mm, missing{100 * (1 - there.sum() / judged.sum()):6.2f} %, "
+                f"inside{100 * inside(hidden, data)[0]:5.1f} /{100 * inside(hidden, data)[1]:5.1f} %"
+            )
+        elif judged.any():
+            parts.append(f"    {name:9}{int(judged.sum()):7d} points: all missing")
+    return "\n".join(parts)
+
+
+def show(name: str, data: Walk, with_peer: bool) -> None:
+    """Print a recording's table."""
     print(f"\n{name}, {len(data.points_m)} frames\n{HEADING}", flush=True)
-    scores = {}
     for method, found in methods(data, with_peer):
-        scores[method] = Score.of(found, data)
-        print(line(method, scores[method]), flush=True)
-    return scores
+        print(line(method, Score.of(found, data)), flush=True)
+        if method == OURS:
+            print(by_views(found, data), flush=True)
 
 
 def sets(frames: int, folder: Path) -> dict[str, tuple[str, Callable[[], Walk]]]:
@@ -274,21 +296,39 @@ def sets(frames: int, folder: Path) -> dict[str, tuple[str, Callable[[], Walk]]]
     }
 
 
+def hard(frames: int) -> dict[str, tuple[str, Callable[[], Walk]]]:
+    """Recordings made to break a smoother, by short name."""
+    return {
+        "still": ("a statue", lambda: motions.still(frames)),
+        "jumps": ("stands still for 3 s, then jumps", lambda: motions.stand_then_jump(frames)),
+        "hidden": ("a wrist that nobody sees for 0.5 s of 2", lambda: motions.hidden(frames)),
+        "lonely": ("a wrist that one camera sees for 0.5 s of 2", lambda: motions.one_camera(frames)),
+        "couple": ("two cameras for 1 s of 3", lambda: motions.two_cameras(frames)),
+        "bursts": ("a view off by 60 px for ten frames, 5 % of the time", lambda: motions.bursts(frames)),
+        "moment": ("legs swapped in two views at once for 0.3 s", lambda: motions.swapped_for_a_moment(frames)),
+        "irregular": ("frames at irregular times", lambda: motions.irregular(frames)),
+        "giant": (
+            "a world a thousand times as large; mm and 5 cm are km",
+            lambda: motions.scaled(walk(frames, outlier_share=0.05), 1000.0),
+        ),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=FRAMES)
-    parser.add_argument("--only", help="some of the recordings")
+    parser.add_argument("--only", help="some of the recordings, by short name")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of real recordings")
     parser.add_argument("--no-peer", action="store_true", help="without aniposelib, which takes a minute a recording")
     given = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     warnings.simplefilter("ignore")
-    known = sets(given.frames, given.data)
-    for short in given.only.split(",") if given.only else known:
-        name, make = known[short]
-        show(name, make(), not given.no_peer)
+    usual, unusual = sets(given.frames, given.data), hard(given.frames)
+    for short in given.only.split(",") if given.only else (*usual, *unusual):
+        name, make = (usual | unusual)[short]
+        show(name, make(), short in usual and not given.no_peer)
 
 
 if __name__ == "__main__":
