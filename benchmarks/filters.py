@@ -48,7 +48,7 @@ def smoother(
         Points and covariances, everywhere between the first and the last point of a keypoint.
     """
     frames, keypoints, _ = points_m.shape
-    there = np.isfinite(points_m).all(axis=-1) & np.isfinite(covariance_m2).all(axis=(-1, -2))
+    there = np.asarray(np.isfinite(points_m).all(axis=-1) & np.isfinite(covariance_m2).all(axis=(-1, -2)))
     state, spread = np.zeros((keypoints, 9)), np.tile(np.diag(np.repeat([1e4, 1e4, 1e4], 3)), (keypoints, 1, 1))
     means, spreads = np.empty((frames, keypoints, 9)), np.empty((frames, keypoints, 9, 9))
     steps = np.diff(time_s, prepend=time_s[0])

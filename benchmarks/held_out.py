@@ -112,7 +112,7 @@ def compare(rig: CameraRig, detections: Detections, methods: dict[str, Method] |
     methods = methods or METHODS
     errors = {name: errors_px(rig, detections, method) for name, method in methods.items()}
     shared = np.all([np.isfinite(error) for error in errors.values()], axis=0)
-    seen = np.moveaxis(np.isfinite(detections.dense()[0]).all(axis=-1), 1, 0)
+    seen = np.asarray(np.isfinite(detections.dense()[0]).all(axis=-1))
     figures = {}
     for name, method in methods.items():
         points = np.asarray(method(rig, detections).points_m)[:, 0]

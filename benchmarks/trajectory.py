@@ -163,8 +163,9 @@ def timed(work: Callable[[CameraRig, Detections], Layer], data: Walk) -> Path3D:
     spent = []
     for _ in range(2):
         start = time.process_time()
-        layer = work(data.rig, detections)
+        work(data.rig, detections)
         spent.append(time.process_time() - start)
+    layer = work(data.rig, detections)
     covariance = unpack_covariance(np.asarray(layer.covariance_m2)[:, 0])
     return Path3D(np.asarray(layer.points_m)[:, 0], covariance, 1000 * min(spent) / len(data.points_m))
 
@@ -195,7 +196,8 @@ def oracle_smoothed(data: Walk) -> Path3D:
     few = tuple(each[:TUNED_FRAMES] for each in given)
     losses = [median_m(filters.smoother(*few, density)[0], data) for density in filters.DENSITIES]
     density = filters.DENSITIES[int(np.argmin(losses))]
-    return Path3D(*filters.smoother(*given, density), note=f"{density:.3g} m2/s5")
+    points_m, covariance_m2 = filters.smoother(*given, density)
+    return Path3D(points_m, covariance_m2, note=f"{density:.3g} m2/s5")
 
 
 def filtered(data: Walk, points_m: np.ndarray) -> Path3D:
@@ -253,11 +255,12 @@ def by_views(found: Path3D, data: Walk) -> str:
         judged = seen == n if n < 3 else seen >= 3
         there = judged & np.isfinite(error)
         if there.any():
-            hidden = replace(found, points_m=np.where(judged[..., None], found.points_m, np.nan))
+            these = replace(found, points_m=np.where(judged[..., None], found.points_m, np.nan))
+            low, high = inside(these, data)
             parts.append(
                 f"    {name:9}{int(judged.sum()):7d} points: median{np.median(error[there]):6.1f}, "
-                f"p99{np.percentile(error[there], 99):7.1f} mm, missing{100 * (1 - there.sum() / judged.sum()):6.2f} %, "
-                f"inside{100 * inside(hidden, data)[0]:5.1f} /{100 * inside(hidden, data)[1]:5.1f} %"
+                f"p99{np.percentile(error[there], 99):7.1f} mm, "
+                f"missing{100 * (1 - there.sum() / judged.sum()):6.2f} %, inside{100 * low:5.1f} /{100 * high:5.1f} %"
             )
         elif judged.any():
             parts.append(f"    {name:9}{int(judged.sum()):7d} points: all missing")
