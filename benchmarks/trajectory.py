@@ -194,9 +194,9 @@ def oracle_smoothed(data: Walk) -> Path3D:
     assert points.covariance_m2 is not None
     given = points.points_m, points.covariance_m2, data.times_s
     few = tuple(each[:TUNED_FRAMES] for each in given)
-    losses = [median_m(filters.smoother(*few, density)[0], data) for density in filters.DENSITIES]
+    losses = [median_m(filters.smoother(few[0], few[1], few[2], density)[0], data) for density in filters.DENSITIES]
     density = filters.DENSITIES[int(np.argmin(losses))]
-    points_m, covariance_m2 = filters.smoother(*given, density)
+    points_m, covariance_m2 = filters.smoother(given[0], given[1], given[2], density)
     return Path3D(points_m, covariance_m2, note=f"{density:.3g} m2/s5")
 
 
