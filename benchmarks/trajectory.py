@@ -145,7 +145,8 @@ def per_frame(rig: CameraRig, detections: Detections) -> Layer:
 def solved(rig: CameraRig, detections: Detections) -> Layer:
     """Ours."""
     from posefuse.model.trajectory_options import TrajectoryOptions
-    from posefuse.trajectory.laws import Measured, learn
+    from posefuse.trajectory.laws import learn
+    from posefuse.trajectory.observed import Measured
     from posefuse.trajectory.solve import solve
 
     result = triangulate(rig, detections, Options())
