@@ -49,8 +49,12 @@ class Walk:
 
     def first(self, frames: int) -> "Walk":
         """Its first frames."""
-        cut = {name: getattr(self, name)[:frames] for name in ("points_m", "pixels", "confidence", "inlier")}
-        return replace(self, **cut, time_s=None if self.time_s is None else self.time_s[:frames])
+        return self.between(slice(0, frames))
+
+    def between(self, span: slice) -> "Walk":
+        """Some of its frames."""
+        cut = {name: getattr(self, name)[span] for name in ("points_m", "pixels", "confidence", "inlier")}
+        return replace(self, **cut, time_s=None if self.time_s is None else self.time_s[span])
 
     @property
     def detections(self) -> Detections:
