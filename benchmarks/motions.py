@@ -88,7 +88,7 @@ def exchanged(data: Walk, swapped: np.ndarray) -> Walk:
     return replace(data, pixels=pixels, inlier=inlier)
 
 
-def panoptic_at_60_hz(folder: Path, frames: int, outlier_share: float = 0.05, start_s: float = 20.0) -> Walk:
+def panoptic_at_60_hz(folder: Path, frames: int, outlier_share: float = 0.05, start_s: float = 70.0) -> Walk:
     """A real person's motion (``panoptic_motion``) before the dome's real lenses, resampled by cubic splines.
 
     Args:
