@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import accuracy, pairs, rejection, sides, speed, swapped
+from benchmarks import accuracy, long, pairs, quick, rejection, sides, speed, swapped, trajectory
 
 failed = accuracy.main()
 speed.main()
@@ -13,4 +13,7 @@ rejection.main()
 pairs.main()
 sides.main()
 swapped.main()
+trajectory.main()
+quick.main()
+long.main()
 sys.exit(failed)

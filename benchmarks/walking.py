@@ -27,6 +27,9 @@ class Walk:
         confidence: shape (frame, view, keypoint), saying nothing about the noise.
         inlier: shape (frame, view, keypoint), bool: not a gross outlier, not missing.
         skeleton: the keypoints, by name.
+        rate_hz: nominal frame rate.
+        time_s: shape (frame,), of frames that are not evenly spaced; None for frames at the rate.
+        white: whether the errors of inliers are white noise of SIGMA_PX; else they follow the measured law.
     """
 
     rig: CameraRig
@@ -35,12 +38,32 @@ class Walk:
     confidence: np.ndarray
     inlier: np.ndarray
     skeleton: str = "halpe_26"
+    rate_hz: float = RATE_HZ
+    time_s: np.ndarray | None = None
+    white: bool = True
+
+    @property
+    def times_s(self) -> np.ndarray:
+        """Shape (frame,): when the frames were taken."""
+        return np.arange(len(self.points_m)) / self.rate_hz if self.time_s is None else self.time_s
+
+    def first(self, frames: int) -> "Walk":
+        """Its first frames."""
+        return self.between(slice(0, frames))
+
+    def between(self, span: slice) -> "Walk":
+        """Some of its frames."""
+        cut = {name: getattr(self, name)[span] for name in ("points_m", "pixels", "confidence", "inlier")}
+        return replace(self, **cut, time_s=None if self.time_s is None else self.time_s[span])
 
     @property
     def detections(self) -> Detections:
         """What posefuse is given."""
         skeleton = find_skeleton(self.skeleton)
-        return Detections.from_dense(skeleton, self.rig.names, self.pixels, self.confidence, rate_hz=RATE_HZ)
+        times = None if self.time_s is None else np.repeat(self.time_s[:, None], len(self.rig), axis=1)
+        return Detections.from_dense(
+            skeleton, self.rig.names, self.pixels, self.confidence, rate_hz=self.rate_hz, time_s=times
+        )
 
 
 def walk(
@@ -63,7 +86,25 @@ def walk(
     motion = HumanMotion.random(("walk",), rng)
     points = motion.positions(figure, np.arange(frames) / RATE_HZ)[:, figure.columns(keypoints)]
     rig = rig or build_rig("ring", cameras, lens)
-    pixels = np.moveaxis(rig.project(points), 0, 1)
+    seen = observe(
+        rig, points, rng, sigma_px=sigma_px, outlier_share=outlier_share, outlier_px=outlier_px,
+        missing_share=missing_share,
+    )  # fmt: skip
+    return replace(seen, skeleton=skeleton)
+
+
+def observe(
+    rig: CameraRig,
+    points_m: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    sigma_px: float = SIGMA_PX,
+    outlier_share: float = 0.0,
+    outlier_px: tuple[float, float] = (30.0, 300.0),
+    missing_share: float = 0.0,
+) -> Walk:
+    """Any motion, shape (frame, keypoint, 3), seen with the noise of :func:`walk`."""
+    pixels = np.moveaxis(rig.project(points_m), 0, 1)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     shape = pixels.shape[:-1]
     outlier = rng.random(shape) < outlier_share
@@ -71,7 +112,7 @@ def walk(
     pixels += (outlier * distance)[..., None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
     missing = rng.random(shape) < missing_share
     pixels[missing] = np.nan
-    return Walk(rig, points, pixels, rng.uniform(0.35, 0.9, shape), ~outlier & ~missing, skeleton)
+    return Walk(rig, points_m, pixels, rng.uniform(0.35, 0.9, shape), ~outlier & ~missing)
 
 
 def with_one_wrong_view(data: Walk, size_px: float, seed: int = 1) -> Walk:

@@ -1,0 +1,148 @@
+"""Real recordings, one camera left out: how far it sees the keypoints from where the others put them.
+
+``python -m benchmarks.held_out FOLDER [--only NAME,...]``, the folder of recordings that tests read too. The points of
+the whole trajectory beside those of ``consensus`` frame by frame, over the observations both foretell; and how much
+bones vary in length with all cameras. The held-out camera's own errors are in all of these figures: they differ by less
+than the points do.
+"""
+
+import argparse
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import posefuse
+from benchmarks import real
+from benchmarks.trajectory import per_frame, solved
+from posefuse.evaluation.accuracy import bone_variation
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.reconstruction import Layer
+from posefuse.pipeline import match_views
+
+MIN_CONFIDENCE = 0.2
+FLY_RATE_HZ, MOUSE_RATE_HZ, POSE2SIM_RATE_HZ = 300.0, 30.0, 60.0
+"""Where the files say none; of the mouse it is a guess."""
+
+Method = Callable[[CameraRig, Detections], Layer]
+METHODS: dict[str, Method] = {"consensus": per_frame, "trajectory": solved}
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What one method's points foretell of cameras that had no part in them.
+
+    Attributes:
+        median_px, p90_px: distance between foretold and detected, over cameras, frames and keypoints that both methods
+            foretell.
+        foretold: share of the detections that the method foretells at all.
+        bones: how much bones vary in length, all cameras used; NaN without bones.
+        missing: share of points missing, all cameras used.
+    """
+
+    median_px: float
+    p90_px: float
+    foretold: float
+    bones: float
+    missing: float
+
+
+def balancing(folder: Path) -> tuple[CameraRig, Detections]:
+    """A person on a beam, four cameras, OpenPose."""
+    rig, detections = real.pose2sim(folder)
+    return rig, detections.with_rate(POSE2SIM_RATE_HZ)
+
+
+def fly(folder: Path) -> tuple[CameraRig, Detections]:
+    """A tethered fly: two points a leg, and a bone between them."""
+    rig, detections = real.fly_3cam(folder)
+    legs = tuple((f"{side}{leg}A", f"{side}{leg}B") for side in "LR" for leg in (1, 2, 3))
+    skeleton = replace(detections.skeleton, edges=legs)
+    return rig, replace(detections, skeleton=skeleton).with_rate(FLY_RATE_HZ)
+
+
+def mouse(folder: Path) -> tuple[CameraRig, Detections]:
+    """A mouse, four cameras, SLEAP."""
+    rig, detections = real.sleap_mouse(folder)
+    return rig, detections.with_rate(MOUSE_RATE_HZ)
+
+
+def webcams(folder: Path) -> tuple[CameraRig, Detections]:
+    """A person before four webcams, MediaPipe."""
+    place = folder / "caliscope_webcams"
+    return posefuse.read_cameras(place / "config.toml"), posefuse.read_detections(place)
+
+
+RECORDINGS: dict[str, Callable[[Path], tuple[CameraRig, Detections]]] = {
+    "fly_3cam": fly,
+    "sleap_mouse": mouse,
+    "caliscope_webcams": webcams,
+    "pose2sim/balancing_one_person": balancing,
+}
+
+
+def matched(rig: CameraRig, detections: Detections) -> tuple[CameraRig, Detections]:
+    """Cameras in the order of the views, and called as these are."""
+    rig, detections, _ = match_views(rig, detections, posefuse.Options())
+    return rig, replace(detections, view_names=rig.names)
+
+
+def errors_px(rig: CameraRig, detections: Detections, method: Method) -> np.ndarray:
+    """Shape (view, frame, keypoint): how far each camera's detections are from what the others' points foretell.
+
+    NaN where nothing was detected or nothing is foretold.
+    """
+    pixels, confidence = detections.dense()
+    pixels = np.where((confidence >= MIN_CONFIDENCE)[..., None] | np.isnan(confidence)[..., None], pixels, np.nan)
+    found = np.empty((len(rig), detections.n_frames, len(detections.skeleton)))
+    for v, name in enumerate(rig.names):
+        others = tuple(other for other in rig.names if other != name)
+        layer = method(rig.select(others), detections.views(others))
+        foretold = rig.cameras[v].project(np.asarray(layer.points_m)[:, 0])[0]
+        found[v] = np.linalg.norm(foretold - pixels[:, v], axis=-1)
+    return found
+
+
+def compare(rig: CameraRig, detections: Detections, methods: dict[str, Method] | None = None) -> dict[str, HeldOut]:
+    """Every method's figures on a recording."""
+    rig, detections = matched(rig, detections)
+    methods = methods or METHODS
+    errors = {name: errors_px(rig, detections, method) for name, method in methods.items()}
+    shared = np.all([np.isfinite(error) for error in errors.values()], axis=0)
+    seen = np.asarray(np.isfinite(detections.dense()[0]).all(axis=-1))
+    figures = {}
+    for name, method in methods.items():
+        points = np.asarray(method(rig, detections).points_m)[:, 0]
+        figures[name] = HeldOut(
+            float(np.median(errors[name][shared])),
+            float(np.percentile(errors[name][shared], 90)),
+            float(np.isfinite(errors[name]).sum() / seen.sum()),
+            bone_variation(points, detections.skeleton.edge_indices) or np.nan,
+            float(np.isnan(points[..., 0]).mean()),
+        )
+    return figures
+
+
+def main() -> None:
+    """Print the table, as the documentation holds it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", default=",".join(RECORDINGS), help=f"some of {', '.join(RECORDINGS)}")
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'foretold', 'bones vary', 'missing'))} |")
+    print("|---|---|---|---|---|---|---|")
+    for name in given.only.split(","):
+        for method, row in compare(*RECORDINGS[name](given.folder)).items():
+            print(
+                f"| `{name}` | {method} | {row.median_px:.2f} | {row.p90_px:.2f} | {100 * row.foretold:.1f} % | "
+                f"{100 * row.bones:.2f} % | {100 * row.missing:.2f} % |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
