@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_lasting, lasting_s
+from tests.laws import examples
 
 
 @pytest.mark.parametrize("prior", ["jerk", "acceleration"])
@@ -32,6 +33,7 @@ def test_a_path_lives_in_short_gaps_and_never_beyond_its_ends():
     assert alive[0].astype(int).tolist() == [0, 1, 1, 1, 1, 0, 0, 0, 1, 0]
 
 
+@examples(50)
 @given(st.lists(st.booleans(), min_size=2, max_size=30))
 def test_turned_about_in_time_the_same_frames_are_alive(frames):
     seen = np.array([frames])
