@@ -37,7 +37,7 @@ def test_from_files_to_people(run, recording, tmp_path):
     assert numbers["median_mm"] < 10
     assert trc.read(out / "person_1.trc").rate_hz == 30
     assert ezc3d.c3d(str(out / "person_1.c3d"))["parameters"]["POINT"]["RATE"]["value"][0] == 30
-    assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
+    assert [line for line in said.splitlines() if len(line) > 80 and str(tmp_path) not in line] == []
 
 
 def test_the_same_input_gives_the_same_bytes(run, recording, tmp_path):
@@ -153,13 +153,16 @@ def test_lists(run):
 
 def test_a_flag_may_have_a_value_with_a_hyphen(run, recording, tmp_path):
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--up", "-y")
-    assert (code, said) == (0, "")
+    assert code == 0
+    assert "or up is not -y" in " ".join(said.split())  # which it is not
     assert posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc").rig.up_axis == "-y"
 
 
 def test_a_reader_who_leaves_early_does_not_cost_the_result(recording, tmp_path):
     code = "import sys; from posefuse.cli.main import main; main(sys.argv[1:])"
-    command = f'"{sys.executable}" -c "{code}" reconstruct "{recording}" -o "{tmp_path / "o"}" | true'
+    command = (
+        f'"{sys.executable}" -c "{code}" reconstruct "{recording}" -o "{tmp_path / "o"}" --solve trajectory | true'
+    )
     subprocess.run(["sh", "-c", command], check=True, capture_output=True)
     assert sorted(entry.name for entry in (tmp_path / "o").iterdir()) == OUTPUTS
 

@@ -70,7 +70,7 @@ def test_every_status_has_a_sentence():
     for code in (*PointStatus, *ViewStatus):
         assert code.sentence
         assert code.label == code.name.lower()
-    assert [status.has_point for status in PointStatus] == [True] * 5 + [False] * (len(PointStatus) - 5)
+    assert [status.has_point for status in PointStatus] == [True] * 7 + [False] * (len(PointStatus) - 7)
     assert Source.NONE.label == ""
     assert Source.MEASURED.label == "measured"
 
