@@ -23,6 +23,9 @@ _FEWEST_LENGTHS = 20
 _LAGS = (1, 2, 4, 8, 16, 32, 64)
 _LONGEST_S, _FAR_S = 2.0, 0.6
 _MOST_LASTING = 0.95
+_MUCH_LASTING = 0.2
+"""Where more than this share of the errors lasts throughout, what correlations the rest has cannot be told."""
+
 _LONGEST_MEMORY_S = 0.3
 """Errors that last longer cannot be told from slow motion: they do not make paths smoother, only less certain."""
 
@@ -84,10 +87,10 @@ class Laws(Rebuilt):
             self.length_m[person],
             self.length_sd_m[person],
             self.correlation_s,
-            spread,
+            passing_spread(spread, self.lasting_share),
             float(self.fresh[person]),
             float(self.steady[person]),
-            self.lasting_share,
+            lasting_ratio(self.lasting_share),
         )
 
 
@@ -122,8 +125,10 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
         for observed in people:
             errors.add(observed)
         correlation_s, share = errors.law(options)
+        spread = passing_spread(part.noise.spread, share)
+        law = Law(_NONE, _NONE, _NONE, correlation_s, spread, lasting=lasting_ratio(share))
         for own, observed in zip(sums, people, strict=True):
-            own.add(observed, bones, options, Law(_NONE, _NONE, _NONE, correlation_s, part.noise.spread, lasting=share))
+            own.add(observed, bones, options, law)
     if errors is None:
         raise DetectionsError("The trajectory solve was given no frames to learn from.")
     lengths = [each.lengths(options) for each in sums]
@@ -140,6 +145,16 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
         lasting_s=np.stack([each.lasting_s(options) for each in sums]),
         max_gap_s=options.max_gap_s,
     )
+
+
+def passing_spread(spread: float, lasting_share: float) -> float:
+    """Of errors that pass: what does not move is no noise that motion must be told from."""
+    return spread * float(np.sqrt(1.0 - lasting_share))
+
+
+def lasting_ratio(lasting_share: float) -> float:
+    """The variance of errors that last throughout over that of errors that pass."""
+    return lasting_share / (1.0 - lasting_share)
 
 
 class _Errors:
@@ -192,6 +207,8 @@ class _Errors:
         share = share if share > _LEAST_CORRELATION else 0.0
         if options.correlation_s is not None:
             return options.correlation_s, share
+        if share > _MUCH_LASTING:
+            return 0.0, share
         return min(self._correlation_s((found - share) / (1.0 - share)), _LONGEST_MEMORY_S), share
 
     def _correlation_s(self, found: np.ndarray) -> float:

@@ -29,7 +29,9 @@ from posefuse.trajectory.observed import Observed
 from posefuse.trajectory.smoothness import Smoothness, alive_frames
 from posefuse.trajectory.start import begin
 
-_RIDGE = 1e-9
+_RIDGE = 1e-5
+"""Of a frame's information: holds a point back that nothing else holds, and is next to nothing where anything does."""
+
 _MOST_STEPS = 30
 _TOLERANCE = 1e-3
 _TRUSTING = 2
@@ -37,6 +39,9 @@ _TRUSTING = 2
 
 _ERRORS_S = 0.3
 """A view errs more or less than usual for about so long."""
+
+_LASTS_S = 1.2
+"""What an error is in the mean over so long lasts."""
 
 STEADIEST = 1e6
 """Errors of one size all the time."""
@@ -60,10 +65,10 @@ class Law:
         length_m: shape (bone,).
         length_sd_m: shape (bone,): inf where a bone tells nothing.
         correlation_s: how long detection errors last; 0 if they are white.
-        spread: of accepted errors, in units of the noise.
+        spread: of accepted errors that pass, in units of the noise.
         fresh: mean square of what is new in errors, in units of what is expected.
         steady: how steadily a view errs: as if so many numbers had shown that it errs as usual.
-        lasting: share of the errors' variance that lasts throughout.
+        lasting: variance of what lasts throughout of the errors, over that of what passes.
     """
 
     density: np.ndarray
@@ -175,7 +180,7 @@ class Solver:
         steps, covariance = self._step(
             paths.paths_m, band, pull, seen, self._tightness(law, alive, variance), law.length_m
         )
-        moved = paths.paths_m + steps
+        moved = paths.paths_m + self._shortened(steps)
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
         square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
         lively = self._liveliness(squares * paths.lively, known)
@@ -287,12 +292,22 @@ class Solver:
     def _new_errors(self, law: Law) -> tuple[np.ndarray, np.ndarray]:
         """What is new in errors about each frame, squared, and how many numbers that is of."""
         residuals, left = self.disagreement
+        if law.lasting > 0.0:
+            residuals = self._passing(residuals, left > 0.0)
         squares, counts = np.empty(left.shape), np.empty(left.shape)
         sigma = law.spread * self.usually
         renew_errors(residuals, sigma, left, self._kept(law.correlation_s), squares, counts)
         window = 2 * round(0.5 * _ERRORS_S / self.observed.step_s) + 1
         total = uniform_filter1d(left * squares, window, axis=1, mode="nearest") * window
         return total, uniform_filter1d(left * counts, window, axis=1, mode="nearest") * window
+
+    def _passing(self, residuals: np.ndarray, used: np.ndarray) -> np.ndarray:
+        """Residuals less what they are about each frame in the mean: what lasts is no new error."""
+        window = 2 * round(0.5 * _LASTS_S / self.observed.step_s) + 1
+        total = uniform_filter1d(residuals, window, axis=1, mode="constant")
+        share = uniform_filter1d(used.astype(np.float64), window, axis=1, mode="constant")
+        mean = total / np.maximum(share, 0.5 / window)[..., None]
+        return np.where(used[..., None], residuals - mean, 0.0)
 
     def steadiness(self, law: Law) -> tuple[float, float]:
         """``fresh`` and ``steady`` of a law: by how much more errors vary in size than chance would have it."""
@@ -349,6 +364,20 @@ class Solver:
         )  # fmt: skip
         invert_paths(lower, inverse, covariance)
         return steps, covariance
+
+    @cached_property
+    def farthest_m(self) -> float:
+        """The longest step: half the subject's size, as measured; inf where it has none."""
+        points = self.observed.points_m
+        with np.errstate(invalid="ignore"):
+            extent = np.linalg.norm(np.fmax.reduce(points, axis=0) - np.fmin.reduce(points, axis=0), axis=-1)
+        extent = extent[extent > 0.0]
+        return 0.5 * float(np.median(extent)) if extent.size else np.inf
+
+    def _shortened(self, steps_m: np.ndarray) -> np.ndarray:
+        """Steps no longer than what is linear reaches: one that runs away would be all that rounds after it see."""
+        length = np.linalg.norm(steps_m, axis=-1, keepdims=True)
+        return steps_m * np.minimum(1.0, self.farthest_m / np.maximum(length, 1e-300))
 
     def _liveliness(self, squares: np.ndarray, known: np.ndarray) -> np.ndarray:
         if self.options.burst_s <= 0.0 or not squares.shape[1]:

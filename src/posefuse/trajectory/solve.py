@@ -124,8 +124,11 @@ def judge(paths: Paths, before: np.ndarray, most_sd_m: float) -> np.ndarray:
     status = np.where(paths.alive, status, missing)
     both = paths.covariance_m2 + paths.lasting_m2
     finite = np.asarray(np.isfinite(both).all(axis=(-1, -2)) & np.isfinite(paths.paths_m).all(axis=-1))
-    variance = np.linalg.eigvalsh(np.where(finite[..., None, None], both, 0.0))[..., -1]
-    unknown = ~finite | (variance > most_sd_m**2)
+    passing = np.where(finite[..., None, None], paths.covariance_m2, 0.0)
+    variance = np.linalg.eigvalsh(passing)[..., -1]
+    # What views measured together is given however badly they did: its covariance says so.
+    measured = (views > 1) & (before < PointStatus.NOT_SEEN)
+    unknown = ~finite | (~measured & (variance > most_sd_m**2))
     unknown &= status < PointStatus.NOT_SEEN
     return np.where(unknown, PointStatus.UNCERTAIN, status)
 
