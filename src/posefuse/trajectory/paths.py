@@ -4,12 +4,13 @@ Every round is one Gauss-Newton step on all paths together. The first ones trust
 on, so that the density can follow the motion before anything is rejected for not being smooth.
 """
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import binary_opening, uniform_filter1d
 
 from posefuse.kernels.trajectory_band import REACH, factor_paths, invert_paths
 from posefuse.kernels.trajectory_terms import (
@@ -39,6 +40,12 @@ _TRUSTING = 2
 
 _ERRORS_S = 0.3
 """A view errs more or less than usual for about so long."""
+
+_AGREED, _IN_A_ROW = 3, 3
+"""So many views agree on a point, for so many frames, that the path must go there."""
+
+_STRICT = 0.65
+"""Views whose errors last are left out so much sooner: those of one frame do not make up for those of the next."""
 
 _LASTS_S = 1.2
 """What an error is in the mean over so long lasts."""
@@ -147,8 +154,37 @@ class Solver:
         paths = Paths.begin(self.observed, self.smoothness, self.options)
         scale = self.scale(law)
         for number in range(_TRUSTING + self.options.rounds):
-            paths = self.round(paths, law, scale, trusting=number < _TRUSTING)
-        return paths
+            paths = self.round(paths, law, scale, trusting=number < _TRUSTING, least=self._least(law))
+        missed = self.missed_m2(paths, law)[:, None, None, None] * np.eye(3)
+        return replace(paths, covariance_m2=paths.covariance_m2 + missed)
+
+    def missed_m2(self, paths: Paths, law: Law) -> np.ndarray:
+        """Shape (keypoint,): variance of motion that no smooth path has, as real bodies have it.
+
+        By how much farther points of single frames lie from the path than noise and prior foretell (a chi-square of
+        three numbers, less what the path took up), one standard deviation of that left off. Only of white errors:
+        others that views share look alike.
+        """
+        if law.correlation_s > 0.0 or law.lasting > 0.0:
+            return np.zeros(len(paths.paths_m))
+        residuals, jacobians = self.observed.linear(paths.paths_m)
+        sigma = law.spread * self.observed.sigma_px
+        counts = np.where(paths.weights > 0.5, paths.weights, 0.0)
+        views = (counts > 0.0).sum(axis=-1)
+        there = views > 1
+        weights = np.where(there[..., None], counts, 0.0) / np.square(sigma)
+        residuals, jacobians = np.nan_to_num(residuals), np.nan_to_num(jacobians)
+        seen = np.einsum("kfv,kfvai,kfvaj->kfij", weights, jacobians, jacobians)
+        pull = np.einsum("kfv,kfvai,kfva->kfi", weights, jacobians, residuals)
+        trace = np.trace(seen, axis1=-2, axis2=-1)
+        safe = np.where(there[..., None, None], seen + 1e-9 * trace[..., None, None] * np.eye(3), np.eye(3))
+        off = (pull * np.linalg.solve(safe, pull[..., None])[..., 0]).sum(axis=-1)
+        total = np.einsum("kfv,kfva,kfva->kf", weights, residuals, residuals)
+        noise = (total - off).sum() / max((2.0 * views - 3.0)[there].sum(), 1.0)
+        foretold = np.where(there, 3.0 - np.einsum("kfij,kfji->kf", seen, paths.covariance_m2), 0.0)
+        frames = there.sum(axis=1)
+        more = (off - noise * foretold).sum(axis=1) - noise * np.sqrt(6.0 * frames)
+        return np.maximum(more, 0.0) / np.maximum(trace.sum(axis=1), 1e-300)
 
     def first_variance(self, paths: Paths, law: Law) -> np.ndarray:
         """Shape (keypoint,), m^2: of what a frame by itself says of the point, where the paths begin."""
@@ -158,7 +194,7 @@ class Solver:
         _, _, seen = self._terms(residuals, jacobians, sigma, paths.weights, law, rows, paths)
         return usual_variance(seen, paths.weights)
 
-    def round(self, paths: Paths, law: Law, scale: np.ndarray, *, trusting: bool) -> Paths:
+    def round(self, paths: Paths, law: Law, scale: np.ndarray, *, trusting: bool, least: int = sys.maxsize) -> Paths:
         """One step.
 
         Args:
@@ -166,10 +202,13 @@ class Solver:
             law: of the person.
             scale: shape (keypoint, frame, view): how much more each view errs than it usually does.
             trusting: whether views keep their weights.
+            least: so many views that measured a point together are not left out together.
         """
         observed, options = self.observed, self.options
         residuals, jacobians = observed.linear(paths.paths_m)
-        weights = paths.weights if trusting else self._weights(residuals, jacobians, paths.covariance_m2)
+        weights = paths.weights
+        if not trusting:
+            weights = self._kept_in(self._weights(residuals, jacobians, paths.covariance_m2, law), least)
         weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
         alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
         density = law.density[:, None] * paths.lively
@@ -205,9 +244,24 @@ class Solver:
         most = np.sqrt(np.maximum(np.einsum("kfij,kfji->kf", gain, gain), 1e-300) / 3.0)[..., None, None]
         return law.lasting * (gain @ covariance_m2) / np.square(most)
 
-    def _weights(self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray) -> np.ndarray:
+    def _least(self, law: Law) -> int:
+        """So many views that agree are right, where they are and the path is not."""
+        return 2 if law.lasting > 0.0 else _AGREED
+
+    def _kept_in(self, weights: np.ndarray, least: int) -> np.ndarray:
+        """Weights, where the path left hardly a view those of the measured point: it was not smooth enough to follow."""
+        agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
+        lost = ((weights > 0.5).sum(axis=-1) < 2) & (agreed.sum(axis=-1) >= least)
+        # Three frames in a row: single ones may be three views that err alike.
+        lost = binary_opening(lost, np.ones((1, _IN_A_ROW), dtype=bool))
+        return np.where(lost[..., None], agreed, weights)
+
+    def _weights(
+        self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray, law: Law
+    ) -> np.ndarray:
         """Of each observation by how far it lies from where the path is, as well as that is known."""
         observed, options = self.observed, self.options
+        strict = _STRICT if law.lasting > 0.0 else 1.0
         weights = np.empty(observed.sigma_px.shape)
         keypoints, frames, views = observed.sigma_px.shape
         n = keypoints * frames
@@ -216,8 +270,8 @@ class Solver:
             jacobians.reshape(n, views, 2, 3),
             observed.sigma_px.reshape(n, views),
             covariance_m2.reshape(n, 3, 3),
-            options.full_sigma,
-            options.none_sigma,
+            strict * options.full_sigma,
+            strict * options.none_sigma,
             weights.reshape(n, views),
         )
         return weights
