@@ -31,7 +31,8 @@ class TrajectoryOptions:
             are white; by default estimated from the recording.
         max_gap_s: Where no camera sees a keypoint for longer than this it has no point, and what comes before knows
             nothing of what comes after.
-        max_sd_share: Points whose standard deviation is larger than this share of the subject's size are not given.
+        max_sd_share: Points that no two views measured, and whose standard deviation is larger than this share of the
+            subject's size, are not given.
         full_sigma: A view no farther from the path counts whole, in units of a detection's noise.
         none_sigma: A view farther from the path is rejected; between the two its weight falls smoothly.
         rounds: How often views are weighed and made linear anew.

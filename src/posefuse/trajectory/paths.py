@@ -27,6 +27,7 @@ from posefuse.kernels.trajectory_terms import (
 from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observed import Observed
+from posefuse.trajectory.roughness import roughness_m2
 from posefuse.trajectory.smoothness import Smoothness, alive_frames
 from posefuse.trajectory.start import begin
 
@@ -155,36 +156,11 @@ class Solver:
         scale = self.scale(law)
         for number in range(_TRUSTING + self.options.rounds):
             paths = self.round(paths, law, scale, trusting=number < _TRUSTING, least=self._least(law))
-        missed = self.missed_m2(paths, law)[:, None, None, None] * np.eye(3)
-        return replace(paths, covariance_m2=paths.covariance_m2 + missed)
-
-    def missed_m2(self, paths: Paths, law: Law) -> np.ndarray:
-        """Shape (keypoint,): variance of motion that no smooth path has, as real bodies have it.
-
-        By how much farther points of single frames lie from the path than noise and prior foretell (a chi-square of
-        three numbers, less what the path took up), one standard deviation of that left off. Only of white errors:
-        others that views share look alike.
-        """
         if law.correlation_s > 0.0 or law.lasting > 0.0:
-            return np.zeros(len(paths.paths_m))
-        residuals, jacobians = self.observed.linear(paths.paths_m)
-        sigma = law.spread * self.observed.sigma_px
-        counts = np.where(paths.weights > 0.5, paths.weights, 0.0)
-        views = (counts > 0.0).sum(axis=-1)
-        there = views > 1
-        weights = np.where(there[..., None], counts, 0.0) / np.square(sigma)
-        residuals, jacobians = np.nan_to_num(residuals), np.nan_to_num(jacobians)
-        seen = np.einsum("kfv,kfvai,kfvaj->kfij", weights, jacobians, jacobians)
-        pull = np.einsum("kfv,kfvai,kfva->kfi", weights, jacobians, residuals)
-        trace = np.trace(seen, axis1=-2, axis2=-1)
-        safe = np.where(there[..., None, None], seen + 1e-9 * trace[..., None, None] * np.eye(3), np.eye(3))
-        off = (pull * np.linalg.solve(safe, pull[..., None])[..., 0]).sum(axis=-1)
-        total = np.einsum("kfv,kfva,kfva->kf", weights, residuals, residuals)
-        noise = (total - off).sum() / max((2.0 * views - 3.0)[there].sum(), 1.0)
-        foretold = np.where(there, 3.0 - np.einsum("kfij,kfji->kf", seen, paths.covariance_m2), 0.0)
-        frames = there.sum(axis=1)
-        more = (off - noise * foretold).sum(axis=1) - noise * np.sqrt(6.0 * frames)
-        return np.maximum(more, 0.0) / np.maximum(trace.sum(axis=1), 1e-300)
+            # Errors that last look like motion that the path misses.
+            return paths
+        rough = roughness_m2(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, law.spread)
+        return replace(paths, covariance_m2=paths.covariance_m2 + rough[:, None, None, None] * np.eye(3))
 
     def first_variance(self, paths: Paths, law: Law) -> np.ndarray:
         """Shape (keypoint,), m^2: of what a frame by itself says of the point, where the paths begin."""
@@ -249,16 +225,14 @@ class Solver:
         return 2 if law.lasting > 0.0 else _AGREED
 
     def _kept_in(self, weights: np.ndarray, least: int) -> np.ndarray:
-        """Weights, where the path left hardly a view those of the measured point: it was not smooth enough to follow."""
+        """Weights; where the path left hardly a view, those of the measured point: it was too smooth to follow."""
         agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
         lost = ((weights > 0.5).sum(axis=-1) < 2) & (agreed.sum(axis=-1) >= least)
         # Three frames in a row: single ones may be three views that err alike.
         lost = binary_opening(lost, np.ones((1, _IN_A_ROW), dtype=bool))
         return np.where(lost[..., None], agreed, weights)
 
-    def _weights(
-        self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray, law: Law
-    ) -> np.ndarray:
+    def _weights(self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray, law: Law) -> np.ndarray:
         """Of each observation by how far it lies from where the path is, as well as that is known."""
         observed, options = self.observed, self.options
         strict = _STRICT if law.lasting > 0.0 else 1.0

@@ -13,6 +13,7 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.trajectory.ambiguity import ambiguous
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.laws import Laws
 from posefuse.trajectory.laws import margin_s as margin_s
@@ -72,9 +73,12 @@ def _person(
     absent = np.asarray(given.tracks.state[:])[:, person] == TrackState.ABSENT
     before = np.asarray(given.layer.status)[:, person].T
     status = judge(paths, before, options.max_sd_share * laws.size_m[person])
+    residuals, jacobians = observed.linear(paths.paths_m)
+    doubted = ambiguous(paths, jacobians, bones, law.length_m)
+    doubted &= (status < PointStatus.NOT_SEEN) & (before >= PointStatus.NOT_SEEN)
+    status[doubted] = PointStatus.UNCERTAIN
     status[:, absent] = PointStatus.ABSENT
     there = status < PointStatus.NOT_SEEN
-    residuals, _ = observed.linear(paths.paths_m)
     errors = np.where(there[..., None], np.linalg.norm(residuals, axis=-1), np.nan)
     used = paths.weights > _COUNTS
     measured = np.asarray(given.layer.view_status)[:, person]

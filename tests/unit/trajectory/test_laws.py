@@ -10,7 +10,7 @@ from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.trajectory.laws import Laws, learn, margin_s, mean_cosine
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
-from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, swinging
+from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
 
 
 def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:
@@ -59,6 +59,24 @@ def test_how_long_errors_last_is_found(views):
     assert np.exp(-1.0 / 60.0 / laws.correlation_s) == pytest.approx(0.9, abs=0.03)
     white = learn([measured(truth, rig=rig)], ARM, TrajectoryOptions())
     assert white.correlation_s == 0.0
+
+
+def test_what_lasts_throughout_is_no_noise_for_motion():
+    rig, truth = ring(4), swinging(300)
+    pixels = exact_pixels(rig, truth)
+    rng = np.random.default_rng(0)
+    biased = pixels + 8.0 * rng.standard_normal(pixels[:1].shape) + rng.standard_normal(pixels.shape)
+    given = measured(truth, rig=rig, pixels=biased, noise_px=8.0)
+    laws = learn([given], ARM, TrajectoryOptions())
+    assert laws.lasting_share > 0.8
+    assert laws.correlation_s == 0.0
+    layer = solved(given, laws)
+    offset = np.asarray(layer.points_m)[:, 0] - truth
+    plain = learn([measured(truth, 1.0, rig=rig)], ARM, TrajectoryOptions())
+    assert np.isfinite(offset).all()
+    # As smooth as if there were no bias, to a few tenths, not as if all of it passed: that took 8^(1/3) times as long.
+    assert np.median(laws.lasting_s) < 1.5 * np.median(plain.lasting_s)
+    assert laws.length_sd_m[0] == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 7])

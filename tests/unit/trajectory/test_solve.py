@@ -57,7 +57,9 @@ def test_noise_is_smoothed_and_coverage_honest(arm):
     layer = solved(arm)
     assert np.median(errors_m(layer, truth)) < 0.5 * np.median(errors_m(arm.layer, truth))
     offset = np.asarray(layer.points_m)[:, 0] - truth
-    squared = np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(layer.covariance_m2)[:, 0]), offset)
+    squared = np.einsum(
+        "fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(np.asarray(layer.covariance_m2))[:, 0]), offset
+    )
     assert 0.9 < (squared < 7.815).mean() <= 1.0
     assert (np.asarray(layer.source) == Source.TRAJECTORY).all()
 
@@ -108,7 +110,7 @@ def test_the_solution_is_that_of_a_general_solver(length_sd_m, correlation_s):
     ours = np.asarray(layer.points_m)[:, 0].transpose(1, 0, 2)
     sd = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
     assert (np.linalg.norm(ours - paths, axis=-1) / sd).max() < 0.02
-    found = unpack_covariance(layer.covariance_m2)[:, 0].transpose(1, 0, 2, 3)
+    found = unpack_covariance(np.asarray(layer.covariance_m2))[:, 0].transpose(1, 0, 2, 3)
     ratio = np.trace(found, axis1=-2, axis2=-1) / np.trace(covariance, axis1=-2, axis2=-1)
     # What neighbours know is passed on frame by frame: with bones the covariance is not exact.
     assert np.allclose(ratio, 1.0, atol=1e-3 if np.isinf(length_sd_m) else 0.25)
@@ -241,6 +243,39 @@ def test_what_is_known_too_badly_is_not_given():
     status = np.asarray(layer.status)[:, 0, 1]
     assert (status == PointStatus.UNCERTAIN).any()
     assert np.isnan(np.asarray(layer.points_m)[:, 0, 1][status == PointStatus.UNCERTAIN]).all()
+
+
+def test_what_two_views_measured_is_given_however_badly():
+    layer = solved(measured(swinging(60)), options=TrajectoryOptions(max_sd_share=1e-6))
+    assert np.isfinite(np.asarray(layer.points_m)).all()
+
+
+def test_what_one_view_sees_to_the_end_is_right_or_not_given():
+    truth = swinging(FRAMES)
+    between = solved(hidden(truth, 1, 170, 210))
+    assert np.isfinite(np.asarray(between.points_m)).all()
+    for start, stop in ((200, FRAMES), (0, 40)):
+        layer = solved(hidden(truth, 1, start, stop))
+        assert not (errors_m(layer, truth)[start:stop, 1] > 0.05).any()
+
+
+def test_motion_that_no_path_has_counts_in_covariances():
+    rng = np.random.default_rng(5)
+    smooth = swinging(600)
+    truth = smooth + 0.004 * rng.standard_normal(smooth.shape)
+    layer = solved(measured(truth), options=TrajectoryOptions(bones=False, burst_s=0.0, density=50.0))
+    offset = np.asarray(layer.points_m)[:, 0] - truth
+    squared = np.einsum(
+        "fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(np.asarray(layer.covariance_m2))[:, 0]), offset
+    )
+    assert 0.88 < (squared < 7.815).mean() < 0.99
+
+
+def test_where_all_views_agree_for_a_while_the_path_goes_there():
+    truth = swinging(FRAMES)
+    truth[100:117, 2] += (0.6, 0.0, 0.2)
+    layer = solved(measured(truth))
+    assert np.median(errors_m(layer, truth)[100:117, 2]) < 0.02
 
 
 def test_a_swapped_view_is_exchanged_first():

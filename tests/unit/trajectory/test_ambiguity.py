@@ -1,0 +1,62 @@
+"""One view and a bone: two places."""
+
+import numpy as np
+import pytest
+
+from posefuse.trajectory.ambiguity import ambiguous
+from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.paths import Paths
+from tests.unit.trajectory.problems import ARM
+
+FRAMES = 41
+BONES = Bones.of(ARM)
+LENGTHS_M = np.array([0.3, 0.25])
+
+
+def turning(seen: np.ndarray) -> tuple[Paths, np.ndarray]:
+    """A wrist that passes its elbow across the view in frame 20; views look along x; of seen frames two do."""
+    paths_m = np.zeros((3, FRAMES, 3))
+    paths_m[0] = (0.0, 0.0, 0.3)
+    angle = np.linspace(-1.0, 1.0, FRAMES)
+    paths_m[2] = 0.25 * np.stack([np.sin(angle), np.cos(angle), np.zeros(FRAMES)], axis=-1)
+    weights = np.ones((3, FRAMES, 2))
+    weights[2, ~seen, 1] = 0.0
+    jacobians = np.zeros((3, FRAMES, 2, 2, 3))
+    jacobians[..., 0, 1] = jacobians[..., 1, 2] = 1000.0
+    rows = np.ones((3, FRAMES - 3))
+    paths = Paths(
+        paths_m=paths_m,
+        covariance_m2=np.broadcast_to(0.005**2 * np.eye(3), (3, FRAMES, 3, 3)),
+        lasting_m2=np.zeros((3, FRAMES, 3, 3)),
+        weights=weights,
+        alive=np.ones((3, FRAMES), dtype=bool),
+        variance_m2=np.full(3, 1e-4),
+        lively=rows,
+        squares=rows,
+        known=rows,
+    )
+    return paths, jacobians
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_places_that_were_near_each_other_are_not_told_apart_later(backwards):
+    seen = np.arange(FRAMES) < 5
+    found = ambiguous(*turning(seen[::-1] if backwards else seen), BONES, LENGTHS_M)
+    assert not found[:2].any()
+    wrist = found[2, ::-1] if backwards else found[2]
+    # Twice 0.25 sin(angle) is less than eight times 5 mm within 0.08 rad, 1.6 frames, of the frame in the middle.
+    assert (wrist == (np.arange(FRAMES) >= 19)).all()
+
+
+def test_a_frame_that_two_views_see_tells_them_apart():
+    seen = np.abs(np.arange(FRAMES) - 20) > 15
+    assert not ambiguous(*turning(seen), BONES, LENGTHS_M).any()
+
+
+def test_a_path_that_never_had_two_views_may_be_at_either():
+    assert ambiguous(*turning(np.zeros(FRAMES, dtype=bool)), BONES, LENGTHS_M)[2].all()
+
+
+def test_without_a_bone_there_is_one_place():
+    seen = np.arange(FRAMES) < 5
+    assert not ambiguous(*turning(seen), BONES, np.array([0.3, np.nan])).any()
