@@ -179,8 +179,17 @@ def _resident_mb() -> float:
     return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6 if file.exists() else float("nan")
 
 
+def _with_one_thread() -> None:
+    """Begin anew where NumPy may have several threads: they wait by counting, and CPU times would hold that."""
+    alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    if not alone.items() <= os.environ.items():
+        command = [sys.executable, "-m", "benchmarks.tracking_speed", *sys.argv[1:]]
+        os.execve(sys.executable, command, {**os.environ, **alone})
+
+
 def main() -> None:
     """Measure and print all parts, or those asked for."""
+    _with_one_thread()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join(PARTS))
     parser.add_argument("--runs", type=int, default=5)
