@@ -121,14 +121,13 @@ def last_number(name: str, where: str) -> int:
     return int(match.group(1))
 
 
-def detections_of(path: Path, views: Sequence[ViewColumns], request: Request, usual: str | None = None) -> Detections:
-    """The detections of a recording's views, whose frames without people count to the longest view.
+def detections_of(path: Path, views: Sequence[ViewColumns], request: Request) -> Detections:
+    """The detections of a recording's views.
 
     Args:
         path: for messages.
         views: in order.
         request: what the user said.
-        usual: the skeleton to take where nothing else tells, a shipped name.
 
     Raises:
         FileError: if views have different keypoints, or nobody was detected and nothing tells the skeleton.
