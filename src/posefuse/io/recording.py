@@ -54,7 +54,10 @@ def find_recording(folder: Path) -> Recording:
     if folder.is_file():
         form = keypoint_format(folder)
         if form is None:
-            raise FileError(f"{folder} is a file, but no keypoints in a known format. Give the recording's folder.")
+            raise FileError(
+                f"{folder} is a file, but no keypoints in a known format, or was cut short. Give the recording's "
+                "folder."
+            )
         return Recording(folder, _calibrations_above(folder), (Found(folder, form.name),))
     keypoints = tuple(_find_keypoints(folder, _DEPTH))
     calibrations = tuple(_find_calibrations(folder, _DEPTH)) or _calibrations_above(folder)

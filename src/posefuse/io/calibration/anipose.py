@@ -11,13 +11,10 @@ from typing import Any
 import tomli_w
 
 from posefuse.errors import FileError, choices, suggestion
-from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, largest_distance
+from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, guessed_unit
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis, vector_from_rotation
 from posefuse.model.options import LengthUnit
-
-# Cameras do not stand a few millimetres apart: numbers this small are metres.
-_METRES_BELOW = 30.0
 
 
 def matches(path: Path) -> bool:
@@ -48,7 +45,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     notes: tuple[str, ...] = ()
     chosen = unit or said
     if chosen is None:
-        chosen = "m" if 0.0 < largest_distance(tables) < _METRES_BELOW else "mm"
+        chosen = guessed_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
         notes = (f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",)
     cameras = tuple(camera_from_table(path, key, table, METRES[chosen]) for key, table in tables.items())
     return CameraRig(cameras, _up_axis(path, metadata), path.name, METRES[chosen], notes)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
-from posefuse.io.calibration.tables import METRES
+from posefuse.io.calibration.tables import METRES, guessed_unit
 from posefuse.io.files import read_text
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
 from posefuse.model.options import LengthUnit
@@ -17,8 +17,6 @@ from posefuse.model.options import LengthUnit
 LARGEST_BYTES = 8_000_000
 """No calibration is larger; what is, is something else, or a trap."""
 
-# Cameras do not stand a few millimetres apart: numbers this small are metres.
-_METRES_BELOW = 30.0
 _MOST_NUMBERS = 1_000_000
 _BEYOND_REASON = 1e15
 
@@ -76,7 +74,7 @@ def build_rig(
     rows = [_numbers(path, camera) for camera in found]
     chosen = unit or usual
     if chosen is None:
-        chosen = "m" if 0.0 < _largest_distance(rows) < _METRES_BELOW else "mm"
+        chosen = guessed_unit((row.rotation, row.translation) for row in rows)
         notes = (
             *notes,
             f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",
@@ -138,17 +136,6 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
 def _short(values: Any) -> str:
     text = repr(values)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _largest_distance(rows: Sequence[_Numbers]) -> float:
-    from posefuse.model.cameras import rotation_from_vector
-
-    centres = []
-    for row in rows:
-        turn = row.rotation if row.rotation.ndim == 2 else rotation_from_vector(row.rotation)
-        centres.append(-turn.T @ row.translation)
-    points = np.array(centres)
-    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0))
 
 
 def _camera(path: Path, camera: Found, row: _Numbers, scale: float) -> Camera:

@@ -1,6 +1,6 @@
 """What the TOML calibrations share: a table a camera, in OpenCV's numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +8,13 @@ import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.files import natural_key
-from posefuse.model.cameras import Camera
+from posefuse.model.cameras import Camera, rotation_from_vector
 from posefuse.model.options import LengthUnit
 
 METRES: dict[LengthUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+# Cameras do not stand a few millimetres apart: numbers this small are metres.
+_METRES_BELOW = 30.0
 
 _NO_CAMERAS = ("metadata", "capture_volume", "charuco", "checkerboard")
 _NEEDED = ("matrix", "rotation", "translation", "size", "distortions")
@@ -69,17 +72,21 @@ def _has_bool(value: Any) -> bool:
     return any(map(_has_bool, value)) if isinstance(value, list) else isinstance(value, bool)
 
 
-def largest_distance(tables: Mapping[str, Mapping[str, Any]]) -> float:
-    """How far the two cameras furthest apart stand, in the file's own unit; 0 where it cannot be told."""
-    from posefuse.model.cameras import rotation_from_vector
+def guessed_unit(poses: Iterable[tuple[Any, Any]]) -> LengthUnit:
+    """The unit of a file that does not say: metres, where the cameras stand less than 30 units apart, else mm.
 
+    Args:
+        poses: rotation (vector or matrix) and translation of each camera, world to camera; where one is none of
+            these, nothing is said of the distance.
+    """
     centres = []
-    for table in tables.values():
+    for rotation, translation in poses:
         try:
-            rotation = np.asarray(table["rotation"], dtype=np.float64)
-            matrix = rotation_from_vector(rotation.ravel()) if rotation.size == 3 else rotation.reshape(3, 3)
-            centres.append(-matrix.T @ np.asarray(table["translation"], dtype=np.float64).reshape(3))
-        except (KeyError, TypeError, ValueError):
-            return 0.0
+            turn = np.asarray(rotation, dtype=np.float64)
+            matrix = rotation_from_vector(turn.ravel()) if turn.size == 3 else turn.reshape(3, 3)
+            centres.append(-matrix.T @ np.asarray(translation, dtype=np.float64).reshape(3))
+        except (TypeError, ValueError):
+            return "mm"
     points = np.array(centres).reshape(-1, 3)
-    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0))
+    widest = np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0)
+    return "m" if 0.0 < widest < _METRES_BELOW else "mm"

@@ -34,13 +34,10 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     videos = [element for element in elements if element.get("SYSTEM") == "DV"]
     if not videos:
         raise FileError(f"{path} holds no video camera: expected Camera@SYSTEM = 'DV', got {len(elements)} others.")
-    scale = {"m": 1.0, "cm": 0.01, "mm": 0.001}[unit or "mm"]
-    found = [_camera(path, element, scale) for element in videos]
-    rig = build_rig(path, found, "m", None, "z")
-    return CameraRig(rig.cameras, "z", path.name, scale, rig.notes)
+    return build_rig(path, [_camera(path, element) for element in videos], unit, "mm", "z")
 
 
-def _camera(path: Path, element: ElementTree.Element, scale: float) -> Found:
+def _camera(path: Path, element: ElementTree.Element) -> Found:
     name = element.get("USERID") or element.get("DEVICEID") or ""
     frame = next(element.iter("KeyFrame"), None)
     if frame is None:
@@ -61,7 +58,7 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Found:
         raise FileError(f"{path}, camera {name!r}: PIXEL_ASPECT_RATIO must be positive, got {aspect:g}.")
     matrix = np.array([[focal, 0.0, cu], [0.0, focal / aspect, cv], [0.0, 0.0, 1.0]])
     turn = _rotation(path, name, numbers(frame, "ORIENTATION", 4))
-    centre = numbers(frame, "POSITION", 3) * scale
+    centre = numbers(frame, "POSITION", 3)
     return Found(name, matrix, turn, -turn @ centre, _radial(path, name, frame), tuple(video))
 
 
