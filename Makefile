@@ -40,7 +40,7 @@ benchmark: .venv/.installed-dev
 	@touch $@
 
 .venv/.installed-dev: $(LOCK)
-	sh scripts/bootstrap.sh
+	sh scripts/bootstrap.sh --all-extras
 	@touch .venv/.installed $@
 
 clean:
