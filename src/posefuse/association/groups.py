@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.association.solved import solve
 from posefuse.association.torso import torso
 from posefuse.kernels import proposals as kernels
@@ -108,7 +109,7 @@ def look(
         frame.confidence,
         frame.view,
         rows,
-        keypoints,
+        frozen(keypoints, np.int64),
         noise.scale_px * options.sigma_factor,
         noise.exponent,
         options.min_confidence,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels import codes
 from posefuse.kernels.consensus import triangulate_consensus
 from posefuse.kernels.tries import brief_tries, enough_tries, pairs_to_try
@@ -61,10 +62,10 @@ def solve(
     view_error_px, error_px = np.empty((n, k, views), dtype=np.float32), np.empty((n, k))
     triangulate_consensus(
         *rig.packed,
-        pixels,
-        confidence,
+        frozen(pixels),
+        frozen(confidence),
         rows,
-        noise.scale_px * options.sigma_factor,
+        frozen(noise.scale_px * options.sigma_factor),
         noise.exponent,
         options.min_confidence,
         2,

@@ -40,7 +40,9 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
     if all(name in skeleton.keypoints for name in _TRUNK):
         chosen = np.array([skeleton.index(name) for name in _TRUNK])
         middles, spreads = np.empty((len(points_m), 3)), np.empty((len(points_m), 6))
-        trunk_middles(points_m, covariance_m2, chosen, _DESIGN, _SIZES_M, _FLOOR_M, middles, spreads)
+        trunk_middles(
+            points_m, np.ascontiguousarray(covariance_m2), chosen, _DESIGN, _SIZES_M, _FLOOR_M, middles, spreads
+        )
         return middles, spreads
     return _middle(points_m[:, skeleton.core_indices])
 

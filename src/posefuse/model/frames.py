@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import check_shape
+from posefuse.arrays import check_shape, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 
@@ -48,6 +48,9 @@ class Frame:
             )
         if np.isinf(self.keypoints_px).any():
             raise DetectionsError(f"Frame {self.number} holds an infinite pixel. Missing is NaN.")
+        # Always read-only: a kernel would be compiled anew for arrays that can be written.
+        object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
+        object.__setattr__(self, "confidence", frozen(self.confidence))
 
     @classmethod
     def of(cls, detections: Detections, index: int) -> "Frame":

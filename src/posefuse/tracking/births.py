@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import State, foresee_people, predict_people, update_people
 from posefuse.tracking.bodies import Sight, chosen
 from posefuse.tracking.posing import aim, bones_shown, newborn
@@ -72,7 +73,7 @@ def put_right(state: State, seen: Evidence, settings: Settings, since_s: float) 
     temper = tempering(np.array([since_s]), settings.options.error_memory_s)
     update_people(
         settings.cameras, settings.body, law, temper, _FIRST_ITERATIONS if first else settings.options.iterations, rows,
-        labels, seen.keypoints_px, seen.confidence, state, use, np.empty(1), np.empty(1),
+        labels, frozen(seen.keypoints_px), frozen(seen.confidence), state, use, np.empty(1), np.empty(1),
     )  # fmt: skip
     return use[0] == 0
 

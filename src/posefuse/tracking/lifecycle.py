@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import State
 from posefuse.kernels.tally import foretell_views
 from posefuse.model.life import Happening
@@ -49,7 +50,8 @@ def expected(sight: Sight, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """
     should_see = np.empty(sight.pixels.shape[:2], dtype=bool)
     middles_m = np.empty((len(should_see), 3))
-    foretell_views(sight.points_m, sight.pixels, settings.sizes_px, settings.core, _SEEN_SHARE, should_see, middles_m)
+    core = frozen(settings.core, np.int64)
+    foretell_views(sight.points_m, sight.pixels, settings.sizes_px, core, _SEEN_SHARE, should_see, middles_m)
     return should_see, middles_m
 
 

@@ -161,7 +161,7 @@ class PartFollower:
         if not n:
             return use
         temper = tempering(np.full(n, dt_s), s.options.error_memory_s)
-        labels, rows = labels[order], bodies.rows[order]
+        labels, rows = np.ascontiguousarray(labels[order]), bodies.rows[order]
         now_s, times = time_s - dt_s, moments(frame, time_s)
         for k, (moment_s, views) in enumerate(times):
             dt = np.full(n, max(moment_s - now_s, 0.0))

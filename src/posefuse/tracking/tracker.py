@@ -232,7 +232,7 @@ class ArticulatedTracker:
         if not swapped.any():
             return np.broadcast_to(as_labelled, (*rows.shape, len(as_labelled))).copy()
         turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
-        return np.where(turned, s.skeleton.mirror, as_labelled)
+        return np.ascontiguousarray(np.where(turned, s.skeleton.mirror, as_labelled))
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""

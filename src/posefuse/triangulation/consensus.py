@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.consensus import triangulate_consensus
 from posefuse.kernels.tries import brief_tries, enough_tries, pairs_to_try
 from posefuse.model.cameras import CameraRig
@@ -43,8 +44,8 @@ def solve(
     chosen = options.consensus
     triangulate_consensus(
         *rig.packed,
-        np.asarray(detections.keypoints_px),
-        np.asarray(detections.confidence),
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
         rows_by_person_frame(tracks, detections),
         noise.scale_px,
         noise.exponent,

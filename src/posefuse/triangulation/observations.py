@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels import codes
 from posefuse.kernels.points import triangulate_views
 from posefuse.model.cameras import CameraRig
@@ -71,8 +72,8 @@ class Observations:
         rows = np.arange(n * views).reshape(n, views)
         triangulate_views(
             *self.rig.packed,
-            np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2),
-            np.ascontiguousarray(self.confidence).reshape(n * views, 1),
+            frozen(np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2)),
+            frozen(np.ascontiguousarray(self.confidence).reshape(n * views, 1)),
             np.where(kept, rows, codes.NO_DETECTION),
             self.noise.scale_px,
             self.noise.exponent,

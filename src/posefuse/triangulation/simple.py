@@ -5,8 +5,7 @@ A linear start, then Gauss-Newton on the reprojection error in true pixels. Sour
 See docs/methods.md.
 """
 
-import numpy as np
-
+from posefuse.arrays import frozen
 from posefuse.kernels.points import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -38,8 +37,8 @@ def solve(
     out = EmptyLayer.of(tracks, len(detections.skeleton))
     triangulate_views(
         *rig.packed,
-        np.asarray(detections.keypoints_px),
-        np.asarray(detections.confidence),
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
         rows_by_person_frame(tracks, detections),
         noise.scale_px,
         noise.exponent,

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import State, foresee_people
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
@@ -77,10 +78,8 @@ class RecursiveNoise:
             variance = _clipped(variance[None], np.array([v]), settings)[0]
             usable = _is_usable(frame.confidence[row], settings)[order]
             confidence[row, order] = np.where(usable, most_px[v] / np.sqrt(variance), 0.0)
-        # Kernels take arrays that cannot be written for another type, and would be compiled anew.
-        confidence.setflags(write=frame.confidence.flags.writeable)
         law = settings.law._replace(scale_px=most_px, exponent=1.0, floor_m=0.0, min_confidence=_USABLE)
-        return Trust(law, confidence, np.ones(len(rows)))
+        return Trust(law, frozen(confidence), np.ones(len(rows)))
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
         """One step of the recursion, for the keypoints that counted."""

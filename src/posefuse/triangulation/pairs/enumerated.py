@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.pairs import solve_pairs
 from posefuse.kernels.tries import pairs_to_try
 from posefuse.model.cameras import CameraRig
@@ -55,10 +56,10 @@ def solve(
     out = SolvedPairs.empty(len(rows), len(table), len(rig))
     solve_pairs(
         *rig.packed,
-        np.asarray(detections.keypoints_px),
-        np.asarray(detections.confidence),
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
         rows,
-        table,
+        frozen(table, np.int64),
         noise.scale_px,
         noise.exponent,
         options.min_confidence,

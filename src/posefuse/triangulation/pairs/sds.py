@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.lens import OK
 from posefuse.kernels.pairs import solve_pairs
 from posefuse.kernels.sds import search_pairs
@@ -74,10 +75,10 @@ def solve(
     out = SolvedPairs.empty(len(rows), len(table), len(rig))
     solve_pairs(
         *rig.packed,
-        np.asarray(detections.keypoints_px),
-        np.asarray(detections.confidence),
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
         rows,
-        table,
+        frozen(table, np.int64),
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
@@ -102,7 +103,7 @@ def rays_of(
 ) -> np.ndarray:
     """Shape (person_frame, pair, view, 2, 3): unit vectors of both labels' rays; NaN where none is valid."""
     out = np.full((len(rows), len(pairs), len(rig), 2, 3), np.nan)
-    keypoints, confidence = np.asarray(detections.keypoints_px), np.asarray(detections.confidence)
+    keypoints, confidence = frozen(detections.keypoints_px), frozen(detections.confidence)
     for v, camera in enumerate(rig.cameras):
         there = np.flatnonzero(rows[:, v] >= 0)
         pixels = keypoints[rows[there, v]][:, pairs]

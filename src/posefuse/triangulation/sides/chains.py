@@ -113,6 +113,6 @@ def time_costs_of(sequence: Sequence, layout: Layout, learned: Learned, memory: 
     out = np.empty((frames, pairs, 2, 2))
     speeds = learned.turn_speed, learned.speed
     views = learned.share, learned.rate, evidence.label_weights(layout, learned)
-    frame = sequence.points, sequence.covariance, sequence.odds, sequence.time_s
+    frame = sequence.points, np.ascontiguousarray(sequence.covariance), sequence.odds, sequence.time_s
     all_time_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
     return out
