@@ -1,7 +1,7 @@
 """Parts of bodies that are followed for themselves, each given where the body has it: hands, a face.
 
 A part is a tree of its own in a file of ``bodies/``, named by the ``parts`` of a body's table. Beside the tables of a
-tree (:mod:`posefuse.model.trees`) the file has:
+tree (:mod:`posefuse.model.tree_tables`) the file has:
 
 * ``at``: the keypoint of the body where the part's root is;
 * ``like``: the segment of the body that the root turns with; left out where nothing of the body tells;
@@ -19,7 +19,8 @@ import numpy as np
 
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, suggestion
-from posefuse.model.trees import Tree, parse_tree, shared_body, sided
+from posefuse.model.tree_tables import parse_tree, shared_body
+from posefuse.model.trees import Tree, sided
 
 _OWN = ("at", "like", "sides")
 _LEAST_POINTS = 3

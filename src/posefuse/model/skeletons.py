@@ -10,7 +10,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
 * ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
 * ``plausible_m``: rows of two names and the shortest and longest distance a body has between them, in metres;
-* ``tree``: how the body turns and how large it is, see :mod:`posefuse.model.trees`;
+* ``tree``: how the body turns and how large it is, see :mod:`posefuse.model.tree_tables`;
 * ``[names]``: other programs' names for the keypoints, in the same order.
 """
 
@@ -28,7 +28,9 @@ import numpy as np
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.model.parts import Part, parse_parts
-from posefuse.model.trees import Tree, parse_tree, shared_body, tree_of_size
+from posefuse.model.tree_of_edges import tree_of_size
+from posefuse.model.tree_tables import parse_tree, shared_body
+from posefuse.model.trees import Tree
 
 _KEYS = (
     "name", "description", "keypoints", "core", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names",

@@ -5,7 +5,8 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from posefuse.errors import SkeletonError
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.trees import Tree, spanning_tree
+from posefuse.model.tree_of_edges import spanning_tree
+from posefuse.model.trees import Tree
 
 _FEWEST = 5
 """So many bodies must show a distance for it to be measured."""

@@ -8,7 +8,8 @@ from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.kernels import bodies
 from posefuse.model.parts import Part, parse_parts
 from posefuse.model.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
-from posefuse.model.trees import HINGE, Tree, parse_tree
+from posefuse.model.tree_tables import parse_tree
+from posefuse.model.trees import HINGE, Tree
 from posefuse.tracking.posing import pose_from_points
 from tests.kernels import from_python
 

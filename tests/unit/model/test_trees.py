@@ -8,7 +8,9 @@ import pytest
 from posefuse.errors import SkeletonError
 from posefuse.kernels import bodies
 from posefuse.model.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
-from posefuse.model.trees import ADULT_M, CONE, HINGE, TWIST, Tree, parse_tree, shared_body, spanning_tree
+from posefuse.model.tree_of_edges import spanning_tree
+from posefuse.model.tree_tables import parse_tree, shared_body
+from posefuse.model.trees import ADULT_M, CONE, HINGE, TWIST, Tree
 from tests.kernels import from_python
 
 locate = from_python(bodies.locate)

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.trees import Tree, spanning_tree
+from posefuse.model.tree_of_edges import spanning_tree
+from posefuse.model.trees import Tree
 from posefuse.tracking.angles import joint_angles
 from posefuse.tracking.twist import full_rotations
 
