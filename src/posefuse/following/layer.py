@@ -1,0 +1,58 @@
+"""Bodies' points as a layer of a result."""
+
+import numpy as np
+
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.reconstruction import Layer
+from posefuse.model.status import PointStatus, Source, ViewStatus
+
+
+def model_layer(
+    rig: CameraRig,
+    detections: Detections,
+    rows: np.ndarray,
+    points_m: np.ndarray,
+    covariance_m2: np.ndarray,
+    used: np.ndarray,
+    bridged: np.ndarray,
+    absent: np.ndarray,
+) -> Layer:
+    """Bodies' points as a layer, with how far from them the detections lie.
+
+    Args:
+        rig: the cameras.
+        detections: of the frames.
+        rows: shape (frame, person, view): of the detections' arrays.
+        points_m: shape (frame, person, keypoint, 3), NaN where there is none.
+        covariance_m2: shape (frame, person, keypoint, 6).
+        used: shape (frame, person, view, keypoint), bool.
+        bridged: shape (frame, person, keypoint), bool: nothing supported them there.
+        absent: shape (frame, person), bool.
+    """
+    frames, people, keypoints = points_m.shape[:3]
+    errors = np.full((frames, people, keypoints, len(rig)), np.nan, dtype=np.float32)
+    for v, camera in enumerate(rig.cameras):
+        there = rows[:, :, v] >= 0
+        seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
+        errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
+    counted = np.moveaxis(used, 2, 3) & np.isfinite(errors)
+    there = np.isfinite(points_m[..., 0])
+    # Of a body that is there, what is missing belongs to a part that is not followed, or to nothing that is.
+    missing = np.where(there.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
+    status = np.where(there, PointStatus.OK, missing)
+    status[absent] = PointStatus.ABSENT
+    views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
+    number = counted.sum(axis=-1)
+    mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
+    has = status < PointStatus.NOT_SEEN
+    source = np.where(bridged, Source.FILLED, Source.MODELLED)
+    return Layer(
+        points_m=points_m,
+        covariance_m2=covariance_m2,
+        status=status.astype(np.int8),
+        source=np.where(has, source, Source.NONE).astype(np.int8),
+        reprojection_error_px=np.where(number > 0, mean, np.nan),
+        view_status=views.astype(np.int8),
+        view_error_px=errors,
+    )
