@@ -36,8 +36,8 @@ def reconstruct(
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
 
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
-    where points are solved over time solved.csv; where bodies are fitted model.csv, angles.csv and events.csv; with
-    the method percentile_filter debug/percentile_filter.png.
+    where points are solved over time solved.csv; where bodies are fitted model.csv, angles.csv, events.csv and one .bvh
+    and .glb a person; with the method percentile_filter debug/percentile_filter.png.
     """
     from posefuse.io.files import replacing_folder
 
@@ -96,13 +96,17 @@ def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[
         The names of what was written, and the layer that TRC and C3D hold.
     """
     from posefuse.derived import angles_of, tables_of
-    from posefuse.io.results.write import write_folder
+    from posefuse.io.results.figures import write_figures
+    from posefuse.io.results.write import people_with_frames, write_folder
     from posefuse.report.html import render_report
 
     files, layer = write_folder(result, folder, progress, angles_of, tables_of(result))
+    figures, remarks = write_figures(result, people_with_frames(result), folder, progress)
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)
-    return [*files, "report.html"], layer
+    for remark in remarks:
+        note(f"note: {remark}")
+    return [*files, *figures, "report.html"], layer
 
 
 def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Bars) -> list[str]:

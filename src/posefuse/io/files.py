@@ -114,7 +114,9 @@ def _writable(path: Path) -> Iterator[None]:
         raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another place.") from None
 
 
-RESULT_FILES = ("reconstruction.nc", "*.csv", "*.trc", "*.c3d", "report.html", "evaluation.json", "debug/*.png")
+RESULT_FILES = (
+    "reconstruction.nc", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html", "evaluation.json", "debug/*.png",
+)  # fmt: skip
 
 
 @contextlib.contextmanager

@@ -301,6 +301,38 @@ RESULTS = (
         files="<person>.c3d",
         conventions="mm, world axes (X_SCREEN, Y_SCREEN say up); missing is residual -1; camera bits up to 7 views",
     ),
+    Format(
+        "bvh",
+        "posefuse.io.results.bvh",
+        reads=False,
+        writes=True,
+        files="<person>.bvh",
+        conventions="cm, y up, rests facing z, arms out; angles z x y; fitted bodies; last pose held while away",
+    ),
+    Format(
+        "gltf",
+        "posefuse.io.results.gltf",
+        reads=False,
+        writes=True,
+        files="<person>.glb (or .gltf)",
+        conventions="metres, y up, rests facing z, arms out; skin and animation; fitted bodies; hidden while away",
+    ),
+    Format(
+        "opensim",
+        "posefuse.io.results.opensim",
+        reads=False,
+        writes=True,
+        files="a folder: <person>.trc, <person>_scaling.xml, <person>_ik.xml, markers.xml",
+        conventions="metres, y up; OpenSim's marker names, on the bodies of Rajagopal's model",
+    ),
+    Format(
+        "openpose",
+        "posefuse.io.results.openpose",
+        reads=False,
+        writes=True,
+        files="a folder: <camera>_json/<camera>_<frame>_keypoints.json",
+        conventions="px of each camera, points projected through its lens; 0 0 0 is missing; to overlay",
+    ),
 )
 
 

@@ -38,9 +38,9 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     rest = rest_frames(tree)
     out = np.empty((*directions.shape, 3))
     unseen = np.ones(directions.shape[:-1], dtype=bool)
-    for bone in _in_order(tree):
+    for bone in in_order(tree):
         least = least_rotation(tree, bone, turns, directions, out, rest)
-        axis, bend = _bending_axis(tree, bone, directions, least[..., 1])
+        axis, bend = bending_axis(tree, bone, directions, least[..., 1])
         share = np.clip((bend - _STRAIGHT) / (_BENT - _STRAIGHT), 0.0, 1.0)
         twist = np.arctan2(
             -np.einsum("...i,...i->...", axis, least[..., 0]), np.einsum("...i,...i->...", axis, least[..., 1])
@@ -133,7 +133,7 @@ def about_third_axis(angle: np.ndarray) -> np.ndarray:
     return np.stack([c, -s, nought, s, c, nought, nought, nought, nought + 1.0], axis=-1).reshape(*angle.shape, 3, 3)
 
 
-def _bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The axis about which a bone bends with its neighbour, shape (..., 3), and by how much, shape (...,), radians.
 
     Where nothing is known of the sense in which the joint bends, it is that nearer to ``second``.
@@ -176,6 +176,6 @@ def _bending_pair(tree: Tree, bone: int) -> tuple[int, int]:
     return (before, bone) if before >= 0 else (-1, -1)
 
 
-def _in_order(tree: Tree) -> list[int]:
+def in_order(tree: Tree) -> list[int]:
     """Bones, those that carry others before them."""
     return [node.mover for node in tree.nodes if node.is_bone]

@@ -1,6 +1,8 @@
 """TRC, the text format of OpenSim: a file a person, y up where up is known, missing points as empty cells.
 
 Layout after OpenSim's documentation, "Marker (.trc) Files". The layer is named after the file name in the first line.
+The last cell of a row says ``nan`` where it is missing: OpenSim's reader of tables takes no notice of what is after the
+last tab, and refuses a row that then lacks a cell.
 """
 
 from dataclasses import dataclass
@@ -59,7 +61,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     ]
     turn = y_up_from_world(result.rig.up_axis if result.unit == "m" else None)
     index = result.person_ids.index(person)
-    empty = "\t" * (3 * len(names) - 1)
+    empty = _cells(np.full(3 * len(names), np.nan))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join(header) + "\n")
         row = 0
@@ -70,10 +72,15 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
                 while row < place:
                     file.write(f"{row + 1}\t{start + row / rate:.6f}\t{empty}\n")
                     row += 1
-                cells = "\t".join("" if value != value else f"{value:.6f}" for value in values)
-                file.write(f"{row + 1}\t{start + row / rate:.6f}\t{cells}\n")
+                file.write(f"{row + 1}\t{start + row / rate:.6f}\t{_cells(values)}\n")
                 row += 1
             done += len(points)
+
+
+def _cells(values: np.ndarray) -> str:
+    """The numbers of a row; missing ones are empty, but for the last."""
+    *cells, last = ("" if value != value else f"{value:.6f}" for value in values)
+    return "\t".join([*cells, last or "nan"])
 
 
 def _filled(result: Reconstruction, person: str, layer: LayerName) -> str:

@@ -1,20 +1,23 @@
 """Write results in any format."""
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from posefuse.errors import ResultError, choices, suggestion
+from posefuse.errors import PosefuseWarning, ResultError, choices, suggestion
 from posefuse.io.registry import RESULTS
-from posefuse.io.results import c3d, csv, netcdf, trc
+from posefuse.io.results import c3d, csv, figures, netcdf, openpose, opensim, trc
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, watched
 
-_BY_SUFFIX = {".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d"}
+_BY_SUFFIX = {
+    ".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d", ".bvh": "bvh", ".glb": "gltf", ".gltf": "gltf",
+}  # fmt: skip
 _FORMATS = tuple(form.name for form in RESULTS if form.writes)
 
 
@@ -22,12 +25,13 @@ def write(result: Reconstruction, path: str | Path, format: str | None = None) -
     """Write a result to a file.
 
     netcdf holds everything. csv, trc and c3d hold one layer: the one ``result.options.layer`` names, or the best
-    present. trc and c3d hold one person; a result of several is written to ``<stem>_<person><suffix>`` each.
+    present. trc, c3d, bvh and gltf hold one person; a result of several is written to ``<stem>_<person><suffix>``
+    each. bvh and gltf hold the articulated bodies. What a format cannot hold is warned of.
 
     Args:
         result: what to write.
-        path: the file; it appears when it is whole.
-        format: netcdf, csv, trc or c3d; by default what the path's ending says.
+        path: the file, or of opensim and openpose a folder; it appears when it is whole.
+        format: netcdf, csv, trc, c3d, bvh, gltf, opensim or openpose; by default what the path's ending says.
 
     Raises:
         ResultError: if there is no such format, or it cannot hold the result.
@@ -42,10 +46,22 @@ def write(result: Reconstruction, path: str | Path, format: str | None = None) -
         netcdf.write(result.chunks(), path)
     elif name == "csv":
         csv.write(result.chunks(), path, layer)
+    elif name in figures.FORMATS:
+        _say(figures.write_people(result, people_with_frames(result), path, name))
+    elif name == "opensim":
+        _say(opensim.write(result, people_with_frames(result), path, layer))
+    elif name == "openpose":
+        _say(openpose.write(result, path, layer))
     else:
         for person in result.person_ids:
             target = path if len(result.person_ids) == 1 else path.with_stem(f"{path.stem}_{person}")
             (trc if name == "trc" else c3d).write(result, person, target, layer)
+
+
+def _say(notes: Iterable[str]) -> None:
+    """Warn of what a format cannot hold."""
+    for note in notes:
+        warnings.warn(note, PosefuseWarning, stacklevel=3)
 
 
 def people_with_frames(result: Reconstruction) -> tuple[str, ...]:

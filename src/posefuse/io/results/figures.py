@@ -1,0 +1,65 @@
+"""Write everybody's animated figure beside a result."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from posefuse.errors import ResultError
+from posefuse.io.results import bvh, gltf
+from posefuse.io.results.clips import clip_of
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.progress import Progress
+
+FORMATS = ("bvh", "gltf")
+
+
+def has_figures(result: Reconstruction) -> bool:
+    """Whether articulated bodies were fitted that figures can be made of."""
+    poses = result.poses
+    if poses is None or result.skeleton.tree is None or "model" not in result.layers:
+        return False
+    return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.stood_names
+
+
+def write_people(result: Reconstruction, people: Sequence[str], path: Path, form: str) -> list[str]:
+    """Write each person's figure in one format: to ``path``, or to ``<stem>_<person><suffix>`` where they are several.
+
+    Returns:
+        What the files cannot say, in sentences.
+
+    Raises:
+        ResultError: if no bodies were fitted, or nobody is there.
+    """
+    if not people:
+        raise ResultError(f"Nobody is in this result: there is no person to write to {path.name}.")
+    notes: list[str] = []
+    for person in people:
+        target = path if len(result.person_ids) == 1 else path.with_stem(f"{path.stem}_{person}")
+        notes += (bvh if form == "bvh" else gltf).write(result, person, target)
+    return list(dict.fromkeys(notes))
+
+
+def write_figures(
+    result: Reconstruction, people: Sequence[str], folder: Path, progress: Progress | None = None
+) -> tuple[list[str], list[str]]:
+    """Write a BVH and a glb a person; nothing where no bodies were fitted.
+
+    Args:
+        result: what to write.
+        people: whom of it.
+        folder: where.
+        progress: told how far the work is.
+
+    Returns:
+        The names of the files, and what these cannot say, in sentences.
+    """
+    files: list[str] = []
+    notes: list[str] = []
+    for person in people if has_figures(result) else ():
+        clip = clip_of(result, person)
+        if not clip.life.there.any():
+            notes.append(f"{person} stands in no frame: there is no BVH or glTF of {person}.")
+            continue
+        for form, end in ((bvh, "bvh"), (gltf, "glb")):
+            notes += form.write_clip(result, clip, folder / f"{person}.{end}", progress)
+            files.append(f"{person}.{end}")
+    return files, list(dict.fromkeys(notes))

@@ -1,0 +1,291 @@
+"""glTF 2.0 (``.glb``, or ``.gltf`` with its numbers inside): a figure a person, metres, y up, facing z at rest.
+
+Layout after the specification of the Khronos Group. The skin has the joints of the figure, its mesh a stick for each
+bone, blue on the left and red on the right; one animation has a rotation for each joint that turns and the root's
+translation, at the times of the frames, from the beginning of the recording. Frames in which the person is away have no
+keys, and there the figure is scaled to nothing, so that nobody sees what a program puts between keys.
+"""
+
+import base64
+import json
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from posefuse.errors import ResultError
+from posefuse.io.files import replacing
+from posefuse.io.results.clips import (
+    BODY_TO_Y_UP,
+    Clip,
+    Life,
+    clip_of,
+    in_file_axes,
+    kept,
+    motions,
+    must_be_there,
+    notes_on,
+    standing_m,
+)
+from posefuse.io.results.sticks import Sticks, sticks_of
+from posefuse.io.results.timing import export_rate
+from posefuse.model.figures import Figure, Motion
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.progress import Progress
+
+_GAP_WORDS = "the glTF has no keys there, and the figure is scaled to nothing"
+_COLOURS = {"left": (0.10, 0.35, 0.80), "right": (0.80, 0.15, 0.12), "middle": (0.55, 0.55, 0.58)}
+_COMPONENTS = {np.dtype(np.float32): 5126, np.dtype(np.uint32): 5125, np.dtype(np.uint16): 5123}
+_TYPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
+_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
+_MOST_BYTES = 2**32 - 1
+_PIECE = 3 * 2**18
+
+
+def write(result: Reconstruction, person: str, path: Path, progress: Progress | None = None) -> list[str]:
+    """Write one person; the path's ending says whether as one binary file (``.glb``) or as JSON (``.gltf``).
+
+    Returns:
+        What the file cannot say, in sentences.
+
+    Raises:
+        ResultError: if no bodies were fitted, the person is never there, frames have no times, or it is too long.
+    """
+    return write_clip(result, clip_of(result, person), path, progress)
+
+
+def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progress | None = None) -> list[str]:
+    """Write one person, whose life is known already; see :func:`write`."""
+    must_be_there(clip)
+    content = _Content()
+    document = _document(content, result, clip, _times(result))
+    if content.size > _MOST_BYTES:
+        size_gib = content.size / 2**30
+        raise ResultError(
+            f"{clip.figure.person} has {size_gib:.1f} GiB of motion; a glTF file holds 4. Reconstruct less: --end-s."
+        )
+    what = f"writing {path.name}"
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".gltf":
+            with replacing(temporary.with_suffix(".bin")) as numbers:
+                _fill(content, numbers, 0)
+                _fill_motion(content, numbers, 0, result, clip, motions(clip.body, result, progress, what))
+                _write_text(temporary, document, numbers)
+        else:
+            start = _begin_binary(temporary, document, content.size)
+            _fill(content, temporary, start)
+            _fill_motion(content, temporary, start, result, clip, motions(clip.body, result, progress, what))
+    return list(notes_on(result, clip, _GAP_WORDS))
+
+
+def _times(result: Reconstruction) -> np.ndarray:
+    """Shape (frame,), seconds from the first frame."""
+    if np.isfinite(result.time_s).all() and (np.diff(result.time_s) > 0.0).all():
+        return result.time_s - result.time_s[0]
+    return (result.frame_numbers - result.frame_numbers[0]) / export_rate(result, "glTF")
+
+
+@dataclass(frozen=True)
+class _Block:
+    """An accessor's numbers: where they stand, and what they are, None for those of the motion."""
+
+    start: int
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    values: np.ndarray | None
+
+
+class _Content:
+    """Numbers in the order of the file, and the accessors that tell of them."""
+
+    def __init__(self) -> None:
+        self.blocks: list[_Block] = []
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+        self.size = 0
+
+    def add(self, values: np.ndarray, target: int | None = None, bounds: bool = False) -> int:
+        """An accessor of numbers that are at hand."""
+        number = self.room(values.shape, values.dtype, target)
+        self.blocks[number] = _Block(self.blocks[number].start, values.shape, values.dtype, values)
+        if bounds:
+            flat = values.reshape(len(values), -1)
+            low, high = flat.min(axis=0).tolist(), flat.max(axis=0).tolist()
+            self.accessors[number].update(min=low, max=high)
+        return number
+
+    def room(self, shape: tuple[int, ...], dtype: np.dtype, target: int | None = None) -> int:
+        """An accessor of numbers that are still to come."""
+        length = int(np.prod(shape)) * dtype.itemsize
+        view = {"buffer": 0, "byteOffset": self.size, "byteLength": length}
+        self.views.append(view if target is None else {**view, "target": target})
+        accessor = {"bufferView": len(self.views) - 1, "componentType": _COMPONENTS[dtype], "count": shape[0]}
+        self.accessors.append({**accessor, "type": _TYPES[shape[1:]]})
+        self.blocks.append(_Block(self.size, shape, dtype, None))
+        self.size += -(-length // 4) * 4
+        return len(self.accessors) - 1
+
+
+def _document(content: _Content, result: Reconstruction, clip: Clip, times: np.ndarray) -> dict[str, Any]:
+    """The JSON of the file; the motion's accessors are the last, in the order of ``_fill_motion``."""
+    figure = clip.figure
+    sticks = sticks_of(figure)
+    joints = list(range(len(figure.joints)))
+    inverse = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
+    # Matrices stand column by column.
+    inverse[:, 3, :3] = -(figure.rest_m @ BODY_TO_Y_UP.T + standing_m(figure))
+    skin = {"joints": joints, "skeleton": 0, "inverseBindMatrices": content.add(inverse)}
+    materials = [
+        {"name": side, "pbrMetallicRoughness": {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0}}
+        for side, colour in _COLOURS.items()
+    ]
+    primitives = [_primitive(content, sticks[side], i) for i, side in enumerate(_COLOURS) if side in sticks]
+    extras = {"person": figure.person, "layer": "model", "skeleton": result.skeleton.name}
+    return {
+        "asset": {"version": "2.0", "generator": "posefuse", "extras": extras},
+        "scene": 0,
+        "scenes": [{"name": figure.person, "nodes": [0, len(joints)]}],
+        "nodes": [*_nodes(figure), {"name": figure.person, "mesh": 0, "skin": 0}],
+        "meshes": [{"name": figure.person, "primitives": primitives}],
+        "materials": materials,
+        "skins": [{"name": figure.person, **skin}],
+        "animations": [_animation(content, figure, clip.life, times)],
+        "bufferViews": content.views,
+        "accessors": content.accessors,
+        "buffers": [{"byteLength": content.size}],
+    }
+
+
+def _nodes(figure: Figure) -> list[dict[str, Any]]:
+    offsets = figure.offsets_m @ BODY_TO_Y_UP.T
+    offsets[0] = standing_m(figure)
+    nodes: list[dict[str, Any]] = []
+    for j, joint in enumerate(figure.joints):
+        node = {"name": joint.name, "translation": (offsets[j] + 0.0).tolist()}
+        children = figure.children(j)
+        nodes.append({**node, "children": list(children)} if children else node)
+    return nodes
+
+
+def _primitive(content: _Content, sticks: Sticks, material: int) -> dict[str, Any]:
+    joints = np.zeros((len(sticks.joints), 4), dtype=np.uint16)
+    joints[:, 0] = sticks.joints
+    weights = np.zeros((len(sticks.joints), 4), dtype=np.float32)
+    weights[:, 0] = 1.0
+    return {
+        "attributes": {
+            "POSITION": content.add(sticks.places_m.astype(np.float32), _ARRAY_BUFFER, bounds=True),
+            "NORMAL": content.add(sticks.normals.astype(np.float32), _ARRAY_BUFFER),
+            "JOINTS_0": content.add(joints, _ARRAY_BUFFER),
+            "WEIGHTS_0": content.add(weights, _ARRAY_BUFFER),
+        },
+        "indices": content.add(np.arange(len(sticks.joints), dtype=np.uint32), _ELEMENT_BUFFER),
+        "material": material,
+    }
+
+
+def _animation(content: _Content, figure: Figure, life: Life, times: np.ndarray) -> dict[str, Any]:
+    shown = _shown(life, times)
+    paths: list[tuple[int, str, int, int, str]] = []
+    if shown is not None:
+        seconds, scales = shown
+        paths.append((0, "scale", content.add(seconds, bounds=True), content.add(scales), "STEP"))
+    keys = content.add(times[life.there].astype(np.float32), bounds=True)
+    count, real = int(life.there.sum()), np.dtype(np.float32)
+    paths.append((0, "translation", keys, content.room((count, 3), real), "LINEAR"))
+    paths += [(j, "rotation", keys, content.room((count, 4), real), "LINEAR") for j in figure.turning]
+    return {
+        "name": figure.person,
+        "channels": [
+            {"sampler": i, "target": {"node": node, "path": what}} for i, (node, what, *_) in enumerate(paths)
+        ],
+        "samplers": [{"input": before, "output": after, "interpolation": kind} for _, _, before, after, kind in paths],
+    }
+
+
+def _shown(life: Life, times: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """When the figure is shown: seconds, and scales from then on, shape (key, 3); None where it is all the time."""
+    if life.there.all():
+        return None
+    changes = np.flatnonzero(np.diff(life.there, prepend=not life.there[0]))
+    scales = np.repeat(life.there[changes, None], 3, axis=1).astype(np.float32)
+    return times[changes].astype(np.float32), scales
+
+
+def _begin_binary(path: Path, document: dict[str, Any], size: int) -> int:
+    """Write a glb up to its numbers; where these begin."""
+    text = _json(document)
+    text += b" " * (-len(text) % 4)
+    with path.open("wb") as file:
+        file.write(struct.pack("<III", _MAGIC, 2, 12 + 8 + len(text) + 8 + size))
+        file.write(struct.pack("<II", len(text), _JSON) + text)
+        file.write(struct.pack("<II", size, _BIN))
+        return file.tell()
+
+
+def _json(document: dict[str, Any]) -> bytes:
+    return json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode("utf-8")
+
+
+def _fill(content: _Content, path: Path, start: int) -> None:
+    """Write the numbers that are at hand, and make room for the others."""
+    with path.open("r+b" if path.exists() else "w+b") as file:
+        file.truncate(start + content.size)
+        for block in content.blocks:
+            if block.values is not None:
+                _put(file, start + block.start, block.values)
+
+
+def _put(file: BinaryIO, at: int, values: np.ndarray) -> None:
+    file.seek(at)
+    file.write(np.ascontiguousarray(values).tobytes())
+
+
+def _fill_motion(
+    content: _Content, path: Path, start: int, result: Reconstruction, clip: Clip, moving: Iterable[Motion]
+) -> None:
+    """Write translations and rotations, a range of frames at a time."""
+    translation, *rotations = (block for block in content.blocks if block.values is None)
+    turning = list(clip.figure.turning)
+    before_turns = np.tile(np.eye(3), (len(clip.figure.joints), 1, 1))
+    before = np.tile([0.0, 0.0, 0.0, 1.0], (len(turning), 1))
+    done = 0
+    with path.open("r+b") as file:
+        for motion in moving:
+            there = motion.there
+            if not there.any():
+                continue
+            root, turns = in_file_axes(result, motion)
+            turns = kept(turns[there], before_turns)
+            before_turns = turns[-1]
+            quaternions = _quaternions(turns[:, turning], before)
+            before = quaternions[-1]
+            _put(file, start + translation.start + 12 * done, root[there].astype(np.float32))
+            for j, block in enumerate(rotations):
+                _put(file, start + block.start + 16 * done, quaternions[:, j].astype(np.float32))
+            done += len(quaternions)
+
+
+def _quaternions(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Shape (frame, joint, 4): x y z w, each on the side of the one before it: programs take the mean of two keys."""
+    from scipy.spatial.transform import Rotation
+
+    out = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat().reshape(*turns.shape[:2], 4)
+    agree = np.einsum("fji,fji->fj", out, np.concatenate([before[None], out[:-1]]))
+    return out * np.cumprod(np.where(agree < 0.0, -1.0, 1.0), axis=0)[..., None]
+
+
+def _write_text(path: Path, document: dict[str, Any], numbers: Path) -> None:
+    """Write a ``.gltf``: the numbers stand in it, in base 64."""
+    mark = "NUMBERS"
+    buffers = [{"uri": mark, **document["buffers"][0]}]
+    head, tail = _json({**document, "buffers": buffers}).split(json.dumps(mark).encode())
+    with path.open("wb") as file, numbers.open("rb") as source:
+        file.write(head + b'"data:application/octet-stream;base64,')
+        while piece := source.read(_PIECE):
+            file.write(base64.b64encode(piece))
+        file.write(b'"' + tail)

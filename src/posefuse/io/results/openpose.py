@@ -1,0 +1,94 @@
+"""OpenPose JSON of a result's points as each camera would see them, to overlay on its video.
+
+A folder a camera, ``<camera>_json``, a file a frame, as OpenPose and Pose2Sim name them. Points are projected through
+the camera's lens: nothing is a detection. The third number is 1 where there is a point, and 0 0 0 where there is none
+or the camera cannot have it in its image. Beside the keypoints OpenPose's ``person_id`` is the person's number,
+and ``posefuse`` holds what readers of OpenPose pass over: name, layer, and the points' statuses and sources.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import ResultError
+from posefuse.io.files import replacing_folder
+from posefuse.model.cameras import Camera
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus, Source
+from posefuse.progress import Progress, Silent, watched
+
+_VERSION = 1.3
+_DECIMALS = 3
+_EMPTY = (
+    "face_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d", "pose_keypoints_3d",
+    "face_keypoints_3d", "hand_left_keypoints_3d", "hand_right_keypoints_3d",
+)  # fmt: skip
+
+
+def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Progress | None = None) -> list[str]:
+    """Write all people as all cameras would see them.
+
+    Returns:
+        What the files cannot say, in sentences.
+
+    Raises:
+        ResultError: if the points are no places in the world, or a camera's name cannot be that of a folder.
+        FileError: if the folder holds other files.
+    """
+    if result.unit != "m":
+        raise ResultError(f"This result is in {result.unit}, one camera's image plane; it has no points to project.")
+    for name in result.rig.names:
+        if not name or name != Path(name).name or name.startswith("."):
+            raise ResultError(f"Camera {name!r} cannot be the name of a folder. Rename it in the calibration.")
+    folders = [f"{name}_json" for name in result.rig.names]
+    with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
+        for each in folders:
+            (staging / each).mkdir()
+        parts = watched(result.chunks(), result.n_frames, f"writing {folder.name}", progress or Silent())
+        for part in parts:
+            for camera, each in zip(result.rig.cameras, folders, strict=True):
+                _write_view(part, camera, layer, staging / each)
+    return [f"OpenPose JSON has no frame rate, and these points are the layer {layer}, projected: no detections."]
+
+
+def _write_view(part: Reconstruction, camera: Camera, layer: LayerName, folder: Path) -> None:
+    points = part.layers[layer]
+    pixels = _seen_px(camera, np.asarray(points.points_m))
+    for f, number in enumerate(part.frame_numbers.tolist()):
+        people = [_person(part, layer, f, p, pixels[f, p]) for p in range(len(part.person_ids))]
+        content = {"version": _VERSION, "people": [person for person in people if person is not None]}
+        text = json.dumps(content, separators=(",", ":"), ensure_ascii=False)
+        (folder / f"{camera.name}_{number:012d}_keypoints.json").write_text(text, "utf-8")
+
+
+def _seen_px(camera: Camera, points_m: np.ndarray) -> np.ndarray:
+    """Shape (..., 2): where points are in the image; NaN where they are not in it."""
+    pixels, _ = camera.project(points_m)
+    width, height = camera.size_px
+    most = np.array([width, height]) - 0.5
+    inside = np.all((pixels >= -0.5) & (pixels <= most), axis=-1, keepdims=True)
+    return np.where(inside, pixels, np.nan)
+
+
+def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.ndarray) -> dict[str, Any] | None:
+    """One person as OpenPose writes them, None for one of whom nothing is in the image."""
+    there = np.all(np.isfinite(pixels), axis=-1, keepdims=True)
+    if not np.any(there):
+        return None
+    numbers = np.concatenate([np.where(there, pixels, 0.0), there], axis=1)
+    points = part.layers[layer]
+    status, source = (np.asarray(each)[f, p].tolist() for each in (points.status, points.source))
+    return {
+        "person_id": [p],
+        "pose_keypoints_2d": np.round(numbers, _DECIMALS).ravel().tolist(),
+        **{name: [] for name in _EMPTY},
+        "posefuse": {
+            "person": part.person_ids[p],
+            "layer": layer,
+            "status": [PointStatus(code).label for code in status],
+            "source": [Source(code).label for code in source],
+        },
+    }

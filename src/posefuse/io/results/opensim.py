@@ -1,0 +1,244 @@
+"""OpenSim: a folder with each person's TRC in OpenSim's marker names, and set-ups to scale a model and solve angles.
+
+Names are those that Pose2Sim and OpenPose use (``RKnee``, ``LBigToe``). ``markers.xml`` puts them on the bodies of the
+full-body model that comes with OpenSim (Rajagopal et al. 2016, ``Rajagopal2016.osim``; not part of posefuse), at its
+joint centres, rounded to the mm; toes and heels at the tips of its foot. Scaling is by distances between markers over
+the longest stretch of frames in which all are there; angles are solved wherever the person is there.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from posefuse.arrays import ranges
+from posefuse.errors import ResultError, choices
+from posefuse.io.files import replacing, replacing_folder
+from posefuse.io.results import trc
+from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS, NAMES, Measurement
+from posefuse.io.results.timing import export_rate, regular_rows
+from posefuse.model.detections import CHUNK_FRAMES
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.skeletons import Skeleton
+from posefuse.progress import Progress
+
+MARKER_FILE = "markers.xml"
+MODEL = "Rajagopal2016.osim"
+_VERSION = "40500"
+_NEEDED = ("RHip", "LHip", "RKnee", "LKnee")
+_ACCURACY = 1e-5
+
+
+def write(
+    result: Reconstruction, people: tuple[str, ...], folder: Path, layer: LayerName, progress: Progress | None = None
+) -> list[str]:
+    """Write people, each their TRC and set-ups, and the markers.
+
+    Returns:
+        What the files cannot say, in sentences.
+
+    Raises:
+        ResultError: if the keypoints are not a human's, nobody is there, or the frame rate is unknown or uneven.
+        FileError: if the folder holds other files.
+    """
+    names = marker_names(result.skeleton)
+    known = [name for name in MARKERS if name in names.values()]
+    lacking = [name for name in _NEEDED if name not in known]
+    if result.unit != "m" or lacking:
+        raise ResultError(
+            f"OpenSim's full-body model needs the markers {choices(_NEEDED)}; skeleton {result.skeleton.name!r} "
+            f"({result.unit}) gives {choices(known)}."
+        )
+    if not people:
+        raise ResultError("Nobody is in this result: there is nothing to write for OpenSim.")
+    notes = []
+    owned = (MARKER_FILE, "*.trc", "*_scaling.xml", "*_ik.xml")
+    with replacing_folder(folder, MARKER_FILE, owned) as staging:
+        _write_xml(_marker_set(known), staging / MARKER_FILE)
+        for person in people:
+            notes += _write_person(result, person, staging, layer, names, known, progress)
+    others = [name for name in result.skeleton.keypoints if names[name] not in MARKERS]
+    if others:
+        notes.append(f"opensim: no place on the model for {choices(others, 6)}; they are in the TRC only.")
+    if result.rig.up_axis is None:
+        notes.append("opensim: which axis is up is not known (--up); OpenSim takes y for it, and gravity with it.")
+    return notes
+
+
+def marker_names(skeleton: Skeleton) -> dict[str, str]:
+    """OpenSim's names of a skeleton's keypoints; its own where OpenSim has none.
+
+    Two keypoints that are one marker (ankle joints by another name) keep their own names but the first.
+    """
+    out: dict[str, str] = {}
+    for name in skeleton.keypoints:
+        marker = NAMES.get(name, name)
+        out[name] = name if marker in out.values() else marker
+    return out
+
+
+def _write_person(
+    result: Reconstruction,
+    person: str,
+    folder: Path,
+    layer: LayerName,
+    names: dict[str, str],
+    known: list[str],
+    progress: Progress | None,
+) -> list[str]:
+    """Write one person's files; what is to be said of them."""
+    there, whole = _presence(result, person, layer, [k for k, name in names.items() if name in known])
+    if not there.any():
+        return [f"opensim: {person} has no point in any frame: only the TRC is written."]
+    rate = export_rate(result, "TRC")
+    renamed = replace(result.skeleton, **_renamed(result.skeleton, names))
+    bare = replace(result, skeleton=renamed, layers={layer: result.layers[layer]}, tracks=None, swaps=None, poses=None)
+    trc.write(bare, person, folder / f"{person}.trc", layer, progress)
+    seconds = _row_times(result, rate)
+    first, last = _longest(whole) if whole.any() else _span(there)
+    subject = result.options.subject
+    scaling = _scaling(person, known, (seconds[first], seconds[last]), subject.mass_kg)
+    _write_xml(scaling, folder / f"{person}_scaling.xml")
+    first, last = _span(there)
+    _write_xml(_inverse_kinematics(person, known, (seconds[first], seconds[last])), folder / f"{person}_ik.xml")
+    notes = []
+    if not whole.any():
+        notes.append(f"opensim: in no frame has {person} all markers: scaling takes the frames in which some are.")
+    if subject.mass_kg is None:
+        notes.append(f"opensim: the mass of {person} is not known (--subject.mass-kg); scaling keeps the model's.")
+    return notes
+
+
+def _renamed(skeleton: Skeleton, names: dict[str, str]) -> dict[str, object]:
+    """What of a skeleton changes with the names of its keypoints; a TRC holds nothing else of it."""
+    return {
+        "keypoints": tuple(names[name] for name in skeleton.keypoints), "edges": (), "pairs": (), "chains": {},
+        "derived": {}, "plausible_m": (), "names": {}, "core": (), "tree": None, "parts": (),
+    }  # fmt: skip
+
+
+def _presence(
+    result: Reconstruction, person: str, layer: LayerName, keypoints: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shape (frame,), bool, each: whether some of the points are there, and whether all are."""
+    places = [result.skeleton.index(name) for name in keypoints]
+    points, p = result.layers[layer].points_m, result.person_ids.index(person)
+    known = [
+        np.isfinite(np.asarray(points[start:stop])[:, p][:, places]).all(axis=-1)
+        for start, stop in ranges(result.n_frames, CHUNK_FRAMES)
+    ]
+    table = np.concatenate([np.zeros((0, len(places)), dtype=bool), *known])
+    number = np.count_nonzero(table, axis=1)
+    return number > 0, number == len(places)
+
+
+def _row_times(result: Reconstruction, rate: float) -> np.ndarray:
+    """Shape (frame,): the times that the TRC gives frames."""
+    start = result.time_s[0] if np.isfinite(result.time_s[0]) else result.frame_numbers[0] / rate
+    return start + regular_rows(result)[0] / rate
+
+
+def _span(there: np.ndarray) -> tuple[int, int]:
+    frames = np.flatnonzero(there)
+    return int(frames[0]), int(frames[-1])
+
+
+def _longest(there: np.ndarray) -> tuple[int, int]:
+    """The first and last frame of the longest stretch."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
+    best = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * best]), int(edges[2 * best + 1]) - 1
+
+
+def _document() -> ElementTree.Element:
+    return ElementTree.Element("OpenSimDocument", Version=_VERSION)
+
+
+def _put(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
+    child = ElementTree.SubElement(parent, tag, attributes)
+    child.text = text
+    return child
+
+
+def _objects(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
+    """A set and what stands in it."""
+    return _put(_put(parent, tag), "objects")
+
+
+def _write_xml(root: ElementTree.Element, path: Path) -> None:
+    ElementTree.indent(root)
+    with replacing(path) as temporary:
+        text = ElementTree.tostring(root, encoding="unicode")
+        temporary.write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', "utf-8")
+
+
+def _marker_set(known: list[str]) -> ElementTree.Element:
+    root = _document()
+    objects = _put(_put(root, "MarkerSet", name="markerset"), "objects")
+    for name in known:
+        body, place = MARKERS[name].body, MARKERS[name].place_m
+        marker = _put(objects, "Marker", name=name)
+        _put(marker, "socket_parent_frame", f"/bodyset/{body}")
+        _put(marker, "location", " ".join(f"{value:g}" for value in place))
+        _put(marker, "fixed", "true")
+    return root
+
+
+def _times(span: tuple[float, float]) -> str:
+    return f"{span[0]:.6f} {span[1]:.6f}"
+
+
+def _scaling(person: str, known: list[str], span: tuple[float, float], mass_kg: float | None) -> ElementTree.Element:
+    """The set-up of OpenSim's scale tool."""
+    root = _document()
+    tool = _put(root, "ScaleTool", name=person)
+    _put(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
+    maker = _put(tool, "GenericModelMaker")
+    _put(maker, "model_file", MODEL)
+    _put(maker, "marker_set_file", MARKER_FILE)
+    scaler = _put(tool, "ModelScaler")
+    _put(scaler, "apply", "true")
+    _put(scaler, "scaling_order", "measurements")
+    objects = _objects(scaler, "MeasurementSet")
+    for measurement in MEASUREMENTS:
+        pairs = [pair for pair in measurement.pairs if pair[0] in known and pair[1] in known]
+        if pairs:
+            _add_measurement(objects, measurement, pairs)
+    _put(scaler, "marker_file", f"{person}.trc")
+    _put(scaler, "time_range", _times(span))
+    _put(scaler, "preserve_mass_distribution", "true")
+    _put(scaler, "output_model_file", f"{person}_scaled.osim")
+    # Without a MarkerPlacer: keypoints are joint centres; moving them to where a frame has them builds its errors in.
+    return root
+
+
+def _add_measurement(objects: ElementTree.Element, measurement: Measurement, pairs: list[tuple[str, str]]) -> None:
+    entry = _put(objects, "Measurement", name=measurement.name)
+    _put(entry, "apply", "true")
+    markers = _objects(entry, "MarkerPairSet")
+    for first, second in pairs:
+        _put(_put(markers, "MarkerPair", name=f"{first}-{second}"), "markers", f"{first} {second}")
+    bodies = _objects(entry, "BodyScaleSet")
+    for body in measurement.bodies:
+        _put(_put(bodies, "BodyScale", name=body), "axes", measurement.axes)
+
+
+def _inverse_kinematics(person: str, known: list[str], span: tuple[float, float]) -> ElementTree.Element:
+    """The set-up of OpenSim's inverse kinematics tool."""
+    root = _document()
+    tool = _put(root, "InverseKinematicsTool", name=person)
+    _put(tool, "model_file", f"{person}_scaled.osim")
+    _put(tool, "constraint_weight", "Inf")
+    _put(tool, "accuracy", f"{_ACCURACY:g}")
+    objects = _objects(tool, "IKTaskSet")
+    for name in known:
+        task = _put(objects, "IKMarkerTask", name=name)
+        _put(task, "apply", "true")
+        _put(task, "weight", f"{MARKERS[name].weight:g}")
+    _put(tool, "marker_file", f"{person}.trc")
+    _put(tool, "time_range", _times(span))
+    _put(tool, "report_errors", "true")
+    _put(tool, "output_motion_file", f"{person}_ik.mot")
+    return root
