@@ -219,7 +219,8 @@ def motion_of(body: Body, result: Reconstruction, start: int, stop: int) -> Moti
     poses, person = result.poses, result.person_ids.index(body.figure.person)
     assert poses is not None
     step_s = _step_s(result)
-    first, last = max(start - reach_frames(step_s), 0), min(stop + reach_frames(step_s), result.n_frames)
+    reach = max(reach_frames(tree, step_s) for tree in _trees(body.skeleton))
+    first, last = max(start - reach, 0), min(stop + reach, result.n_frames)
     turns, directions = (np.asarray(each[first:last])[:, person] for each in (poses.turns, poses.directions))
     bones = list(_bone_turns(body.skeleton, turns, directions, step_s))
     inside = slice(start - first, stop - first)
@@ -257,12 +258,17 @@ def _world_turns(body: Body, turns: np.ndarray, bones: np.ndarray) -> np.ndarray
 def _bone_turns(skeleton: Skeleton, turns: np.ndarray, directions: np.ndarray, step_s: float) -> Iterator[np.ndarray]:
     """Shape (frame, bone, 3, 3) of each tree: world from the axes of bones at rest."""
     s = b = 0
-    for tree in (skeleton.tree, *(part.tree for part in skeleton.parts)):
-        assert tree is not None
+    for tree in _trees(skeleton):
         n, m = len(tree.segments), len(tree.bones)
         frames = steady_rotations(tree, turns[:, s : s + n], directions[:, b : b + m], step_s)
         yield frames @ np.swapaxes(rest_frames(tree), -1, -2)
         s, b = s + n, b + m
+
+
+def _trees(skeleton: Skeleton) -> list[Tree]:
+    """Of the body and of its parts."""
+    assert skeleton.tree is not None
+    return [skeleton.tree, *(part.tree for part in skeleton.parts)]
 
 
 def _places(figure: Figure, world: np.ndarray) -> np.ndarray:

@@ -17,13 +17,28 @@ _REST_WEIGHT = np.sin(np.radians(5.0)) ** 2
 """What the least rotation counts beside a plane seen with the squared sine of the bend."""
 
 
-def reach_frames(step_s: float) -> int:
+def reach_frames(tree: Tree, step_s: float) -> int:
     """How many frames before and after one have a bearing on it.
 
     Args:
+        tree: of the body; where bones carry bones, the frames around those that count for one count for the next.
         step_s: between frames.
     """
+    carrying = _carrying(tree)
+    deep = np.zeros(len(tree.bones), dtype=np.int64)
+    for bone in in_order(tree):
+        before = carrier(tree, bone)[0]
+        deep[bone] = (deep[before] if before >= 0 else 0) + (bone in carrying)
+    return 2 * int(deep.max(initial=0)) * _half(step_s)
+
+
+def _half(step_s: float) -> int:
     return int(np.ceil(_REACH * SMOOTH_S / step_s))
+
+
+def _carrying(tree: Tree) -> set[int]:
+    """The bones on which others hang."""
+    return {carrier(tree, bone)[0] for bone in range(len(tree.bones))}
 
 
 def steady_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step_s: float) -> np.ndarray:
@@ -31,8 +46,9 @@ def steady_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step
 
     The axes are those of :func:`posefuse.tracking.twist.full_rotations`. A bone's twist from the least rotation is the
     mean, on the circle, of those that the plane of the bend shows in the frames around, each weighed by the squared
-    sine of the bend (the twist's error goes with its inverse) and by a Gaussian of ``SMOOTH_S``. The last bone of a
-    chain follows from the one before by the least rotation.
+    sine of the bend (the twist's error goes with its inverse) and by a Gaussian of ``SMOOTH_S``; the course of that
+    mean is smoothed by the same Gaussian once more. The last bone of a chain follows from the one before by the least
+    rotation.
 
     Args:
         tree: of the body.
@@ -43,7 +59,7 @@ def steady_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step
     rest = rest_frames(tree)
     out = np.empty((*directions.shape, 3))
     weights = _gaussian(step_s)
-    carrying = {carrier(tree, bone)[0] for bone in range(len(tree.bones))}
+    carrying = _carrying(tree)
     for bone in in_order(tree):
         out[:, bone] = least_rotation(tree, bone, turns, directions, out, rest)
         if bone in carrying:
@@ -53,7 +69,7 @@ def steady_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step
 
 
 def _gaussian(step_s: float) -> np.ndarray:
-    reach = reach_frames(step_s)
+    reach = _half(step_s)
     weights = np.exp(-0.5 * (step_s * np.arange(-reach, reach + 1) / SMOOTH_S) ** 2)
     return weights / weights.sum()
 
@@ -62,7 +78,13 @@ def _twist(least: np.ndarray, axis: np.ndarray, bend: np.ndarray, weights: np.nd
     """Shape (frame,), radians."""
     across = np.einsum("fi,fi->f", axis, least[..., 1]) - 1j * np.einsum("fi,fi->f", axis, least[..., 0])
     shown = np.nan_to_num(np.sin(bend) ** 2 * across)
+    mean = _smooth(shown, weights) + _REST_WEIGHT
+    # Weights so unlike pass from one side of a straight limb to the other at once: the mean's course is smoothed too.
+    known = np.isfinite(bend)
+    return np.angle(_smooth(np.where(known, mean / np.abs(mean), 0.0), weights))
+
+
+def _smooth(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     # Whole, then cut: "same" is as long as the weights where these are longer.
     half = len(weights) // 2
-    mean = np.convolve(shown, weights)[half : half + len(shown)]
-    return np.angle(mean + _REST_WEIGHT)
+    return np.convolve(values, weights)[half : half + len(values)]
