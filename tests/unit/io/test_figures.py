@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 import posefuse
 from posefuse.errors import PosefuseWarning, ResultError
 from posefuse.io.results import bvh, clips, gltf
-from posefuse.io.results.axes import y_up_from_world
+from posefuse.io.results.axes import least_y_up_from_world
 from posefuse.io.results.figures import write_figures
-from posefuse.model.cameras import UP_AXES
+from posefuse.model.cameras import UP_AXES, up_vector
 from posefuse.tracking.figures import body_of
 from tests.figures import RATE_HZ, Bvh, Gltf, model_layer, places, posed
 from tests.laws import examples
@@ -28,7 +28,7 @@ BVH_M, GLTF_M = 1e-6, 5e-6
 
 def expected(result, person: int = 0) -> np.ndarray:
     """Points of the model layer in the file's axes."""
-    turn = y_up_from_world(result.rig.up_axis)
+    turn = least_y_up_from_world(result.rig.up_axis)
     return np.asarray(result.layers["model"].points_m)[:, person] @ turn.T
 
 
@@ -294,6 +294,16 @@ class TestWhatCannotBeWritten:
         files, notes = write_figures(gone, gone.person_ids, tmp_path)
         assert files == ["person_1.bvh", "person_1.glb"]
         assert notes == ["person_2 stands in no frame: there is no BVH or glTF of person_2."]
+
+
+@pytest.mark.parametrize("up", UP_AXES)
+def test_up_becomes_y_by_the_least_turn(up):
+    turn = least_y_up_from_world(up)
+    np.testing.assert_allclose(turn @ up_vector(up), [0, 1, 0])
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3))
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+    between = np.arccos(up_vector(up)[1])
+    assert Rotation.from_matrix(turn).magnitude() == pytest.approx(between)
 
 
 def test_the_truth_of_these_tests_is_a_body_at_rest(tmp_path):

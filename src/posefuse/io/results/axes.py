@@ -15,6 +15,16 @@ _Y_UP_FROM = {
     "-x": np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
 
+# By the least turn: what Blender, which has z up, undoes when it reads a file with y up.
+_LEAST_Y_UP_FROM = {
+    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "y": np.eye(3),
+    "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "-y": np.diag([1.0, -1.0, -1.0]),
+    "-z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "-x": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+
 
 def y_up_from_world(up: UpAxis | None) -> np.ndarray:
     """Shape (3, 3): the rotation that puts up along y; the identity where nobody knows which way is up.
@@ -22,8 +32,21 @@ def y_up_from_world(up: UpAxis | None) -> np.ndarray:
     Raises:
         ResultError: on an unknown axis.
     """
+    return _rotation(_Y_UP_FROM, up)
+
+
+def least_y_up_from_world(up: UpAxis | None) -> np.ndarray:
+    """Shape (3, 3): likewise by the least turn, as programs for animation do it; from z up (x, z, -y).
+
+    Raises:
+        ResultError: on an unknown axis.
+    """
+    return _rotation(_LEAST_Y_UP_FROM, up)
+
+
+def _rotation(rotations: dict[str, np.ndarray], up: UpAxis | None) -> np.ndarray:
     if up is None:
         return np.eye(3)
-    if up not in _Y_UP_FROM:
+    if up not in rotations:
         raise ResultError(f"up_axis {up!r} is not an axis.")
-    return _Y_UP_FROM[up]
+    return rotations[up]

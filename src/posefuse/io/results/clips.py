@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import ResultError
-from posefuse.io.results.axes import y_up_from_world
+from posefuse.io.results.axes import least_y_up_from_world
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
@@ -113,7 +113,7 @@ def motions(body: Body, result: Reconstruction, progress: Progress | None = None
 
 def in_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Where the root is, m, and turns, in axes of which y is up: (frame, 3) and (frame, joint, 3, 3)."""
-    turn = y_up_from_world(result.rig.up_axis)
+    turn = least_y_up_from_world(result.rig.up_axis)
     turns = BODY_TO_Y_UP @ motion.turns @ BODY_TO_Y_UP.T
     turns[:, 0] = turn @ motion.turns[:, 0] @ BODY_TO_Y_UP.T
     return motion.root_m @ turn.T, turns
