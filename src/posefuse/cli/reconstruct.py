@@ -51,7 +51,8 @@ def reconstruct(
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
         more, remarks = also_into(staging, also)
-    wrote([*files, *more], output, f"TRC and C3D hold the layer {layer}.")
+    single = "TRC, C3D and the other formats" if more else "TRC and C3D"
+    wrote([*files, *more], output, f"{single} hold the layer {layer}.")
     for remark in remarks:
         note(f"note: {remark}")
 

@@ -334,7 +334,7 @@ RESULTS = (
         writes=True,
         files="*.h5 or *.csv in 3D, everybody in one",
         conventions="metres, world axes, x y z a body part, a row a frame; pandas' df_with_missing",
-        lacks="times, status, errors, covariances and views in CSV",
+        lacks="times, status, errors, covariances, views in CSV",
         suits="points_dlc.h5",
     ),
     Format(

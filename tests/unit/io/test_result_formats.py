@@ -58,11 +58,17 @@ def test_formats_are_told_by_names(result, tmp_path):
         "a.parquet": "parquet", "pose_anipose.csv": "anipose", "x_DLC_3d.csv": "deeplabcut", "DLC_3d.h5": "deeplabcut",
         "points3d.h5": "sleap", "a.movement.nc": "movement", "a.npz": "npz", "a.csv": "csv",
     }  # fmt: skip
+    lacks = {
+        "pose_anipose.csv": "times, status, covariances, which views",
+        "x_DLC_3d.csv": "times, status, errors, covariances, views in CSV",
+        "a.csv": "covariances between the axes, and which views",
+    }
     for name, form in names.items():
         done = posefuse.write(result, tmp_path / name)
         assert done.files == (tmp_path / name,)
         assert done.layer == "solved"
-        assert done.notes[0].startswith(f"{form}: the layer solved; measured is not in it.")
+        assert done.notes[0] == f"{form}: the layer solved; without measured."
+        assert done.notes[1:] == ((f"{form} has no place for {lacks[name]}.",) if name in lacks else ())
         np.testing.assert_allclose(posefuse.read_points(tmp_path / name).points_m, solved(result), rtol=1e-15)
     with pytest.raises(ResultError, match=r"x.h5 may be of the format deeplabcut or sleap"):
         posefuse.write(result, tmp_path / "x.h5")

@@ -12,8 +12,10 @@ from the content: the same result gives the same bytes. A file of another sessio
 
 import hashlib
 import json
+import mmap
+import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,6 +36,7 @@ from posefuse.model.status import PointStatus
 from posefuse.model.stored_points import StoredPoints, stored_points
 
 _NAMESPACE = UUID("8d1b0c0e-3a5f-5d53-9a3c-6f1d1d7a9c11")
+_UUID = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _UNKNOWN_START = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"m": "meters", "px": "pixels"}
 _MORE = {
@@ -43,6 +46,7 @@ _MORE = {
     "view_status": ("view_status", "code", "what each camera contributed: (frame, keypoint, camera)"),
     "view_error": ("view_error_px", "pixels", "distance in each camera: (frame, keypoint, camera)"),
 }
+_TAKEN = ("Skeletons", "frame_number")
 _WHERE = "behavior"
 _OURS = "posefuse"
 
@@ -110,11 +114,19 @@ def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoint
         description="numbers of the frames in the recording",
     )  # fmt: skip
     place.add(clock)
-    for index, name in enumerate(safe_names(points.person_ids)):
+    for index, (name, beside) in enumerate(_places(points.person_ids)):
         place.add(_person(ndx_pose, result, points, index, name, skeleton, cameras, clock))
-        for more in _more(pynwb, points, index, name, clock):
+        for more in _more(pynwb, points, index, beside, clock):
             place.add(more)
     return content
+
+
+def _places(people: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """What everybody's poses are called in the file, and what stands beside them by its key; all different."""
+    names = safe_names([*_TAKEN, *people, *(f"{person}_{key}" for person in people for key in _MORE)])
+    own, rest = names[len(_TAKEN) : len(_TAKEN) + len(people)], names[len(_TAKEN) + len(people) :]
+    beside = [rest[i * len(_MORE) : (i + 1) * len(_MORE)] for i in range(len(people))]
+    return [(name, dict(zip(_MORE, more, strict=True))) for name, more in zip(own, beside, strict=True)]
 
 
 def _said(result: Reconstruction, points: StoredPoints) -> dict[str, Any]:
@@ -189,8 +201,10 @@ def _person(
     }
     if not hasattr(ndx_pose, "MultiCameraPoseEstimation"):
         return ndx_pose.PoseEstimation(**said)
+    names = safe_names([*points.keypoints, *(f"view_{camera.name}" for camera in cameras)])[len(points.keypoints) :]
     views = [
-        ndx_pose.PoseEstimation(name=f"view_{camera.name}", device=camera, skeleton=skeleton) for camera in cameras
+        ndx_pose.PoseEstimation(name=name, device=camera, skeleton=skeleton)
+        for name, camera in zip(names, cameras, strict=True)
     ]
     return ndx_pose.MultiCameraPoseEstimation(**said, pose_estimations=views)
 
@@ -201,10 +215,10 @@ def _reference(result: Reconstruction) -> str:
     return f"(0, 0, 0) is the origin of the calibration's world{aligned}; right-handed, {up}"
 
 
-def _more(pynwb: Any, points: StoredPoints, index: int, name: str, clock: Any) -> Iterator[Any]:
+def _more(pynwb: Any, points: StoredPoints, index: int, names: dict[str, str], clock: Any) -> Iterator[Any]:
     for key, (attribute, unit, described) in _MORE.items():
         yield pynwb.TimeSeries(
-            name=f"{name}_{key}",
+            name=names[key],
             data=np.array(getattr(points, attribute)[:, index]),
             unit=unit,
             timestamps=clock,
@@ -213,15 +227,23 @@ def _more(pynwb: Any, points: StoredPoints, index: int, name: str, clock: Any) -
 
 
 def _settle_ids(path: Path, identifier: str) -> None:
-    """Replace random identifiers of objects by ones that follow from the file's content and their place in it."""
+    """Replace random identifiers of objects by ones that follow from the file's content and their place in it.
+
+    In the bytes: HDF5 would keep the old text of an attribute in a place that nothing leads to.
+    """
+    settled: dict[bytes, bytes] = {}
 
     def settle(name: str, item: Any) -> None:
         if "object_id" in item.attrs:
-            item.attrs["object_id"] = str(uuid5(_NAMESPACE, f"{identifier}/{name}"))
+            settled[str(item.attrs["object_id"]).encode()] = str(uuid5(_NAMESPACE, f"{identifier}/{name}")).encode()
 
-    with h5py.File(path, "r+") as file:
+    with h5py.File(path, "r") as file:
         settle("", file)
         file.visititems(settle)
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as content:
+        found = [(match.start(), match.group()) for match in _UUID.finditer(content) if match.group() in settled]
+        for start, old in found:
+            content[start : start + len(old)] = settled[old]
 
 
 def matches(path: Path) -> bool:
@@ -254,7 +276,8 @@ def _text(file: h5py.File, name: str) -> str:
 
 def _points(place: Any, said: dict[str, Any]) -> StoredPoints:
     nodes = tuple(node.decode() for node in np.asarray(place["Skeletons/skeleton/nodes"]).tolist())
-    people, keypoints = safe_names(said["people"]), safe_names(nodes)
+    places, keypoints = _places(said["people"]), safe_names(nodes)
+    people = [name for name, _ in places]
 
     def stack(parts: list[np.ndarray]) -> np.ndarray:
         """Shape (frame, part, ...)."""
@@ -262,7 +285,7 @@ def _points(place: Any, said: dict[str, Any]) -> StoredPoints:
 
     codes = np.array([code.value for code in PointStatus], dtype=np.int8)
     values = {
-        attribute: stack([np.asarray(place[f"{person}_{key}/data"]) for person in people])
+        attribute: stack([np.asarray(place[f"{beside[key]}/data"]) for _, beside in places])
         for key, (attribute, *_) in _MORE.items()
     }
     return StoredPoints(

@@ -88,9 +88,9 @@ def write(
     else:
         form.load().write(bare, path, layer)
         files = (path,)
-    # Of DeepLabCut's two kinds of files the h5 holds everything.
-    lacks = "" if form.name == "deeplabcut" and path.suffix.lower() != ".csv" else form.lacks
-    return Written(files, layer, _notes(result, form.name, layer, lacks))
+    others = [name for name in result.layers if name != layer]
+    beside = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
+    return Written(files, layer, (*beside, *_lacks(form, path)))
 
 
 def _format_of(path: Path, name: str | None) -> Format:
@@ -121,22 +121,24 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in safe_names(person_ids))
 
 
-def _notes(result: Reconstruction, form: str, layer: LayerName, lacks: str) -> tuple[str, ...]:
-    """What a file of one layer does not hold."""
-    others = [name for name in result.layers if name != layer]
-    beside = f"; {choices(others)} {'is' if len(others) == 1 else 'are'} not in it" if others else ""
-    missing = f" The format has no place for {lacks}." if lacks else ""
-    return (f"{form}: the layer {layer}{beside}.{missing}",)
+def _lacks(form: Format, path: Path) -> tuple[str, ...]:
+    """What of a layer a file has no place for; of DeepLabCut's two kinds the h5 has one for everything."""
+    whole = not form.lacks or (form.name == "deeplabcut" and path.suffix.lower() != ".csv")
+    return () if whole else (f"{form.name} has no place for {form.lacks}.",)
 
 
 def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Write formats of :data:`ALSO` under their usual names.
+    """Write formats of :data:`ALSO` under their usual names; they hold the layer that TRC and C3D do.
 
     Returns:
-        The names of files and folders, and what they do not hold.
+        The names of files and folders, and what of the layer they have no place for.
     """
-    done = [write(result, folder / ALSO[name], name) for name in dict.fromkeys(also)]
-    return [file.name for each in done for file in each.files], tuple(note for each in done for note in each.notes)
+    files, notes = [], []
+    for name in dict.fromkeys(also):
+        path = folder / ALSO[name]
+        files += [file.name for file in write(result, path, name).files]
+        notes += _lacks(_format_of(path, name), path)
+    return files, tuple(notes)
 
 
 def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
