@@ -216,13 +216,14 @@ class TestSleap:
 
 
 class TestMovement:
-    def test_xarray_and_movements_validator(self, result, tmp_path):
+    @pytest.mark.parametrize("engine", ["h5netcdf", "netcdf4"])
+    def test_xarray_and_movements_validator(self, engine, result, tmp_path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             from movement.validators.datasets import ValidPosesInputs
 
         posefuse.write(result, tmp_path / "movement.nc")
-        with xarray.open_dataset(tmp_path / "movement.nc", engine="h5netcdf") as data:
+        with xarray.open_dataset(tmp_path / "movement.nc", engine=engine) as data:
             assert data["position"].dims == ("time", "space", "keypoint", "individual")
             one = data["position"].sel(individual="person_1", keypoint="nose")
             np.testing.assert_array_equal(one.values, solved(result)[:, 0, 0])
