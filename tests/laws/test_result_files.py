@@ -130,7 +130,7 @@ def check(found: StoredPoints, given: StoredPoints, kind: str, rtol: float = 0.0
 
 @pytest.mark.parametrize("kind", [kind for kind in FILES if kind != "nwb"])
 @given(arguments=results())
-@examples(10)
+@examples(8)
 def test_what_is_written_is_read(kind, arguments):
     result = some_result(**arguments)
     # Millimetres and back: the last digit may differ.
@@ -148,7 +148,7 @@ def test_nwb_is_read(arguments):
 
 
 @given(people=st.lists(anybody, min_size=1, max_size=6, unique=True))
-@examples(200)
+@examples(100)
 def test_names_stay_in_their_folder(people):
     folder = Path("/somewhere/inside")
     paths = person_paths(folder / "x.csv", people)

@@ -18,7 +18,7 @@ from posefuse.errors import FileError, PosefuseError, ResultError
 from posefuse.io.registry import RESULTS, by_name
 from posefuse.io.results import npz
 from posefuse.io.results.read import READABLE
-from posefuse.io.results.write import ALSO
+from posefuse.io.results.write import ALSO, write_folder
 from posefuse.model.alignment import Alignment
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
@@ -105,6 +105,17 @@ def test_nobody_and_no_frames(people, tmp_path):
     with pytest.raises(ResultError, match="1000000001 rows for 6 frames"):
         posefuse.write(sparse, tmp_path / "p.h5", "sleap")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_people_are_called_leads_out_of_no_folder(tmp_path):
+    names = ["../../x", "/etc/x", "a/b"]
+    given = some_result(3, names, ["nose", "tail", "left_paw", "right_paw"], ["a", "b"], 6)
+    (tmp_path / "in" / "out").mkdir(parents=True)
+    files, _ = write_folder(given, tmp_path / "in" / "out")
+    assert [file.name for file in tmp_path.rglob("*") if file.is_file() and file.parent.name != "out"] == []
+    assert sorted(files) == sorted(file.name for file in (tmp_path / "in" / "out").iterdir())
+    assert {"_.._x.trc", "_etc_x.trc", "a_b.trc", "_.._x.c3d"} <= set(files)
+    assert posefuse.read_points(tmp_path / "in" / "out" / "keypoints.csv").person_ids == tuple(names)
 
 
 class TestParquet:

@@ -49,7 +49,9 @@ def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progre
             file.resize_dimension("time", stop)
             file.variables["time"][start:stop] = part.time_s if timed else part.frame_numbers
             file.variables["frame_number"][start:stop] = part.frame_numbers
-            file.variables["confidence"][start:stop] = np.nan
+            shape = part.n_frames, len(part.skeleton), len(part.person_ids)
+            # A scalar would be written number by number.
+            file.variables["confidence"][start:stop] = np.full(shape, np.nan)
             for attribute, (name, axes, *_) in _VARIABLES.items():
                 file.variables[name][start:stop] = _turned(part.layers[layer], attribute, len(axes))
             start = stop
