@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from posefuse.io.keypoints.read import read_detections as read_detections
     from posefuse.io.options import read_options as read_options
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
+    from posefuse.io.results.read import read_points as read_points
     from posefuse.io.results.write import write as write
     from posefuse.model.align_options import AlignOptions as AlignOptions
     from posefuse.model.alignment import Alignment as Alignment
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from posefuse.model.status import PointStatus as PointStatus
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
+    from posefuse.model.stored_points import StoredPoints as StoredPoints
     from posefuse.model.subject_options import SubjectOptions as SubjectOptions
     from posefuse.model.tracker_options import TrackerOptions as TrackerOptions
     from posefuse.model.tracks import Tracks as Tracks
@@ -76,6 +78,7 @@ _PLACES = {
     "io.keypoints.read": ("read_detections",),
     "io.options": ("read_options",),
     "io.results.netcdf": ("read_reconstruction",),
+    "io.results.read": ("read_points",),
     "io.results.write": ("write",),
     "model.align_options": ("AlignOptions",),
     "model.alignment": ("Alignment",),
@@ -88,6 +91,7 @@ _PLACES = {
     "model.reconstruction": ("Layer", "Reconstruction"),
     "model.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
+    "model.stored_points": ("StoredPoints",),
     "model.subject_options": ("SubjectOptions",),
     "model.tracker_options": ("TrackerOptions",),
     "model.tracks": ("TrackState", "Tracks"),

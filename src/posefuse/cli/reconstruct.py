@@ -9,8 +9,9 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
+from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import must_have_rate, read_inputs
-from posefuse.cli.types import CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.cli.types import Also, CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracker_options import Smoother
@@ -31,6 +32,7 @@ def reconstruct(
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
     align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
+    also: Also = (),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct people in 3D from a recording's calibration and 2D keypoints.
@@ -41,13 +43,18 @@ def reconstruct(
     """
     from posefuse.io.files import replacing_folder
 
+    must_be_written(also)
     short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
     options = replace(options, tracker=replace(options.tracker, **short))
     if align == "floor":
         options = replace(options, align=replace(options.align, floor="feet"))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
-    wrote(files, output, f"TRC and C3D hold the layer {layer}.")
+        more, remarks = also_into(staging, also)
+    single = "TRC, C3D and the other formats" if more else "TRC and C3D"
+    wrote([*files, *more], output, f"{single} hold the layer {layer}.")
+    for remark in remarks:
+        note(f"note: {remark}")
 
 
 def reconstruct_into(

@@ -17,3 +17,10 @@ KeypointsPath = Annotated[
 EditsPath = Annotated[
     Path | None, Parameter(help="TOML file of edits to do to the result, as posefuse edit takes them.")
 ]
+Also = Annotated[
+    tuple[str, ...],
+    Parameter(
+        help="Formats to write as well: parquet, anipose, deeplabcut, sleap, movement, nwb, npz, freemocap, "
+        "opensim, openpose (posefuse formats)."
+    ),
+]

@@ -116,6 +116,9 @@ def _writable(path: Path) -> Iterator[None]:
 
 RESULT_FILES = (
     "reconstruction.nc", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html", "evaluation.json", "debug/*.png",
+    "points.parquet", "points*.npz", "points.nwb", "points3d.h5", "points_dlc.h5", "movement.nc",
+    "freemocap*/output_data/*/*.npy", "freemocap*/output_data/*.*",
+    "opensim/*.trc", "opensim/*.xml", "openpose/*_json/*_keypoints.json",
 )  # fmt: skip
 
 
@@ -153,7 +156,7 @@ def replacing_folder(
                         stale.parent.rmdir()
             for entry in sorted(entry for entry in staging.rglob("*") if entry.is_file()):
                 target = folder / entry.relative_to(staging)
-                target.parent.mkdir(exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(entry, target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)

@@ -16,6 +16,8 @@ class Format:
         writes: whether there is a writer.
         files: what the files are called.
         conventions: units and axes in a line.
+        lacks: what of a result's layer it has no place for; empty where it holds everything.
+        suits: what a file beside a result is called, where one can be asked for by ``--also``.
     """
 
     name: str
@@ -24,6 +26,8 @@ class Format:
     writes: bool
     files: str
     conventions: str
+    lacks: str = ""
+    suits: str = ""
 
     def load(self) -> ModuleType:
         """The format's module."""
@@ -280,10 +284,11 @@ RESULTS = (
     Format(
         "csv",
         "posefuse.io.results.csv",
-        reads=False,
+        reads=True,
         writes=True,
         files="keypoints.csv (measured), solved.csv, model.csv; angles.csv, events.csv",
         conventions="tidy, a row a frame, person and keypoint; metres, world axes; missing is empty",
+        lacks="covariances between the axes, and which views",
     ),
     Format(
         "trc",
@@ -292,6 +297,7 @@ RESULTS = (
         writes=True,
         files="<person>.trc",
         conventions="metres, y up where up is known; missing is an empty cell",
+        lacks="status, errors, covariances, views",
     ),
     Format(
         "c3d",
@@ -300,6 +306,81 @@ RESULTS = (
         writes=True,
         files="<person>.c3d",
         conventions="mm, world axes (X_SCREEN, Y_SCREEN say up); missing is residual -1; camera bits up to 7 views",
+        lacks="status, reprojection errors, covariances between the axes",
+    ),
+    Format(
+        "parquet",
+        "posefuse.io.results.parquet",
+        reads=True,
+        writes=True,
+        files="*.parquet",
+        conventions="the tidy CSV's columns, covariances, views; metres, world axes; cameras, options in the metadata",
+        suits="points.parquet",
+    ),
+    Format(
+        "anipose",
+        "posefuse.io.results.anipose",
+        reads=True,
+        writes=True,
+        files="*.csv, one a person",
+        conventions="metres, world axes, a row a frame; M and center lead to the calibration in its own unit",
+        lacks="times, status, covariances, which views",
+        suits="anipose.csv",
+    ),
+    Format(
+        "deeplabcut",
+        "posefuse.io.results.deeplabcut",
+        reads=True,
+        writes=True,
+        files="*.h5 or *.csv in 3D, everybody in one",
+        conventions="metres, world axes, x y z a body part, a row a frame; pandas' df_with_missing",
+        lacks="times, status, errors, covariances, views in CSV",
+        suits="points_dlc.h5",
+    ),
+    Format(
+        "sleap",
+        "posefuse.io.results.sleap",
+        reads=True,
+        writes=True,
+        files="points3d.h5",
+        conventions="metres, world axes, tracks (frame, track, node, 3), a row a frame; names and all else in a group",
+        suits="points3d.h5",
+    ),
+    Format(
+        "movement",
+        "posefuse.io.results.movement",
+        reads=True,
+        writes=True,
+        files="*.nc with position (time, space, keypoint, individual)",
+        conventions="metres, world axes, seconds; confidence is there and NaN; movement before 0.17 has other names",
+        suits="movement.nc",
+    ),
+    Format(
+        "nwb",
+        "posefuse.io.results.nwb",
+        reads=True,
+        writes=True,
+        files="*.nwb (needs posefuse[nwb])",
+        conventions="metres, world axes, seconds; MultiCameraPoseEstimation a person; session's start 1970: not known",
+        suits="points.nwb",
+    ),
+    Format(
+        "npz",
+        "posefuse.io.results.npz",
+        reads=True,
+        writes=True,
+        files="*.npz, one a person",
+        conventions="FreeMoCap's arrays by name; mm, world axes, a row a frame",
+        suits="points.npz",
+    ),
+    Format(
+        "freemocap",
+        "posefuse.io.results.freemocap",
+        reads=True,
+        writes=True,
+        files="a folder a person with output_data/*.npy, *.csv",
+        conventions="FreeMoCap's names and shapes; mm, world axes, a row a frame; all else in output_data/posefuse",
+        suits="freemocap",
     ),
     Format(
         "bvh",
@@ -324,6 +405,7 @@ RESULTS = (
         writes=True,
         files="a folder: <person>.trc, <person>_scaling.xml, <person>_ik.xml, markers.xml",
         conventions="metres, y up; OpenSim's marker names, on the bodies of Rajagopal's model",
+        suits="opensim",
     ),
     Format(
         "openpose",
@@ -332,6 +414,7 @@ RESULTS = (
         writes=True,
         files="a folder: <camera>_json/<camera>_<frame>_keypoints.json",
         conventions="px of each camera, points projected through its lens; 0 0 0 is missing; to overlay",
+        suits="openpose",
     ),
 )
 

@@ -1,5 +1,7 @@
 """Tidy CSV: a row a frame, person and keypoint (or angle, or an event). Missing is empty; numbers in full."""
 
+import csv as text_csv
+import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,11 +11,13 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from posefuse.io.files import replacing
+from posefuse.io.files import must_exist, replacing
+from posefuse.io.results import tables, tidy
 from posefuse.model.life import Event
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
+from posefuse.model.stored_points import StoredPoints
 
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
 EVENTS, ANGLES = "events.csv", "angles.csv"
@@ -46,7 +50,7 @@ def columns(unit: str) -> tuple[str, ...]:
 
 def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None:
     """Write one layer of consecutive ranges of frames of one reconstruction, each as it comes."""
-    _write_tables((_table(part, layer) for part in parts), path)
+    _write_tables((table_of(part, layer) for part in parts), path)
 
 
 def write_events(events: Iterable[Event], path: Path) -> None:
@@ -70,6 +74,22 @@ def write_columns(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> Non
     _write_tables((_columns_table(columns) for columns in tables), path)
 
 
+def write_plain(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> None:
+    """The same with names in quotes only where they must be: some programs split the first row at its commas."""
+    layout = csv.WriteOptions(include_header=False, quoting_style="needed")
+    with replacing(path) as temporary, temporary.open("wb") as file, ExitStack() as open_file:
+        writer: Any = None
+        for columns in tables:
+            table = _columns_table(columns)
+            if writer is None:
+                line = io.StringIO(newline="")
+                text_csv.writer(line, lineterminator="\n").writerow(columns)
+                file.write(line.getvalue().encode())
+                writer = csv.CSVWriter(file, table.schema, write_options=layout)
+                open_file.callback(writer.close)
+            writer.write_table(table)
+
+
 def _columns_table(columns: Mapping[str, np.ndarray]) -> pa.Table:
     arrays = [_text(each) if each.dtype == object else pa.array(each, from_pandas=True) for each in columns.values()]
     return pa.table(arrays, names=list(columns))
@@ -86,7 +106,8 @@ def _write_tables(tables: Iterable[pa.Table], path: Path) -> None:
             writer.write_table(table)
 
 
-def _table(part: Reconstruction, name: LayerName) -> pa.Table:
+def table_of(part: Reconstruction, name: LayerName) -> pa.Table:
+    """A layer as a tidy table."""
     layer = part.layers[name]
     points = np.asarray(layer.points_m[:]).reshape(-1, 3)
     deviations = layer.sd_m.reshape(-1, 3)
@@ -125,3 +146,21 @@ def _number(values: np.ndarray) -> pa.Array:
 
 def _text(values: np.ndarray) -> pa.Array:
     return pa.array(values.ravel(), pa.string())
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one of points."""
+    return {"frame", "time_s", "person", "keypoint"} <= set(tables.header(path))
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a layer; which one, its file does not tell unless by its name.
+
+    Raises:
+        FileError: if it is no such table, or cut short.
+    """
+    names = tables.header(must_exist(path, "table of points"))
+    tidy.unit_of(names, path)
+    kinds = {name: pa.string() if name in tidy.WORDS else pa.float64() for name in names}
+    layer = next((layer for layer, name in FILE_NAMES.items() if name == path.name), "")
+    return tidy.points_of(tables.read_csv(path, kinds), path, layer=layer)

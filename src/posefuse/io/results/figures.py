@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from posefuse.errors import ResultError
 from posefuse.io.results import bvh, gltf
 from posefuse.io.results.clips import clip_of
+from posefuse.io.results.names import safe_names
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 
@@ -20,20 +20,17 @@ def has_figures(result: Reconstruction) -> bool:
     return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.stood_names
 
 
-def write_people(result: Reconstruction, people: Sequence[str], path: Path, form: str) -> list[str]:
-    """Write each person's figure in one format: to ``path``, or to ``<stem>_<person><suffix>`` where they are several.
+def write_people(result: Reconstruction, people: Sequence[str], paths: Sequence[Path], form: str) -> list[str]:
+    """Write each person's figure in one format, to a path each.
 
     Returns:
         What the files cannot say, in sentences.
 
     Raises:
-        ResultError: if no bodies were fitted, or nobody is there.
+        ResultError: if no bodies were fitted, or somebody is never there.
     """
-    if not people:
-        raise ResultError(f"Nobody is in this result: there is no person to write to {path.name}.")
     notes: list[str] = []
-    for person in people:
-        target = path if len(result.person_ids) == 1 else path.with_stem(f"{path.stem}_{person}")
+    for person, target in zip(people, paths, strict=True):
         notes += (bvh if form == "bvh" else gltf).write(result, person, target)
     return list(dict.fromkeys(notes))
 
@@ -54,12 +51,12 @@ def write_figures(
     """
     files: list[str] = []
     notes: list[str] = []
-    for person in people if has_figures(result) else ():
+    for person, stem in zip(people, safe_names(people), strict=True) if has_figures(result) else ():
         clip = clip_of(result, person)
         if not clip.life.there.any():
             notes.append(f"{person} stands in no frame: there is no BVH or glTF of {person}.")
             continue
         for form, end in ((bvh, "bvh"), (gltf, "glb")):
-            notes += form.write_clip(result, clip, folder / f"{person}.{end}", progress)
-            files.append(f"{person}.{end}")
+            notes += form.write_clip(result, clip, folder / f"{stem}.{end}", progress)
+            files.append(f"{stem}.{end}")
     return files, list(dict.fromkeys(notes))

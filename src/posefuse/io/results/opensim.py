@@ -16,6 +16,7 @@ from posefuse.arrays import ranges
 from posefuse.errors import ResultError, choices
 from posefuse.io.files import replacing, replacing_folder
 from posefuse.io.results import trc
+from posefuse.io.results.names import safe_names
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS, NAMES, Measurement
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.detections import CHUNK_FRAMES
@@ -57,8 +58,8 @@ def write(
     owned = (MARKER_FILE, "*.trc", "*_scaling.xml", "*_ik.xml")
     with replacing_folder(folder, MARKER_FILE, owned) as staging:
         _write_xml(_marker_set(known), staging / MARKER_FILE)
-        for person in people:
-            notes += _write_person(result, person, staging, layer, names, known, progress)
+        for person, stem in zip(people, safe_names(people), strict=True):
+            notes += _write_person(result, person, staging / stem, layer, names, known, progress)
     others = [name for name in result.skeleton.keypoints if names[name] not in MARKERS]
     if others:
         notes.append(f"opensim: no place on the model for {choices(others, 6)}; they are in the TRC only.")
@@ -82,7 +83,7 @@ def marker_names(skeleton: Skeleton) -> dict[str, str]:
 def _write_person(
     result: Reconstruction,
     person: str,
-    folder: Path,
+    stem: Path,
     layer: LayerName,
     names: dict[str, str],
     known: list[str],
@@ -95,14 +96,16 @@ def _write_person(
     rate = export_rate(result, "TRC")
     renamed = replace(result.skeleton, **_renamed(result.skeleton, names))
     bare = replace(result, skeleton=renamed, layers={layer: result.layers[layer]}, tracks=None, swaps=None, poses=None)
-    trc.write(bare, person, folder / f"{person}.trc", layer, progress)
+    trc.write(bare, person, stem.with_name(f"{stem.name}.trc"), layer, progress)
     seconds = _row_times(result, rate)
     first, last = _longest(whole) if whole.any() else _span(there)
     subject = result.options.subject
-    scaling = _scaling(person, known, (seconds[first], seconds[last]), subject.mass_kg)
-    _write_xml(scaling, folder / f"{person}_scaling.xml")
+    scaling = _scaling(stem.name, known, (seconds[first], seconds[last]), subject.mass_kg)
+    _write_xml(scaling, stem.with_name(f"{stem.name}_scaling.xml"))
     first, last = _span(there)
-    _write_xml(_inverse_kinematics(person, known, (seconds[first], seconds[last])), folder / f"{person}_ik.xml")
+    _write_xml(
+        _inverse_kinematics(stem.name, known, (seconds[first], seconds[last])), stem.with_name(f"{stem.name}_ik.xml")
+    )
     notes = []
     if not whole.any():
         notes.append(f"opensim: in no frame has {person} all markers: scaling takes the frames in which some are.")

@@ -1,67 +1,159 @@
 """Write results in any format."""
 
-import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from posefuse.errors import PosefuseWarning, ResultError, choices, suggestion
-from posefuse.io.registry import RESULTS
+from posefuse.errors import ResultError, choices, suggestion
+from posefuse.io.registry import RESULTS, Format, by_name
 from posefuse.io.results import c3d, csv, figures, netcdf, openpose, opensim, trc
+from posefuse.io.results.names import safe_names
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, watched
 
 _BY_SUFFIX = {
-    ".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d", ".bvh": "bvh", ".glb": "gltf", ".gltf": "gltf",
+    ".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d", ".parquet": "parquet", ".npz": "npz", ".nwb": "nwb",
+    ".bvh": "bvh", ".glb": "gltf", ".gltf": "gltf",
 }  # fmt: skip
+_BY_NAME = {
+    (".csv", "anipose"): "anipose", (".csv", "dlc"): "deeplabcut", (".csv", "deeplabcut"): "deeplabcut",
+    (".nc", "movement"): "movement", (".h5", "points3d"): "sleap", (".h5", "sleap"): "sleap",
+    (".h5", "dlc"): "deeplabcut", (".h5", "deeplabcut"): "deeplabcut",
+}  # fmt: skip
+_ONE_PERSON = ("trc", "c3d", "anipose", "npz", "freemocap")
 _FORMATS = tuple(form.name for form in RESULTS if form.writes)
+ALSO = {form.name: form.suits for form in RESULTS if form.suits}
+"""Formats that a command writes beside its usual ones if asked to, and what the files are called."""
 
 
-def write(result: Reconstruction, path: str | Path, format: str | None = None) -> None:  # noqa: A002
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes:
+        files: in order; a folder where the format is one.
+        layer: which layer they hold, or None where they hold all.
+        notes: what they do not hold, in sentences.
+    """
+
+    files: tuple[Path, ...]
+    layer: LayerName | None
+    notes: tuple[str, ...]
+
+
+def write(
+    result: Reconstruction,
+    path: str | Path,
+    format: str | None = None,  # noqa: A002
+) -> Written:
     """Write a result to a file.
 
-    netcdf holds everything. csv, trc and c3d hold one layer: the one ``result.options.layer`` names, or the best
-    present. trc, c3d, bvh and gltf hold one person; a result of several is written to ``<stem>_<person><suffix>``
-    each. bvh and gltf hold the articulated bodies. What a format cannot hold is warned of.
+    netcdf holds everything. The others hold one layer: the one ``result.options.layer`` names, or the best present.
+    trc, c3d, anipose, npz and freemocap hold one person; a result of several is written to ``<stem>_<person><suffix>``
+    each; so do bvh and gltf, which hold articulated bodies.
 
     Args:
         result: what to write.
-        path: the file, or of opensim and openpose a folder; it appears when it is whole.
-        format: netcdf, csv, trc, c3d, bvh, gltf, opensim or openpose; by default what the path's ending says.
+        path: the file, or the folder of freemocap, opensim and openpose; it appears when it is whole.
+        format: a name that ``posefuse formats`` lists; by default what the path's ending says, and where several
+            formats end so, what its name does (anipose, dlc, movement, points3d).
+
+    Returns:
+        What was written, and what it does not hold.
 
     Raises:
         ResultError: if there is no such format, or it cannot hold the result.
     """
     path = Path(path)
-    name = format or _BY_SUFFIX.get(path.suffix.lower())
-    if name not in _FORMATS:
-        wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
-        raise ResultError(wrong + (suggestion(name, _FORMATS) if name else f"Formats: {choices(_FORMATS)}."))
-    layer, _ = result.best_layer(result.options.layer)
-    if name == "netcdf":
+    form = _format_of(path, format)
+    layer, points = result.best_layer(result.options.layer)
+    if form.name == "netcdf":
         netcdf.write(result.chunks(), path)
-    elif name == "csv":
-        csv.write(result.chunks(), path, layer)
-    elif name in figures.FORMATS:
-        _say(figures.write_people(result, people_with_frames(result), path, name))
-    elif name == "opensim":
-        _say(opensim.write(result, people_with_frames(result), path, layer))
-    elif name == "openpose":
-        _say(openpose.write(result, path, layer))
+        return Written((path,), None, ())
+    if form.name in (*figures.FORMATS, "opensim", "openpose"):
+        return _write_bodies(result, path, form.name, layer)
+    # Nothing is read that the format does not hold: freemocap and npz alone have a raw layer beside.
+    raw = {"measured": result.layers["measured"]} if "measured" in result.layers else {}
+    bare = replace(result, layers={**raw, layer: points}, tracks=None, swaps=None, poses=None, events=())
+    if form.name not in ("npz", "freemocap"):
+        bare = replace(bare, layers={layer: points})
+    if form.name == "csv":
+        csv.write(bare.chunks(), path, layer)
+        files = (path,)
+    elif form.name in _ONE_PERSON:
+        files = person_paths(path, result.person_ids)
+        for person, target in zip(result.person_ids, files, strict=True):
+            form.load().write(bare, person, target, layer)
     else:
-        for person in result.person_ids:
-            target = path if len(result.person_ids) == 1 else path.with_stem(f"{path.stem}_{person}")
-            (trc if name == "trc" else c3d).write(result, person, target, layer)
+        form.load().write(bare, path, layer)
+        files = (path,)
+    others = [name for name in result.layers if name != layer]
+    beside = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
+    return Written(files, layer, (*beside, *_lacks(form, path)))
 
 
-def _say(notes: Iterable[str]) -> None:
-    """Warn of what a format cannot hold."""
-    for note in notes:
-        warnings.warn(note, PosefuseWarning, stacklevel=3)
+def _write_bodies(result: Reconstruction, path: Path, name: str, layer: LayerName) -> Written:
+    """Write what needs more of a result than a layer, or holds no layer as it is."""
+    people = people_with_frames(result)
+    if name in figures.FORMATS:
+        targets = person_paths(path, people)
+        return Written(targets, "model", tuple(figures.write_people(result, people, targets, name)))
+    if name == "opensim":
+        return Written((path,), layer, tuple(opensim.write(result, people, path, layer)))
+    return Written((path,), layer, tuple(openpose.write(result, path, layer)))
+
+
+def _format_of(path: Path, name: str | None) -> Format:
+    """The format that is asked for, or that a path's name tells."""
+    if name is None:
+        suffix, stem = path.suffix.lower(), path.stem.lower()
+        name = next((form for (end, word), form in _BY_NAME.items() if suffix == end and word in stem), None)
+        name = name or _BY_SUFFIX.get(suffix)
+    form = by_name(RESULTS, name) if name in _FORMATS and name is not None else None
+    if form is not None:
+        return form
+    if name is None and path.suffix.lower() == ".h5":
+        raise ResultError(f"{path.name} may be of the format deeplabcut or sleap; say which: format=... (--to ...).")
+    wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
+    raise ResultError(wrong + (suggestion(name, _FORMATS) if name else f"Formats: {choices(_FORMATS)}."))
+
+
+def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
+    """A path a person, all beside ``path`` whatever people are called; ``path`` itself for one.
+
+    Raises:
+        ResultError: if there is nobody.
+    """
+    if not person_ids:
+        raise ResultError(f"Nobody is in this result: there is no person to write to {path.name}.")
+    if len(person_ids) == 1:
+        return (path,)
+    return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in safe_names(person_ids))
+
+
+def _lacks(form: Format, path: Path) -> tuple[str, ...]:
+    """What of a layer a file has no place for; of DeepLabCut's two kinds the h5 has one for everything."""
+    whole = not form.lacks or (form.name == "deeplabcut" and path.suffix.lower() != ".csv")
+    return () if whole else (f"{form.name} has no place for {form.lacks}.",)
+
+
+def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Write formats of :data:`ALSO` under their usual names; they hold the layer that TRC and C3D do.
+
+    Returns:
+        The names of files and folders, and what of the layer they have no place for.
+    """
+    files, notes = [], []
+    for name in dict.fromkeys(also):
+        path = folder / ALSO[name]
+        done = write(result, path, name)
+        files += [file.name for file in done.files]
+        notes += done.notes if name in ("opensim", "openpose") else _lacks(_format_of(path, name), path)
+    return files, tuple(notes)
 
 
 def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
@@ -113,10 +205,11 @@ def write_folder(
     layer, points = result.best_layer(result.options.layer)
     # Each person's files go through the frames: nothing is read that they do not hold.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
-    for person in people_with_frames(result):
-        trc.write(bare, person, folder / f"{person}.trc", layer, progress)
-        files.append(f"{person}.trc")
+    people = people_with_frames(result)
+    for person, stem in zip(people, safe_names(people), strict=True):
+        trc.write(bare, person, folder / f"{stem}.trc", layer, progress)
+        files.append(f"{stem}.trc")
         if result.unit == "m":
-            c3d.write(bare, person, folder / f"{person}.c3d", layer, progress)
-            files.append(f"{person}.c3d")
+            c3d.write(bare, person, folder / f"{stem}.c3d", layer, progress)
+            files.append(f"{stem}.c3d")
     return files, layer

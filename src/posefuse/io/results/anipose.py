@@ -1,0 +1,121 @@
+"""Anipose's 3D CSV: a file a person, a row a frame, six columns a keypoint; lengths in metres.
+
+Layout after Anipose's ``triangulate``: ``<p>_x, _y, _z, _error, _ncams, _score``, then ``M_00`` to ``M_22``,
+``center_0`` to ``center_2`` and ``fnum``. ``M`` and ``center`` lead back to the calibration in the unit of its file:
+``x_calibration = M^-1 (x + center)``. No detector's score is kept in a result: ``_score`` is empty. There are no more
+columns: programs that read such files (movement) refuse them. Frame numbers without a frame are rows without points.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from posefuse.errors import FileError, ResultError, choices
+from posefuse.io.files import must_exist, reading
+from posefuse.io.results import csv, tables
+from posefuse.io.results.rows import blocks, rows_of
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import is_used
+from posefuse.model.stored_points import StoredPoints
+
+_TRANSFORM = tuple(f"M_{i}{j}" for i in range(3) for j in range(3)) + tuple(f"center_{i}" for i in range(3))
+
+
+def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
+    """Write one person.
+
+    Raises:
+        ResultError: if there is no frame, nearly every row would be empty, or one camera's image plane is no place in
+            the world.
+    """
+    if result.unit != "m":
+        raise ResultError(f"Anipose's CSV is of a world; this result is in {result.unit} (one camera's image plane).")
+    places, _ = rows_of(result, "anipose")
+    csv.write_plain(_tables(result, result.person_ids.index(person), layer, places), path)
+
+
+def _tables(
+    result: Reconstruction, person: int, name: LayerName, places: np.ndarray
+) -> Iterator[dict[str, np.ndarray]]:
+    layer = result.layers[name]
+    transform = dict(zip(_TRANSFORM, _to_calibration(result), strict=True))
+    row = 0
+    everything = zip(
+        blocks(layer.points_m, places),
+        blocks(layer.reprojection_error_px, places),
+        blocks(layer.view_status, places, -1),
+        strict=True,
+    )
+    for points, errors, views in everything:
+        length = len(points)
+        columns: dict[str, np.ndarray] = {}
+        used = is_used(views[:, person]).sum(axis=-1).astype(np.float64)
+        used[np.isnan(points[:, person]).any(axis=-1)] = np.nan
+        for k, keypoint in enumerate(result.skeleton.keypoints):
+            columns |= {f"{keypoint}_{axis}": points[:, person, k, i] for i, axis in enumerate("xyz")}
+            columns |= {f"{keypoint}_error": errors[:, person, k], f"{keypoint}_ncams": used[:, k]}
+            columns[f"{keypoint}_score"] = np.full(length, np.nan)
+        columns |= {key: np.full(length, value) for key, value in transform.items()}
+        columns["fnum"] = result.frame_numbers[0] + np.arange(row, row + length)
+        yield columns
+        row += length
+
+
+def _to_calibration(result: Reconstruction) -> list[float]:
+    """M by rows, then the centre."""
+    matrix, centre = result.rig.metres_per_unit * np.eye(3), np.zeros(3)
+    if result.alignment is not None:
+        matrix = result.alignment.scale * result.rig.metres_per_unit * result.alignment.rotation
+        # Minus zero would be written as such.
+        centre = 0.0 - result.alignment.shift_m
+    return [*matrix.ravel().tolist(), *centre.tolist()]
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one."""
+    return {"fnum", *_TRANSFORM} <= set(tables.header(path))
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file of Anipose's or of ours; whose points they are is the file's name.
+
+    Raises:
+        FileError: if it is no such file, or cut short.
+    """
+    must_exist(path, "3D CSV of Anipose's")
+    names = tables.header(path)
+    keypoints = [
+        name[:-2] for name in names if name.endswith("_x") and {f"{name[:-2]}_y", f"{name[:-2]}_z"} <= {*names}
+    ]
+    if not keypoints or "fnum" not in names:
+        raise FileError(
+            f"{path} is not a 3D CSV of Anipose's: it lacks <bodypart>_x, _y, _z or fnum among {choices(names)}."
+        )
+    table = tables.read_csv(path, dict.fromkeys(names, pa.float64()))
+    with reading(path, "3D CSV of Anipose's"):
+        return _points(path, table, tuple(keypoints))
+
+
+def _points(path: Path, table: pa.Table, keypoints: tuple[str, ...]) -> StoredPoints:
+    def stack(*kinds: str) -> np.ndarray | None:
+        """Shape (frame, 1, keypoint, kind)."""
+        names = [f"{keypoint}_{kind}" for keypoint in keypoints for kind in kinds]
+        if not set(names) <= set(table.column_names):
+            return None
+        values = np.stack([tables.numbers(table[name]) for name in names], axis=-1)
+        return values.reshape(len(table), 1, len(keypoints), len(kinds))
+
+    points, errors, used = stack("x", "y", "z"), stack("error"), stack("ncams")
+    assert points is not None
+    return StoredPoints(
+        keypoints=keypoints,
+        person_ids=(path.stem,),
+        frame_numbers=tables.increasing(tables.whole(tables.numbers(table["fnum"]), path, "fnum"), path),
+        time_s=np.full(len(table), np.nan),
+        points_m=points,
+        n_views=None if used is None else tables.counts(used[..., 0], path),
+        reprojection_error_px=None if errors is None else errors[..., 0],
+    )

@@ -1,0 +1,150 @@
+"""DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z a body part, a row a frame.
+
+Header rows: scorer (``posefuse_<layer>``), (individuals, where there are several,) bodyparts, coords. Metres. The
+index is the frame's number; numbers without a frame are rows without points. The h5 file has the group ``posefuse``
+too, see :mod:`posefuse.io.results.hdf5`; the CSV has nothing beside the points.
+"""
+
+import csv as text_csv
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.pandas_tables import Frame, read_frame, write_frame
+from posefuse.io.results import hdf5, tables
+from posefuse.io.results.rows import blocks, rows_of
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import LAYERS, Reconstruction
+from posefuse.model.stored_points import StoredPoints
+
+KEY = "df_with_missing"
+_ONE = ("scorer", "bodyparts", "coords")
+_MANY = ("scorer", "individuals", "bodyparts", "coords")
+_SCORER = "posefuse_"
+
+
+def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
+    """Write one layer of everybody, as CSV where the path ends in .csv.
+
+    Raises:
+        ResultError: if there is no frame, or nearly every row would be empty.
+    """
+    places, n_rows = rows_of(result, "deeplabcut")
+    levels, columns = _columns(result, layer)
+    index = result.frame_numbers[0] + np.arange(n_rows)
+    rows = (block.reshape(len(block), -1) for block in blocks(result.layers[layer].points_m, places))
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".csv":
+            _write_csv(temporary, levels, columns, index, rows)
+        else:
+            with h5py.File(temporary, "w") as file:
+                write_frame(file, KEY, levels, columns, index, rows)
+                hdf5.write_group(file, result, layer)
+
+
+def _columns(result: Reconstruction, layer: LayerName) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Names of the levels, and a name of so many levels for each column."""
+    scorer, keypoints = f"{_SCORER}{layer}", result.skeleton.keypoints
+    if len(result.person_ids) == 1:
+        return _ONE, [(scorer, part, axis) for part in keypoints for axis in "xyz"]
+    people = result.person_ids
+    return _MANY, [(scorer, person, part, axis) for person in people for part in keypoints for axis in "xyz"]
+
+
+def _write_csv(
+    path: Path, levels: tuple[str, ...], columns: list[tuple[str, ...]], index: np.ndarray, rows: Iterator[np.ndarray]
+) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        lines = text_csv.writer(file, lineterminator="\n")
+        for i, level in enumerate(levels):
+            lines.writerow([level, *(column[i] for column in columns)])
+        numbers = iter(index.tolist())
+        for values in rows:
+            for row in values.tolist():
+                lines.writerow([next(numbers), *("" if value != value else repr(value) for value in row)])
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one: of points in 3D, not of predictions in 2D."""
+    try:
+        if path.suffix.lower() == ".csv":
+            return _is_3d(_header_of(path)[1])
+        with h5py.File(path) as file:
+            return KEY in file and _is_3d(read_frame(file[KEY]).columns)  # type: ignore[arg-type]
+    except (OSError, KeyError, ValueError, RuntimeError, FileError):
+        return False
+
+
+def _is_3d(columns: list[tuple[str, ...]]) -> bool:
+    return bool(columns) and {column[-1] for column in columns} == set("xyz")
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file of DeepLabCut's or of ours. One individual that is not named is the file's name.
+
+    Raises:
+        FileError: if it is no such file, or cut short.
+    """
+    must_exist(path, "3D table of DeepLabCut's")
+    if path.suffix.lower() == ".csv":
+        with reading(path, "CSV file"):
+            return _points(path, _read_csv(path))
+    with reading(path, "HDF5 table of DeepLabCut's"), h5py.File(path) as file:
+        frame = read_frame(file[KEY])  # type: ignore[arg-type]
+        found = _points(path, frame)
+        return hdf5.read_group(file, path, found.points_m) if hdf5.GROUP in file else found
+
+
+def _points(path: Path, frame: Frame) -> StoredPoints:
+    named = [column[-3:] if len(column) == len(_MANY) else ("", *column[-2:]) for column in frame.columns]
+    people = tuple(dict.fromkeys(person for person, _, _ in named))
+    parts = tuple(dict.fromkeys(part for _, part, _ in named))
+    wanted = [(person, part, axis) for person in people for part in parts for axis in "xyz"]
+    place = {column: i for i, column in enumerate(named)}
+    if sorted(place) != sorted(wanted) or len(named) != len(wanted) or frame.values.shape[1] != len(named):
+        raise FileError(f"{path}: expected the columns x, y and z of every body part (and individual), each once.")
+    points = frame.values[:, [place[column] for column in wanted]].reshape(-1, len(people), len(parts), 3)
+    scorer = frame.columns[0][0]
+    layer = next((name for name in LAYERS if scorer == f"{_SCORER}{name}"), "")
+    return StoredPoints(
+        keypoints=parts,
+        person_ids=people if len(frame.columns[0]) == len(_MANY) else (path.stem,),
+        frame_numbers=tables.increasing(np.asarray(frame.index), path),
+        time_s=np.full(len(points), np.nan),
+        points_m=points,
+        layer=layer,
+    )
+
+
+def _header_of(path: Path) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(islice(text_csv.reader(file), len(_MANY)))
+    levels = next(
+        (levels for levels in (_ONE, _MANY) if tuple(row[0] for row in rows if row)[: len(levels)] == levels), ()
+    )
+    if not levels:
+        raise FileError(f"{path} is not a table of DeepLabCut's: its first rows should be {' '.join(_ONE)}.")
+    named = [row[1:] for row in rows[: len(levels)]]
+    return levels, list(zip(*named, strict=True))
+
+
+def _read_csv(path: Path) -> Frame:
+    levels, columns = _header_of(path)
+    index, values = [], []
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = text_csv.reader(file)
+        for number, row in enumerate(lines, 1):
+            if number <= len(levels):
+                continue
+            if len(row) != len(columns) + 1:
+                raise FileError(
+                    f"{path}, row {number}: {len(row)} columns, expected {len(columns) + 1}. Was it cut short?"
+                )
+            index.append(int(row[0]))
+            values.append([float(cell or "nan") for cell in row[1:]])
+    return Frame(columns, np.array(index, dtype=np.int64), np.array(values).reshape(len(index), len(columns)))

@@ -1,0 +1,117 @@
+"""The group ``posefuse`` of HDF5 files: what the program that a file is for has no place for.
+
+Attributes ``layer``, ``unit``, ``rate_hz``; names ``keypoints``, ``people``, ``views`` and ``edges`` (edge, 2);
+``frame_number`` and ``time_s`` (frame); ``covariance`` (frame, person, keypoint, 6: xx xy xz yy yz zz), ``status``,
+``source``, ``reprojection_error_px`` (frame, person, keypoint), ``view_status``, ``view_error_px`` (..., view). Codes
+explain themselves by ``flag_values`` and ``flag_meanings``. Programs that do not know the group pass it by.
+"""
+
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from posefuse.arrays import ArraySource, ranges
+from posefuse.errors import FileError, choices
+from posefuse.model.detections import CHUNK_FRAMES
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.stored_points import StoredPoints
+
+GROUP = "posefuse"
+VERSION = 1
+
+_FIELDS: dict[str, tuple[str, type[IntEnum] | None]] = {
+    "covariance": ("covariance_m2", None),
+    "status": ("status", PointStatus),
+    "source": ("source", Source),
+    "reprojection_error_px": ("reprojection_error_px", None),
+    "view_status": ("view_status", ViewStatus),
+    "view_error_px": ("view_error_px", None),
+}
+
+
+def write_group(file: h5py.File, result: Reconstruction, name: LayerName) -> None:
+    """Write the group of one layer, by ranges of frames."""
+    group, layer = file.create_group(GROUP), result.layers[name]
+    group.attrs.update({"version": VERSION, "layer": name, "unit": result.unit})
+    if result.rate_hz is not None:
+        group.attrs["rate_hz"] = float(result.rate_hz)
+    add_names(group, "keypoints", result.skeleton.keypoints)
+    add_names(group, "people", result.person_ids)
+    add_names(group, "views", result.rig.names)
+    group["edges"] = result.skeleton.edge_indices
+    group["frame_number"] = result.frame_numbers
+    group["time_s"] = result.time_s
+    for key, (attribute, codes) in _FIELDS.items():
+        data = add_rows(group, key, getattr(layer, attribute))
+        if codes is not None:
+            data.attrs["flag_values"] = np.array([code.value for code in codes], dtype=np.int8)
+            data.attrs["flag_meanings"] = " ".join(code.name.lower() for code in codes)
+
+
+def add_names(group: h5py.Group, key: str, names: tuple[str, ...]) -> None:
+    """A list of texts."""
+    group.create_dataset(key, data=np.array(names, dtype=object), dtype=h5py.string_dtype())
+
+
+def add_rows(group: h5py.Group, key: str, source: ArraySource) -> h5py.Dataset:
+    """An array by ranges of its first axis, compressed."""
+    shape = tuple(source.shape)
+    packed: dict[str, Any] = {}
+    if all(shape):
+        chunks = (min(CHUNK_FRAMES, shape[0]), *shape[1:])
+        packed = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    data = group.create_dataset(key, shape, source.dtype, **packed)
+    for start, stop in ranges(shape[0], CHUNK_FRAMES):
+        data[start:stop] = np.asarray(source[start:stop])
+    return data
+
+
+def read_names(group: h5py.Group, key: str) -> tuple[str, ...]:
+    """A list of texts."""
+    return tuple(each.decode() if isinstance(each, bytes) else str(each) for each in np.asarray(group[key]).tolist())
+
+
+def read_group(file: h5py.File, path: Path, points: np.ndarray) -> StoredPoints:
+    """What the group tells, with the points that stand elsewhere in the file.
+
+    Args:
+        file: open, and has the group.
+        path: of the file.
+        points: shape (row, person, keypoint, 3), a row each number from the first frame's on.
+
+    Raises:
+        FileError: if group and points do not fit each other.
+    """
+    group: Any = file[GROUP]
+    frame_numbers = np.asarray(group["frame_number"])
+    places = frame_numbers - frame_numbers[:1]
+    if len(frame_numbers) == 0 or (np.diff(places) <= 0).any() or places[-1] + 1 != len(points):
+        raise FileError(
+            f"{path}: {len(points)} rows do not fit the {len(frame_numbers)} frames of its group {GROUP!r}."
+        )
+    _check_codes(group, path)
+    return StoredPoints(
+        keypoints=read_names(group, "keypoints"),
+        person_ids=read_names(group, "people"),
+        frame_numbers=frame_numbers,
+        time_s=np.asarray(group["time_s"]),
+        points_m=points[places],
+        unit=str(group.attrs["unit"]),
+        layer=str(group.attrs["layer"]),
+        rate_hz=float(group.attrs["rate_hz"]) if "rate_hz" in group.attrs else None,
+        view_names=read_names(group, "views"),
+        **{attribute: np.asarray(group[key]) for key, (attribute, _) in _FIELDS.items()},
+    )
+
+
+def _check_codes(group: Any, path: Path) -> None:
+    for key, (_, codes) in _FIELDS.items():
+        found = set() if codes is None else set(np.unique(np.asarray(group[key])).tolist())
+        unknown = sorted(found - {code.value for code in codes or ()})
+        if unknown:
+            raise FileError(f"{path}: {GROUP}/{key} holds codes that nobody knows: {choices(unknown)}.")

@@ -1,0 +1,36 @@
+"""Codes as the words that files carry, and back."""
+
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError, choices
+from posefuse.model.status import PointStatus, Source, ViewStatus
+
+
+def _labels(codes: type[IntEnum]) -> np.ndarray:
+    """Shape (256,), texts: the label of each code, also of one that was an unsigned byte; empty where there is none."""
+    out = np.full(256, "", dtype=object)
+    for code in codes:
+        out[code.value] = code.label  # type: ignore[attr-defined]
+    return out
+
+
+STATUSES, SOURCES, VIEW_STATUSES = _labels(PointStatus), _labels(Source), _labels(ViewStatus)
+
+
+def codes_of(words: np.ndarray, labels: np.ndarray, path: Path) -> np.ndarray:
+    """The codes of words, int8; -1 for none, or 0 where that is the code of no word.
+
+    Raises:
+        FileError: on a word that is no label.
+    """
+    known = {label: code for code, label in enumerate(labels) if label}
+    known[""] = 0 if not labels[0] else -1
+    found, places = np.unique(words.astype(str), return_inverse=True)
+    for word in found:
+        if word not in known:
+            raise FileError(f"{path}: {word!r} is none of the words {choices([word for word in known if word], 20)}.")
+    codes = np.array([known[word] for word in found.tolist()], dtype=np.int8)
+    return codes[places].reshape(words.shape)

@@ -1,0 +1,158 @@
+"""netCDF that the package ``movement`` opens: ``position`` (time, space, keypoint, individual) and ``confidence``.
+
+Names of dimensions as movement has them since 0.17 (keypoint, individual); earlier ones are plural, see the docs.
+Metres, world axes. ``time`` is in seconds, or in frame numbers where times are unknown. A result has no confidence:
+``confidence`` is there, for movement asks for it, and NaN. Beside: ``status``, ``source`` (codes explain themselves),
+``reprojection_error``, ``n_views``, ``covariance`` (.., covariance_entry), ``view_status``, ``view_error`` (.., view).
+"""
+
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import h5py
+import numpy as np
+
+from posefuse.errors import FileError, choices
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.netcdf import add_variable, strings
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
+from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.stored_points import StoredPoints
+from posefuse.progress import Progress, Silent, watched
+
+_TYPE = "poses"
+_POINTS = ("keypoint", "individual")
+_VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = {
+    "points_m": ("position", ("time", "space", *_POINTS), "f8", None),
+    "covariance_m2": ("covariance", ("time", "covariance_entry", *_POINTS), "f8", None),
+    "status": ("status", ("time", *_POINTS), "i1", PointStatus),
+    "source": ("source", ("time", *_POINTS), "i1", Source),
+    "n_views": ("n_views", ("time", *_POINTS), "i2", None),
+    "reprojection_error_px": ("reprojection_error", ("time", *_POINTS), "f8", None),
+    "view_status": ("view_status", ("time", "view", *_POINTS), "i1", ViewStatus),
+    "view_error_px": ("view_error", ("time", "view", *_POINTS), "f4", None),
+}
+
+
+def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
+    """Write one layer of everybody."""
+    timed = bool(np.isfinite(result.time_s).all())
+    parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
+    with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
+        _write_head(file, result, layer, timed)
+        start = 0
+        for part in parts:
+            stop = start + part.n_frames
+            file.resize_dimension("time", stop)
+            file.variables["time"][start:stop] = part.time_s if timed else part.frame_numbers
+            file.variables["frame_number"][start:stop] = part.frame_numbers
+            shape = part.n_frames, len(part.skeleton), len(part.person_ids)
+            # A scalar would be written number by number.
+            file.variables["confidence"][start:stop] = np.full(shape, np.nan)
+            for attribute, (name, axes, *_) in _VARIABLES.items():
+                file.variables[name][start:stop] = _turned(part.layers[layer], attribute, len(axes))
+            start = stop
+
+
+def _turned(layer: Layer, attribute: str, axes: int) -> np.ndarray:
+    """From (frame, person, keypoint, ...) to movement's order of axes."""
+    values = np.asarray(getattr(layer, attribute)[:])
+    return values.transpose(0, 2, 1) if axes == 3 else values.transpose(0, 3, 2, 1)
+
+
+def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, timed: bool) -> None:
+    file.attrs.update({"ds_type": _TYPE, "source_software": "posefuse", "source_file": result.rig.source})
+    file.attrs.update({"time_unit": "seconds" if timed else "frames", "layer": layer, "unit": result.unit})
+    if result.rate_hz is not None:
+        file.attrs["fps"] = float(result.rate_hz)
+    names = {
+        "space": ("x", "y", "z"),
+        "keypoint": result.skeleton.keypoints,
+        "individual": result.person_ids,
+        "view": result.rig.names,
+        "covariance_entry": COVARIANCE_ENTRIES,
+    }
+    file.dimensions = {"time": None, **{axis: len(values) for axis, values in names.items()}}
+    add_variable(file, "time", ("time",), dtype="f8" if timed else "i8")
+    add_variable(file, "frame_number", ("time",), dtype="i8")
+    for axis, values in names.items():
+        add_variable(file, axis, (axis,), np.array(values, dtype=object))
+    add_variable(file, "confidence", ("time", *_POINTS), dtype="f8")
+    for name, axes, kind, codes in _VARIABLES.values():
+        add_variable(file, name, axes, dtype=kind, **_attributes(name, result.unit, codes))
+
+
+def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, Any]:
+    if codes is not None:
+        return {
+            "flag_values": np.array([code.value for code in codes], dtype=np.int8),
+            "flag_meanings": " ".join(code.name.lower() for code in codes),
+        }
+    return {"units": {"position": unit, "covariance": f"{unit}2", "n_views": "1"}.get(name, "px")}
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one of 3D poses."""
+    try:
+        with h5py.File(path, "r") as file:
+            return _text(file, "ds_type") == _TYPE
+    except (OSError, KeyError, ValueError, RuntimeError):
+        return False
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file of movement's, of either naming of dimensions, or of ours.
+
+    Raises:
+        FileError: if it is no such file, broken, or of poses in 2D.
+    """
+    must_exist(path, "netCDF file of movement's")
+    # Past the netCDF library, which looks at every variable of the file before it opens one.
+    with reading(path, "netCDF file of movement's"), h5py.File(path, "r") as file:
+        variable: Any = file["position"]
+        plural = "keypoints" in file
+        keypoint, individual = ("keypoints", "individuals") if plural else _POINTS
+        order = ["time", individual, keypoint, "space"]
+        axes = [str(scale[0].name).rsplit("/", 1)[-1] for scale in variable.dims]
+        if sorted(axes) != sorted(order) or variable.shape[axes.index("space")] != 3:
+            raise FileError(f"{path}: expected position over {choices(order)} in 3D, got {choices(axes)}.")
+        fps: Any = file.attrs.get("fps")
+        return StoredPoints(
+            keypoints=strings(file[keypoint]),
+            person_ids=strings(file[individual]),
+            points_m=np.asarray(variable, dtype=np.float64).transpose([axes.index(axis) for axis in order]),
+            unit=_text(file, "unit"),
+            layer=_text(file, "layer"),
+            rate_hz=None if fps is None else float(np.ravel(fps)[0]),
+            **_times(file),
+            **_more(file),
+        )
+
+
+def _text(file: h5py.File, name: str) -> str:
+    found: Any = file.attrs.get(name, "")
+    return found.decode() if isinstance(found, bytes) else str(found)
+
+
+def _times(file: h5py.File) -> dict[str, np.ndarray]:
+    time = np.asarray(file["time"])
+    timed = _text(file, "time_unit") == "seconds"
+    numbers = np.asarray(file["frame_number"]) if "frame_number" in file else None
+    if numbers is None:
+        numbers = np.arange(len(time)) if timed else time.astype(np.int64)
+    return {"frame_numbers": numbers, "time_s": time if timed else np.full(len(time), np.nan)}
+
+
+def _more(file: h5py.File) -> dict[str, Any]:
+    """What ours has beside movement's."""
+    if _text(file, "source_software") != "posefuse":
+        return {}
+    found: dict[str, Any] = {"view_names": strings(file["view"])}
+    for attribute, (name, axes, *_) in _VARIABLES.items():
+        values = np.asarray(file[name])
+        found[attribute] = values.transpose(0, 2, 1) if len(axes) == 3 else values.transpose(0, 3, 2, 1)
+    del found["points_m"]
+    return found

@@ -1,0 +1,72 @@
+"""One ``.npz`` a person with the arrays of :mod:`posefuse.io.results.freemocap`, by their files' names without folders.
+
+Millimetres, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
+"""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.stored_points import StoredPoints
+
+_HEAD = "head"
+_LARGE_BYTES = 2**30
+_MOST_TIMES = 200
+
+
+def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
+    """Write one person.
+
+    Raises:
+        ResultError: if there is no frame, or one camera's image plane is no place in the world.
+    """
+    head = np.array(head_of(result, person, layer))
+    arrays = [*arrays_of(result, person, layer), Array(_HEAD, (), head.dtype, lambda: iter([head]))]
+    with (
+        replacing(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        for array in arrays:
+            # Entries of a zip have dates: a name alone gives the same one always.
+            entry = zipfile.ZipInfo(f"{array.name.rsplit('/')[-1]}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
+                write_npy(file, array)
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one that we wrote."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return f"{_HEAD}.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file that we wrote.
+
+    Raises:
+        FileError: if it is none, or broken.
+    """
+    must_exist(path, ".npz file")
+    with reading(path, ".npz file"):
+        _refuse_bombs(path)
+        with np.load(path, allow_pickle=False) as content:
+            if _HEAD not in content:
+                raise FileError(f"{path} is an .npz file, but not of points of posefuse's: it has no array {_HEAD!r}.")
+            return points_of(path, str(content[_HEAD]), lambda name: content[name.rsplit("/")[-1]])
+
+
+def _refuse_bombs(path: Path) -> None:
+    """A short file that unfolds to any size is no recording."""
+    with zipfile.ZipFile(path) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > _LARGE_BYTES and size > _MOST_TIMES * path.stat().st_size:
+        raise FileError(f"{path} ({path.stat().st_size} bytes) unfolds to {size} bytes; it is not read.")

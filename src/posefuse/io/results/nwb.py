@@ -1,0 +1,303 @@
+"""NWB by pynwb and ndx-pose: 3D poses of everybody, with calibrated cameras, in ``processing/behavior``.
+
+A ``MultiCameraPoseEstimation`` a person (an ndx-pose before 0.4 has ``PoseEstimation``), a ``PoseEstimationSeries`` a
+keypoint: metres, world axes, ``timestamps`` in s, ``control`` the point's status with its words. A result has no
+confidence, so none is written. Cameras are ``CalibratedCamera`` devices (a lens that is no Brown's is named in the
+description), linked by a ``PoseEstimation`` each without series: 2D keypoints are not part of a result. What ndx-pose
+has no place for is ``TimeSeries`` beside: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
+
+NWB asks for the time of the session, which nobody told: it is 1970, and the description says so. Identifiers follow
+from the content: the same result gives the same bytes. A file of another session's start is pynwb's to make.
+"""
+
+import hashlib
+import json
+import mmap
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from uuid import UUID, uuid5
+
+import h5py
+import numpy as np
+
+from posefuse.errors import FileError, ResultError
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.results.names import safe_names
+from posefuse.model.cameras import Camera
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus
+from posefuse.model.stored_points import StoredPoints, stored_points
+
+_NAMESPACE = UUID("8d1b0c0e-3a5f-5d53-9a3c-6f1d1d7a9c11")
+_UUID = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+_UNKNOWN_START = datetime(1970, 1, 1, tzinfo=UTC)
+_UNITS = {"m": "meters", "px": "pixels"}
+_MORE = {
+    "covariance": ("covariance_m2", "m2", "xx, xy, xz, yy, yz, zz of each keypoint"),
+    "source": ("source", "code", "how each keypoint's coordinates came about"),
+    "reprojection_error": ("reprojection_error_px", "pixels", "mean over the cameras that the point rests on"),
+    "view_status": ("view_status", "code", "what each camera contributed: (frame, keypoint, camera)"),
+    "view_error": ("view_error_px", "pixels", "distance in each camera: (frame, keypoint, camera)"),
+}
+_TAKEN = ("Skeletons", "frame_number")
+_WHERE = "behavior"
+_OURS = "posefuse"
+
+
+@contextmanager
+def _packages() -> Iterator[tuple[ModuleType, ModuleType]]:
+    """Both packages, which warn of each other's age when they are loaded and used.
+
+    Raises:
+        ResultError: if they are not installed.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            import ndx_pose
+            import pynwb
+        except ImportError as error:
+            raise ResultError(
+                f"NWB needs the packages pynwb and ndx-pose ({error}). Install them: pip install 'posefuse[nwb]'."
+            ) from None
+        yield pynwb, ndx_pose
+
+
+def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
+    """Write one layer of everybody; the layer is in memory while it is written.
+
+    Raises:
+        ResultError: if the packages are not installed, or frames have no times.
+    """
+    if not np.isfinite(result.time_s).all() or not result.n_frames:
+        raise ResultError(
+            "An NWB file needs the time of every frame, and this result lacks some. Read the keypoints with --rate-hz, "
+            "or in Python: detections.with_rate(60)."
+        )
+    points = stored_points(result, layer)
+    with _packages() as (pynwb, ndx_pose), replacing(path) as temporary:
+        content = _file(pynwb, ndx_pose, result, points)
+        with pynwb.NWBHDF5IO(temporary, "w") as file:
+            file.write(content)
+        _settle_ids(temporary, content.identifier)
+
+
+def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoints) -> Any:
+    content = pynwb.NWBFile(
+        session_description=f"posefuse, layer {points.layer}; when the session began is not known, 1970 stands for it",
+        identifier=_identifier(result, points),
+        session_start_time=_UNKNOWN_START,
+        timestamps_reference_time=_UNKNOWN_START,
+        file_create_date=[_UNKNOWN_START],
+        notes=json.dumps(_said(result, points)),
+    )
+    place = content.create_processing_module(_WHERE, "3D poses")
+    names = safe_names(result.rig.names)
+    cameras = [_camera(ndx_pose, camera, name) for camera, name in zip(result.rig.cameras, names, strict=True)]
+    for camera in cameras:
+        content.add_device(camera)
+    edges = result.skeleton.edge_indices
+    kind = np.uint8 if len(result.skeleton) <= 256 else np.uint16
+    skeleton = ndx_pose.Skeleton(
+        name="skeleton", nodes=list(points.keypoints), edges=edges.astype(kind) if len(edges) else None
+    )
+    place.add(ndx_pose.Skeletons(skeletons=[skeleton]))
+    clock = pynwb.TimeSeries(
+        name="frame_number", data=points.frame_numbers, unit="frame", timestamps=points.time_s,
+        description="numbers of the frames in the recording",
+    )  # fmt: skip
+    place.add(clock)
+    for index, (name, beside) in enumerate(_places(points.person_ids)):
+        place.add(_person(ndx_pose, result, points, index, name, skeleton, cameras, clock))
+        for more in _more(pynwb, points, index, beside, clock):
+            place.add(more)
+    return content
+
+
+def _places(people: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """What everybody's poses are called in the file, and what stands beside them by its key; all different."""
+    names = safe_names([*_TAKEN, *people, *(f"{person}_{key}" for person in people for key in _MORE)])
+    own, rest = names[len(_TAKEN) : len(_TAKEN) + len(people)], names[len(_TAKEN) + len(people) :]
+    beside = [rest[i * len(_MORE) : (i + 1) * len(_MORE)] for i in range(len(people))]
+    return [(name, dict(zip(_MORE, more, strict=True))) for name, more in zip(own, beside, strict=True)]
+
+
+def _said(result: Reconstruction, points: StoredPoints) -> dict[str, Any]:
+    return {
+        "written_by": _OURS,
+        "version": 1,
+        "layer": points.layer,
+        "unit": points.unit,
+        "rate_hz": points.rate_hz,
+        "people": points.person_ids,
+        "cameras": points.view_names,
+        "skeleton": result.skeleton.name,
+        "inputs": dict(result.provenance.inputs),
+        "versions": dict(result.provenance.versions),
+    }
+
+
+def _identifier(result: Reconstruction, points: StoredPoints) -> str:
+    """A hash of what is written."""
+    digest = hashlib.sha256(json.dumps(_said(result, points), default=str).encode())
+    for values in (points.frame_numbers, points.time_s, points.points_m, points.covariance_m2):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def _camera(ndx_pose: Any, camera: Camera, name: str) -> Any:
+    size = f"{camera.size_px[0]} x {camera.size_px[1]} px"
+    described = f"{camera.name}: {camera.lens} lens, OpenCV's coefficients, {size}; metres, world to camera"
+    if not hasattr(ndx_pose, "CalibratedCamera"):
+        from pynwb.device import Device
+
+        return Device(name=name, description=described)
+    return ndx_pose.CalibratedCamera(
+        name=name,
+        description=described,
+        intrinsic_matrix=camera.matrix,
+        rotation_matrix=camera.rotation,
+        translation_vector=camera.translation_m,
+        distortion_coefficients=np.array(camera.distortion) if camera.distortion else None,
+    )
+
+
+def _person(
+    ndx_pose: Any, result: Reconstruction, points: StoredPoints, index: int, name: str, skeleton: Any, cameras: Any,
+    clock: Any,
+) -> Any:  # fmt: skip
+    assert points.status is not None
+    words = [code.label for code in PointStatus]
+    number = np.full(256, 255, dtype=np.uint8)
+    number[[code.value for code in PointStatus]] = np.arange(len(words))
+    series = [
+        ndx_pose.PoseEstimationSeries(
+            name=safe,
+            description=keypoint,
+            data=points.points_m[:, index, k],
+            unit=_UNITS[points.unit],
+            reference_frame=_reference(result),
+            timestamps=clock,
+            control=number[points.status[:, index, k]],
+            control_description=words,
+        )
+        for k, (keypoint, safe) in enumerate(zip(points.keypoints, safe_names(points.keypoints), strict=True))
+    ]
+    said = {
+        "name": name,
+        "pose_estimation_series": series,
+        "description": f"3D keypoints of {points.person_ids[index]}, layer {points.layer}",
+        "scorer": f"posefuse, {result.options.triangulation.method}",
+        "source_software": "posefuse",
+        "source_software_version": result.provenance.versions.get("posefuse"),
+        "skeleton": skeleton,
+    }
+    if not hasattr(ndx_pose, "MultiCameraPoseEstimation"):
+        return ndx_pose.PoseEstimation(**said)
+    names = safe_names([*points.keypoints, *(f"view_{camera.name}" for camera in cameras)])[len(points.keypoints) :]
+    views = [
+        ndx_pose.PoseEstimation(name=name, device=camera, skeleton=skeleton)
+        for name, camera in zip(names, cameras, strict=True)
+    ]
+    return ndx_pose.MultiCameraPoseEstimation(**said, pose_estimations=views)
+
+
+def _reference(result: Reconstruction) -> str:
+    up = "up is not known" if result.rig.up_axis is None else f"{result.rig.up_axis} is up"
+    aligned = ", aligned by posefuse" if result.alignment is not None else ""
+    return f"(0, 0, 0) is the origin of the calibration's world{aligned}; right-handed, {up}"
+
+
+def _more(pynwb: Any, points: StoredPoints, index: int, names: dict[str, str], clock: Any) -> Iterator[Any]:
+    for key, (attribute, unit, described) in _MORE.items():
+        yield pynwb.TimeSeries(
+            name=names[key],
+            data=np.array(getattr(points, attribute)[:, index]),
+            unit=unit,
+            timestamps=clock,
+            description=described,
+        )
+
+
+def _settle_ids(path: Path, identifier: str) -> None:
+    """Replace random identifiers of objects by ones that follow from the file's content and their place in it.
+
+    In the bytes: HDF5 would keep the old text of an attribute in a place that nothing leads to.
+    """
+    settled: dict[bytes, bytes] = {}
+
+    def settle(name: str, item: Any) -> None:
+        if "object_id" in item.attrs:
+            settled[str(item.attrs["object_id"]).encode()] = str(uuid5(_NAMESPACE, f"{identifier}/{name}")).encode()
+
+    with h5py.File(path, "r") as file:
+        settle("", file)
+        file.visititems(settle)
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as content:
+        found = [(match.start(), match.group()) for match in _UUID.finditer(content) if match.group() in settled]
+        for start, old in found:
+            content[start : start + len(old)] = settled[old]
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one of NWB's."""
+    try:
+        with h5py.File(path) as file:
+            return "nwb_version" in file.attrs
+    except (OSError, KeyError, ValueError, RuntimeError):
+        return False
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file that we wrote; it takes no package but h5py.
+
+    Raises:
+        FileError: if it is none, or broken.
+    """
+    must_exist(path, "NWB file")
+    with reading(path, "NWB file"), h5py.File(path) as file:
+        said: Any = json.loads(_text(file, "general/notes"))
+        if not isinstance(said, dict) or said.get("written_by") != _OURS:
+            raise FileError(f"{path} is an NWB file, but not of posefuse's; read it with pynwb.")
+        return _points(file[f"processing/{_WHERE}"], said)
+
+
+def _text(file: h5py.File, name: str) -> str:
+    found: Any = file[name][()] if name in file else b"null"  # type: ignore[index]
+    return found.decode() if isinstance(found, bytes) else str(found)
+
+
+def _points(place: Any, said: dict[str, Any]) -> StoredPoints:
+    nodes = tuple(node.decode() for node in np.asarray(place["Skeletons/skeleton/nodes"]).tolist())
+    places, keypoints = _places(said["people"]), safe_names(nodes)
+    people = [name for name, _ in places]
+
+    def stack(parts: list[np.ndarray]) -> np.ndarray:
+        """Shape (frame, part, ...)."""
+        return np.stack(parts, axis=1)
+
+    codes = np.array([code.value for code in PointStatus], dtype=np.int8)
+    values = {
+        attribute: stack([np.asarray(place[f"{beside[key]}/data"]) for _, beside in places])
+        for key, (attribute, *_) in _MORE.items()
+    }
+    return StoredPoints(
+        keypoints=nodes,
+        person_ids=tuple(said["people"]),
+        frame_numbers=np.asarray(place["frame_number/data"]),
+        time_s=np.asarray(place["frame_number/timestamps"]),
+        points_m=stack([stack([np.asarray(place[f"{p}/{k}/data"]) for k in keypoints]) for p in people]),
+        status=stack([stack([codes[np.asarray(place[f"{p}/{k}/control"])] for k in keypoints]) for p in people]),
+        unit=said["unit"],
+        layer=said["layer"],
+        rate_hz=said["rate_hz"],
+        view_names=tuple(said["cameras"]),
+        **values,
+    )

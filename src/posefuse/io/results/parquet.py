@@ -1,0 +1,130 @@
+"""Parquet: the rows and columns of the tidy CSV, with all that a layer holds; who reads tables in bulk reads this.
+
+Beside the CSV's columns: ``covariance_xx_m2`` to ``covariance_zz_m2``; ``views``, the names of the cameras that the
+point rests on; ``view_status`` and ``view_error_px``, lists over all cameras in the order of the metadata's. The
+schema's metadata: ``posefuse`` (JSON: layer, unit, rate_hz, people, cameras, skeleton, versions, inputs, notes) and
+``options`` (TOML). Rows are written by ranges of frames.
+"""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import parquet
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.netcdf import skeleton_text
+from posefuse.io.options import options_to_toml
+from posefuse.io.results import csv, tables, tidy
+from posefuse.io.results.labels import VIEW_STATUSES, codes_of
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Reconstruction
+from posefuse.model.status import is_used
+from posefuse.model.stored_points import StoredPoints
+from posefuse.progress import Progress, Silent, watched
+
+_VERSION = 1
+
+
+def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
+    """Write one layer of everybody."""
+    schema = _table(result.frames(0, 0), layer).schema.with_metadata(_metadata(result, layer))
+    parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
+    with replacing(path) as temporary, parquet.ParquetWriter(temporary, schema, compression="zstd") as file:
+        for part in parts:
+            file.write_table(_table(part, layer).replace_schema_metadata(schema.metadata))
+
+
+def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
+    cameras = [
+        {
+            "name": camera.name,
+            "size_px": list(camera.size_px),
+            "matrix": camera.matrix.tolist(),
+            "camera_from_world": camera.camera_from_world.tolist(),
+            "lens": str(camera.lens),
+            "distortion": list(camera.distortion),
+        }
+        for camera in result.rig.cameras
+    ]
+    said = {
+        "version": _VERSION,
+        "layer": layer,
+        "unit": result.unit,
+        "rate_hz": result.rate_hz,
+        "up_axis": result.rig.up_axis,
+        "people": list(result.person_ids),
+        "keypoints": list(result.skeleton.keypoints),
+        "cameras": cameras,
+        "skeleton": json.loads(skeleton_text(result.skeleton)),
+        "provenance": asdict(result.provenance),
+    }
+    return {"posefuse": json.dumps(said), "options": options_to_toml(result.options)}
+
+
+def _table(part: Reconstruction, name: LayerName) -> pa.Table:
+    table, layer, views = csv.table_of(part, name), part.layers[name], len(part.rig)
+    covariance = np.asarray(layer.covariance_m2[:]).reshape(-1, 6)
+    for i, entry in enumerate(COVARIANCE_ENTRIES):
+        table = table.append_column(f"covariance_{entry}_{part.unit}2", pa.array(covariance[:, i], from_pandas=True))
+    status = np.asarray(layer.view_status[:]).reshape(-1, views)
+    errors = np.asarray(layer.view_error_px[:], dtype=np.float32).reshape(-1, views)
+    used = is_used(status)
+    ends = np.concatenate([[0], np.cumsum(used.sum(axis=-1))])
+    names = np.broadcast_to(np.array(part.rig.names, dtype=object), used.shape)[used]
+    lists = {
+        "views": pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.array(names, pa.string())),
+        "view_status": _lists(pa.array(VIEW_STATUSES[status].ravel(), pa.string()), views, len(status)),
+        "view_error_px": _lists(pa.array(errors.ravel(), from_pandas=True), views, len(errors)),
+    }
+    for key, column in lists.items():
+        table = table.append_column(key, column)
+    return table
+
+
+def _lists(values: pa.Array, each: int, rows: int) -> pa.ListArray:
+    return pa.ListArray.from_arrays(pa.array(np.arange(rows + 1) * each, pa.int32()), values)
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one."""
+    try:
+        return b"posefuse" in (parquet.read_schema(path).metadata or {})
+    except (OSError, pa.ArrowException):
+        return False
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a layer.
+
+    Raises:
+        FileError: if it is no parquet file of points of ours, or broken.
+    """
+    must_exist(path, "parquet file")
+    with reading(path, "parquet file"):
+        table = parquet.ParquetFile(path).read(use_threads=False)
+        if b"posefuse" not in (table.schema.metadata or {}):
+            raise FileError(
+                f"{path} is a parquet file, but not of posefuse's: its schema has no metadata of that name."
+            )
+        said = json.loads(table.schema.metadata[b"posefuse"])
+        found = tidy.points_of(table, path, said["people"], said["keypoints"], said["layer"], said["rate_hz"])
+        return _with_views(found, table, tuple(camera["name"] for camera in said["cameras"]), path)
+
+
+def _with_views(found: StoredPoints, table: pa.Table, names: tuple[str, ...], path: Path) -> StoredPoints:
+    shape = (*found.points_m.shape[:3], len(names))
+
+    def flat(column: str) -> Any:
+        return table[column].combine_chunks().flatten()
+
+    return replace(
+        found,
+        view_names=names,
+        view_status=codes_of(tables.words(flat("view_status")), VIEW_STATUSES, path).reshape(shape),
+        view_error_px=np.array(flat("view_error_px").to_numpy(zero_copy_only=False)).reshape(shape),
+    )

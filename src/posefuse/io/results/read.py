@@ -1,0 +1,59 @@
+"""Read 3D points of any format."""
+
+from pathlib import Path
+
+from posefuse.errors import FileError, ResultError, choices, suggestion
+from posefuse.io.files import must_exist
+from posefuse.io.registry import RESULTS, by_name
+from posefuse.model.stored_points import StoredPoints
+
+READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb")
+"""Formats that are read as points, in the order in which files are tried."""
+
+_SUFFIXES = {
+    "parquet": (".parquet",),
+    "anipose": (".csv",),
+    "deeplabcut": (".csv", ".h5"),
+    "csv": (".csv",),
+    "npz": (".npz",),
+    "freemocap": ("",),
+    "movement": (".nc",),
+    "sleap": (".h5",),
+    "nwb": (".nwb",),
+}
+
+
+def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  # noqa: A002
+    """Read one layer of 3D points, of a file that posefuse or another program wrote.
+
+    Args:
+        path: the file; of ``freemocap`` the folder that ``output_data`` is in.
+        format: its format's name, by default what its ending and content say.
+
+    Raises:
+        FileError: if there is no such file, it is broken, or of no format that is read.
+        ResultError: if there is no format of that name.
+    """
+    path = Path(path)
+    if format is not None and format not in READABLE:
+        raise ResultError(f"No format {format!r} of points that is read. {suggestion(format, READABLE)}")
+    must_exist(path, "file of 3D points")
+    name = format or _recognised(path)
+    if name is None:
+        hint = "It may be a reconstruction: posefuse.read_reconstruction reads those. " if path.suffix == ".nc" else ""
+        raise FileError(f"{path} is of no format of 3D points that is read: {choices(READABLE)}. {hint}".strip())
+    found = by_name(RESULTS, name)
+    assert found is not None
+    try:
+        return found.load().read(path)
+    except ResultError as error:
+        raise FileError(f"{path}: {error}") from None
+
+
+def _recognised(path: Path) -> str | None:
+    for name in READABLE:
+        form = by_name(RESULTS, name)
+        fits = path.suffix.lower() in _SUFFIXES[name] or (path.is_dir() and name == "freemocap")
+        if form is not None and fits and path.is_dir() == (name == "freemocap") and form.load().matches(path):
+            return name
+    return None

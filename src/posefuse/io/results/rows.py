@@ -1,0 +1,48 @@
+"""Rows of files in which the place of a row is the number of its frame: without gaps, from the first frame on."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from posefuse.arrays import ArraySource, ranges
+from posefuse.errors import ResultError
+from posefuse.io.results.timing import regular_rows
+from posefuse.model.detections import CHUNK_FRAMES
+from posefuse.model.reconstruction import Reconstruction
+
+_MOST_ROWS = 1000
+_SPARSEST = 4
+
+
+def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
+    """The row of each frame, and how many rows there are.
+
+    Raises:
+        ResultError: if there is no frame, or nearly every row would be empty.
+    """
+    if not result.n_frames:
+        raise ResultError(f"This result has no frames, so there is nothing that a file ({form}) could hold.")
+    places, n_rows = regular_rows(result)
+    if n_rows > _SPARSEST * result.n_frames + _MOST_ROWS:
+        raise ResultError(
+            f"In a file of the format {form} every frame number has a row: {n_rows} rows for {result.n_frames} frames, "
+            f"numbered {result.frame_numbers[0]} to {result.frame_numbers[-1]}. Write netcdf, csv or parquet instead."
+        )
+    return places, n_rows
+
+
+def blocks(source: ArraySource, places: np.ndarray, missing: float = np.nan) -> Iterator[np.ndarray]:
+    """All rows of an array by ranges, shape (row, ...); ``missing`` where a row has no frame.
+
+    Args:
+        source: shape (frame, ...); read by ranges of frames.
+        places: shape (frame,): the row of each frame, increasing from 0.
+        missing: what a row without a frame holds.
+    """
+    done = 0
+    for start, stop in ranges(len(places), CHUNK_FRAMES):
+        values = np.asarray(source[start:stop])
+        block = np.full((int(places[stop - 1]) + 1 - done, *values.shape[1:]), missing, dtype=values.dtype)
+        block[places[start:stop] - done] = values
+        done = int(places[stop - 1]) + 1
+        yield block

@@ -1,0 +1,71 @@
+"""SLEAP's 3D points, ``points3d.h5`` as sleap-anipose writes it: ``tracks`` (frame, track, node, 3), NaN is missing.
+
+Lengths in metres. The names of tracks and nodes and everything else stand in the group ``posefuse``, see
+:mod:`posefuse.io.results.hdf5`; in the root they would make the file one of 2D predictions to other readers.
+Frame numbers without a frame are rows without points.
+"""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.results import hdf5
+from posefuse.io.results.rows import blocks, rows_of
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.stored_points import StoredPoints
+
+
+def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
+    """Write one layer of everybody.
+
+    Raises:
+        ResultError: if there is no frame, or nearly every row would be empty.
+    """
+    places, n_rows = rows_of(result, "sleap")
+    points = result.layers[layer].points_m
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        shape = (n_rows, *points.shape[1:])
+        packed = {"chunks": True, "compression": "gzip", "compression_opts": 1} if all(shape) else {}
+        tracks = file.create_dataset("tracks", shape, np.float64, **packed)  # type: ignore[arg-type]
+        tracks.attrs["Description"] = "Shape: (n_frames, n_tracks, n_nodes, 3)."
+        row = 0
+        for block in blocks(points, places):
+            tracks[row : row + len(block)] = block
+            row += len(block)
+        hdf5.write_group(file, result, layer)
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one."""
+    try:
+        with h5py.File(path) as file:
+            found = file.get("tracks")
+            return isinstance(found, h5py.Dataset) and found.ndim == 4 and found.shape[-1] == 3
+    except (OSError, KeyError, ValueError, RuntimeError):
+        return False
+
+
+def read(path: Path) -> StoredPoints:
+    """Read a file of sleap-anipose's or of ours; without names, nodes are ``node_0`` and tracks ``track_0``.
+
+    Raises:
+        FileError: if it is no such file, or broken.
+    """
+    must_exist(path, "3D points of SLEAP's")
+    with reading(path, "HDF5 file of 3D points"), h5py.File(path) as file:
+        points = np.asarray(file["tracks"], dtype=np.float64)
+        if points.ndim != 4 or points.shape[-1] != 3:
+            raise FileError(f"{path}: expected tracks (frame, track, node, 3), got {points.shape}.")
+        if hdf5.GROUP in file:
+            return hdf5.read_group(file, path, points)
+        return StoredPoints(
+            keypoints=tuple(f"node_{i}" for i in range(points.shape[2])),
+            person_ids=tuple(f"track_{i}" for i in range(points.shape[1])),
+            frame_numbers=np.arange(len(points)),
+            time_s=np.full(len(points), np.nan),
+            points_m=points,
+        )

@@ -1,0 +1,91 @@
+"""Tidy tables, a row a frame, person and keypoint, back as arrays."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from posefuse.errors import FileError, choices
+from posefuse.io.results import tables
+from posefuse.io.results.labels import SOURCES, STATUSES, codes_of
+from posefuse.model.stored_points import StoredPoints
+
+WORDS = ("person", "keypoint", "status", "source")
+
+
+def unit_of(names: Sequence[str], path: Path) -> str:
+    """The unit that the columns' names tell.
+
+    Raises:
+        FileError: if the columns are not those of a tidy table.
+    """
+    unit = next((unit for unit in ("m", "px") if f"x_{unit}" in names), "m")
+    wanted = ("frame", "time_s", "person", "keypoint", *(f"{axis}_{unit}" for axis in "xyz"))
+    lacking = [name for name in wanted if name not in names]
+    if lacking:
+        raise FileError(
+            f"{path} is no table of points: it lacks the columns {choices(lacking)}; it has {choices(names)}."
+        )
+    return unit
+
+
+def points_of(
+    table: pa.Table,
+    path: Path,
+    people: Sequence[str] | None = None,
+    keypoints: Sequence[str] | None = None,
+    layer: str = "",
+    rate_hz: float | None = None,
+) -> StoredPoints:
+    """Points of a whole tidy table, whose rows must be complete: of every frame all people, of these all keypoints.
+
+    Raises:
+        FileError: if the table is something else.
+    """
+    unit = unit_of(table.column_names, path)
+    persons, names = tables.words(table["person"]), tables.words(table["keypoint"])
+    people = tables.in_order(persons) if people is None else tuple(people)
+    keypoints = tables.in_order(names) if keypoints is None else tuple(keypoints)
+    each = len(people) * len(keypoints)
+    frames = len(table) // each if each else 0
+    shape = frames, len(people), len(keypoints)
+    numbers = tables.whole(tables.numbers(table["frame"]), path, "frame numbers")
+    complete = (
+        len(table) == frames * each
+        and np.array_equal(np.tile(np.repeat(np.array(people, dtype=object), len(keypoints)), frames), persons)
+        and np.array_equal(np.tile(np.array(keypoints, dtype=object), frames * len(people)), names)
+        and np.array_equal(np.repeat(numbers[::each] if each else numbers, each), numbers)
+    )
+    if not complete:
+        raise FileError(
+            f"{path}: expected {len(keypoints)} keypoints of each of {len(people)} people in every frame, in one "
+            f"order; there are {len(table)} rows that are otherwise. Was it cut short, or sorted?"
+        )
+
+    def field(*columns: str) -> np.ndarray | None:
+        if not set(columns) <= set(table.column_names):
+            return None
+        return np.stack([tables.numbers(table[name]) for name in columns], axis=-1).reshape(*shape, len(columns))
+
+    def codes(name: str, labels: np.ndarray) -> np.ndarray | None:
+        return codes_of(tables.words(table[name]), labels, path).reshape(shape) if name in table.column_names else None
+
+    errors, used = field("reprojection_error_px"), field("n_views")
+    times = tables.numbers(table["time_s"])
+    return StoredPoints(
+        keypoints=tuple(keypoints),
+        person_ids=tuple(people),
+        frame_numbers=tables.increasing(numbers[::each] if each else numbers, path),
+        time_s=times[::each] if each else times,
+        points_m=field(*(f"{axis}_{unit}" for axis in "xyz")),  # type: ignore[arg-type]
+        unit=unit,
+        layer=layer,
+        rate_hz=rate_hz,
+        covariance_m2=field(*(f"covariance_{entry}_{unit}2" for entry in ("xx", "xy", "xz", "yy", "yz", "zz"))),
+        sd_m=field(*(f"sd_{axis}_{unit}" for axis in "xyz")),
+        status=codes("status", STATUSES),
+        source=codes("source", SOURCES),
+        n_views=None if used is None else tables.counts(used[..., 0], path),
+        reprojection_error_px=None if errors is None else errors[..., 0],
+    )

@@ -1,0 +1,139 @@
+"""3D points of people as some program's file holds them: less than a reconstruction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from posefuse.arrays import check_shape, frozen, same
+from posefuse.errors import ResultError
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+
+
+@dataclass(frozen=True, eq=False)
+class StoredPoints:
+    """One layer of 3D points, in the axes and the world of the file. What a file does not tell is None.
+
+    Attributes:
+        keypoints: names, in the order of every keypoint axis.
+        person_ids: names, in the order of every person axis.
+        frame_numbers: shape (frame,), int64; counted from 0 where the file does not number its frames.
+        time_s: shape (frame,), NaN where unknown.
+        points_m: shape (frame, person, keypoint, 3), NaN where missing; in ``unit``.
+        unit: ``m``; ``px`` for one flattened camera; empty where the file does not tell.
+        layer: ``measured``, ``solved`` or ``model``; empty where the file does not tell.
+        rate_hz: frames per second.
+        covariance_m2: shape (frame, person, keypoint, 6): xx, xy, xz, yy, yz, zz.
+        sd_m: shape (frame, person, keypoint, 3): standard deviations along the axes.
+        status: shape (frame, person, keypoint), int8: :class:`posefuse.PointStatus`.
+        source: shape (frame, person, keypoint), int8: :class:`posefuse.Source`.
+        n_views: shape (frame, person, keypoint), int64: views used.
+        reprojection_error_px: shape (frame, person, keypoint): mean over the used views.
+        view_names: of the view axis.
+        view_status: shape (frame, person, keypoint, view), int8: :class:`posefuse.ViewStatus`.
+        view_error_px: shape (frame, person, keypoint, view), float32.
+
+    Raises:
+        ResultError: where the parts do not fit each other.
+    """
+
+    keypoints: tuple[str, ...]
+    person_ids: tuple[str, ...]
+    frame_numbers: np.ndarray
+    time_s: np.ndarray
+    points_m: np.ndarray
+    unit: str = ""
+    layer: str = ""
+    rate_hz: float | None = None
+    covariance_m2: np.ndarray | None = None
+    sd_m: np.ndarray | None = None
+    status: np.ndarray | None = None
+    source: np.ndarray | None = None
+    n_views: np.ndarray | None = None
+    reprojection_error_px: np.ndarray | None = None
+    view_names: tuple[str, ...] | None = None
+    view_status: np.ndarray | None = None
+    view_error_px: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name), kind))
+        frames, people, keypoints = len(self.frame_numbers), len(self.person_ids), len(self.keypoints)
+        for owner, names in (("keypoints", self.keypoints), ("people", self.person_ids)):
+            if len(set(names)) != len(names):
+                raise ResultError(f"StoredPoints: the names of {owner} repeat: {list(names)[:20]}.")
+        points: dict[str, int | None] = {"frame": frames, "person": people, "keypoint": keypoints}
+        views: dict[str, int | None] = {"view": len(self.view_names or ())}
+        axes = dict.fromkeys(_KINDS, points)
+        axes |= {"frame_numbers": {"frame": frames}, "time_s": {"frame": frames}}
+        axes |= {"points_m": {**points, "xyz": 3}, "sd_m": {**points, "xyz": 3}}
+        axes |= {"covariance_m2": {**points, "entry": 6}}
+        axes |= {name: {**points, **views} for name in ("view_status", "view_error_px")}
+        for name, lengths in axes.items():
+            if getattr(self, name) is not None:
+                check_shape(ResultError, "StoredPoints", name, getattr(self, name), **lengths)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.frame_numbers)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, StoredPoints) and all(
+            same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+_KINDS = {
+    "frame_numbers": np.int64,
+    "time_s": np.float64,
+    "points_m": np.float64,
+    "covariance_m2": np.float64,
+    "sd_m": np.float64,
+    "status": np.int8,
+    "source": np.int8,
+    "n_views": np.int64,
+    "reprojection_error_px": np.float64,
+    "view_status": np.int8,
+    "view_error_px": np.float32,
+}
+"""The arrays, and what numbers they hold."""
+
+
+def stored_points(result: Reconstruction, layer: LayerName, people: Sequence[str] | None = None) -> StoredPoints:
+    """One layer of a reconstruction, with all that files may carry of it.
+
+    Args:
+        result: of which.
+        layer: which.
+        people: whose, by default everybody's.
+
+    Raises:
+        ResultError: if there is no such layer.
+    """
+    _, found = result.best_layer(layer)
+    wanted = result.person_ids if people is None else tuple(people)
+    index = [result.person_ids.index(name) for name in wanted]
+    return StoredPoints(
+        keypoints=result.skeleton.keypoints,
+        person_ids=wanted,
+        frame_numbers=result.frame_numbers,
+        time_s=result.time_s,
+        points_m=np.asarray(found.points_m[:])[:, index],
+        unit=result.unit,
+        layer=layer,
+        rate_hz=result.rate_hz,
+        covariance_m2=np.asarray(found.covariance_m2[:])[:, index],
+        sd_m=found.sd_m[:, index],
+        status=np.asarray(found.status[:])[:, index],
+        source=np.asarray(found.source[:])[:, index],
+        n_views=found.n_views[:, index],
+        reprojection_error_px=np.asarray(found.reprojection_error_px[:])[:, index],
+        view_names=result.rig.names,
+        view_status=np.asarray(found.view_status[:])[:, index],
+        view_error_px=np.asarray(found.view_error_px[:])[:, index],
+    )

@@ -1,0 +1,53 @@
+"""Results in other programs' formats by the command line: beside a result, and of a stored one."""
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.cli.convert_result import convert_result
+from posefuse.errors import FileError, ResultError
+
+
+def test_formats_beside_a_result(run, recording, tmp_path, capsys):
+    wanted = ["parquet", "anipose", "deeplabcut", "sleap", "movement", "npz", "freemocap"]
+    code, out, _ = run("reconstruct", recording, "--output", tmp_path / "out", "--also", *wanted)
+    assert code == 0
+    names = ["points.parquet", "anipose.csv", "points_dlc.h5", "points3d.h5", "movement.nc", "points.npz", "freemocap"]
+    for name in names:
+        assert name in out
+        found = posefuse.read_points(tmp_path / "out" / name)
+        stored = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc").best_layer()[1]
+        np.testing.assert_allclose(found.points_m, stored.points_m[:], rtol=1e-15)
+    said = " ".join(out.split())
+    assert "TRC, C3D and the other formats hold the layer measured." in said
+    assert "note: anipose has no place for times, status, covariances, which views." in said
+    assert max(map(len, out.splitlines())) <= 80
+    # Without them they are gone: they were of the result that is replaced.
+    code, _, _ = run("reconstruct", recording, "--output", tmp_path / "out")
+    assert code == 0
+    assert not any((tmp_path / "out" / name).is_file() for name in names[:-1])
+    assert not list((tmp_path / "out" / "freemocap").rglob("*.*"))
+
+    stored = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    convert_result(tmp_path / "out", "parquet", tmp_path / "x.parquet", "measured")
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"Wrote x.parquet to {tmp_path}" in said
+    found = posefuse.read_points(tmp_path / "x.parquet")
+    assert found.layer == "measured"
+    np.testing.assert_array_equal(found.points_m, stored.layers["measured"].points_m[:])
+    with pytest.raises(ResultError, match="has no layer 'model'"):
+        convert_result(tmp_path / "out", "parquet", tmp_path / "y.parquet", "model")
+    with pytest.raises(ResultError, match="is the result itself"):
+        convert_result(tmp_path / "out", "netcdf", tmp_path / "out" / "reconstruction.nc")
+    with pytest.raises(ResultError, match="No format 'parqet'. Did you mean 'parquet'"):
+        convert_result(tmp_path / "out", "parqet", tmp_path / "y")
+    with pytest.raises(FileError, match="No result at"):
+        convert_result(tmp_path / "nowhere", "parquet", tmp_path / "y.parquet")
+    assert not (tmp_path / "y.parquet").exists()
+
+
+def test_a_format_that_is_not(run, recording, tmp_path):
+    code, _, err = run("reconstruct", recording, "--output", tmp_path / "out", "--also", "parket")
+    assert code == 2
+    assert "--also parket: no such format beside a result. Did you mean 'parquet'?" in " ".join(err.split())
+    assert not (tmp_path / "out").exists()
