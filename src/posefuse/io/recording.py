@@ -98,6 +98,9 @@ def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str
 
 
 def _entries(folder: Path) -> list[Path]:
+    if (folder / "reconstruction.nc").exists():
+        # A result: what it holds of a recording, projected points, was not recorded.
+        return []
     try:
         entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     except OSError:

@@ -9,6 +9,7 @@ import pytest
 
 import posefuse
 from posefuse.errors import FileError, ResultError
+from posefuse.io.recording import find_recording
 from posefuse.io.results import openpose, opensim, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS
@@ -131,3 +132,10 @@ class TestOpenPose:
     def test_an_image_plane_is_not_projected(self, tmp_path):
         with pytest.raises(ResultError, match="image plane; it has no points to project"):
             openpose.write(replace(posed("coco_17", 1), unit="px"), tmp_path / "o", "model")
+
+    def test_a_result_in_a_recordings_folder_is_not_taken_for_what_was_recorded(self, tmp_path):
+        result = posed("coco_17", 3)
+        openpose.write(result, tmp_path / "pose", "model")
+        openpose.write(result, tmp_path / "out" / "openpose", "model")
+        posefuse.write(result, tmp_path / "out" / "reconstruction.nc")
+        assert [found.path for found in find_recording(tmp_path).keypoints] == [tmp_path / "pose"]
