@@ -16,6 +16,7 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.heaps import check_heaps
 from posefuse.io.netcdf import add_variable, strings
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
@@ -111,6 +112,7 @@ def read(path: Path) -> StoredPoints:
     """
     must_exist(path, "netCDF file of movement's")
     # Past the netCDF library, which looks at every variable of the file before it opens one.
+    check_heaps(path)
     with reading(path, "netCDF file of movement's"), h5py.File(path, "r") as file:
         variable: Any = file["position"]
         plural = "keypoints" in file

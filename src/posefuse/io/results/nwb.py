@@ -28,6 +28,7 @@ import numpy as np
 
 from posefuse.errors import FileError, ResultError
 from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.heaps import check_heaps
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
 from posefuse.model.options import LayerName
@@ -262,6 +263,7 @@ def read(path: Path) -> StoredPoints:
         FileError: if it is none, or broken.
     """
     must_exist(path, "NWB file")
+    check_heaps(path)
     with reading(path, "NWB file"), h5py.File(path) as file:
         said: Any = json.loads(_text(file, "general/notes"))
         if not isinstance(said, dict) or said.get("written_by") != _OURS:

@@ -4,12 +4,14 @@ from pathlib import Path
 
 from posefuse.errors import FileError, ResultError, choices, suggestion
 from posefuse.io.files import must_exist
+from posefuse.io.heaps import check_heaps
 from posefuse.io.registry import RESULTS, by_name
 from posefuse.model.stored_points import StoredPoints
 
 READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb")
 """Formats that are read as points, in the order in which files are tried."""
 
+_HDF5 = (".h5", ".nc", ".nwb")
 _SUFFIXES = {
     "parquet": (".parquet",),
     "anipose": (".csv",),
@@ -38,6 +40,8 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     if format is not None and format not in READABLE:
         raise ResultError(f"No format {format!r} of points that is read. {suggestion(format, READABLE)}")
     must_exist(path, "file of 3D points")
+    if path.suffix.lower() in _HDF5 and path.is_file():
+        check_heaps(path)
     name = format or _recognised(path)
     if name is None:
         hint = "It may be a reconstruction: posefuse.read_reconstruction reads those. " if path.suffix == ".nc" else ""

@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.heaps import check_heaps
 from posefuse.io.results import hdf5
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options import LayerName
@@ -56,6 +57,7 @@ def read(path: Path) -> StoredPoints:
         FileError: if it is no such file, or broken.
     """
     must_exist(path, "3D points of SLEAP's")
+    check_heaps(path)
     with reading(path, "HDF5 file of 3D points"), h5py.File(path) as file:
         points = np.asarray(file["tracks"], dtype=np.float64)
         if points.ndim != 4 or points.shape[-1] != 3:
