@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from platform import python_version
 
@@ -22,6 +23,7 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
+from posefuse.model.gathering import gathered
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.postprocess_options import PostprocessOptions
@@ -89,7 +91,7 @@ def reconstruct(
         DetectionsError: if the detections do not allow what the options ask for.
     """
     plan = prepare(rig, detections, options or Options(), progress or Silent())
-    return Reconstruction.concatenate(list(reconstruct_chunks(plan, progress or Silent())))
+    return gathered(reconstruct_chunks(plan, progress or Silent()), plan.detections.n_frames)
 
 
 def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:
@@ -217,11 +219,13 @@ def settle_solver(plan: Plan) -> Plan:
     plan = replace(plan, options=settle_solve(plan.options, plan.detections, len(plan.rig)))
     wanted = plan.options.postprocess
     steps: list[Step] = []
-    tracks = plan.subjects.follow(0, plan.detections.n_frames)
-    if plan.options.solve == "trajectory" and tracks.person_ids:
-        spans = solving.telling_spans(tracks)
-        parts = ((span, measure(plan, *span)) for span in spans)
-        steps.append(solving.learned(plan.rig, plan.detections, plan.noise, parts, plan.options.trajectory))
+    # In ranges: of a long recording in a file no more than one is read at a time.
+    pieces = ranges(plan.detections.n_frames, CHUNK_FRAMES)
+    state = np.concatenate([np.asarray(plan.subjects.follow(*piece).state) for piece in pieces])
+    if plan.options.solve == "trajectory" and state.shape[1]:
+        spans = solving.telling_spans(state)
+        measured = partial(measure, plan)
+        steps.append(solving.learned(plan.rig, plan.detections, plan.noise, spans, measured, plan.options.trajectory))
     if not wanted.does_nothing:
         bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton) if wanted.rigid_bones else None
         steps.append(Postprocess.of(plan.rig, plan.detections, plan.options, bones))

@@ -10,6 +10,7 @@ from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_num
 from posefuse.evaluation.people import PeoplePoints
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.gathering import gathered
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline import Plan, examine, measure_layer, reconstruct_chunks, settle
@@ -75,7 +76,7 @@ def compare_methods(
 def _numbers(
     plan: Plan, truth_of: Callable[[Reconstruction], Truth | PeoplePoints] | None, timed: bool, progress: Progress
 ) -> MethodNumbers:
-    result = Reconstruction.concatenate(list(reconstruct_chunks(plan, progress)))
+    result = gathered(reconstruct_chunks(plan, progress), plan.detections.n_frames)
     truth = None if truth_of is None else truth_of(result)
     return method_numbers(result, truth, triangulation_cpu_s(plan) if timed else None)
 

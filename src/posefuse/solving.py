@@ -1,6 +1,6 @@
 """The solved layer: what is made of measured points over time, in windows of a recording of any length."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -13,7 +13,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import Source, ViewStatus, is_used
-from posefuse.model.tracks import Tracks, TrackState
+from posefuse.model.tracks import TrackState
 from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
@@ -136,7 +136,8 @@ def learned(
     rig: CameraRig,
     detections: Detections,
     noise: NoiseModel,
-    parts: Iterable[tuple[tuple[int, int], Reconstruction]],
+    spans: Sequence[tuple[int, int]],
+    measured: Callable[[int, int], Reconstruction],
     options: TrajectoryOptions,
 ) -> Trajectory:
     """The solve of a recording, with what a sample tells of its motion, bones and errors.
@@ -145,28 +146,35 @@ def learned(
         rig: the cameras.
         detections: of the whole recording.
         noise: of the detections.
-        parts: ranges of frames, counted from 0, and what was measured there.
+        spans: ranges of frames, counted from 0, to learn from.
+        measured: makes what was measured in one.
         options: of the solve.
     """
-    told = (
-        Measured(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
-        for span, part in parts
-        if part.tracks is not None
-    )
-    return Trajectory(rig, detections, noise, learn(told, detections.skeleton, options), options)
+
+    def told() -> Iterator[Measured]:
+        for span in spans:
+            part = measured(*span)
+            assert part.tracks is not None
+            yield Measured(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
+
+    laws = learn(told(), detections.skeleton, options)
+    if len(spans) > 1:
+        # One range would tell the solve of it no more than it finds itself.
+        laws = trajectory.with_roughness(laws, told(), options)
+    return Trajectory(rig, detections, noise, laws, options)
 
 
-def telling_spans(tracks: Tracks) -> list[tuple[int, int]]:
+def telling_spans(states: np.ndarray) -> list[tuple[int, int]]:
     """Ranges of frames that show how everybody moves: evenly spread ones, and of each person the middle of their life.
 
     Args:
-        tracks: of the whole recording.
+        states: shape (frame, person), of the whole recording: :class:`TrackState`.
     """
-    n_frames = tracks.state.shape[0]
+    n_frames = len(states)
     if n_frames <= _PIECES * _PIECE_FRAMES:
         return [(0, n_frames)]
     starts = np.linspace(0, n_frames - _PIECE_FRAMES, _PIECES).astype(int).tolist()
-    for state in np.asarray(tracks.state[:]).T:
+    for state in states.T:
         there = np.flatnonzero(state == TrackState.ACTIVE)
         if len(there):
             middle = int(there[len(there) // 2])

@@ -8,17 +8,19 @@ import pytest
 
 import posefuse
 from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.gathering import gathered
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.postprocess_options import ButterworthOptions, PostprocessOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
-from posefuse.model.tracks import Tracks, TrackState
+from posefuse.model.tracks import TrackState
 from posefuse.pipeline import measure, prepare, reconstruct_chunks, settle_solve
 from posefuse.progress import Silent
 from posefuse.solving import telling_spans, windows
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.scenes import body_points, ring, seen
+from tests.unit.trajectory.problems import ARM, exact_pixels, swinging
 
 EVERYTHING = PostprocessOptions(
     fill="pchip", smooth=("hampel", "butterworth"), butterworth=ButterworthOptions(cutoff_hz=9.0)
@@ -184,6 +186,30 @@ def test_auto_solves_one_subject_together_who_is_seen_for_long_enough(scene, cha
     assert settle_solve(Options(**{"people": "one"} | changes), detections, cameras).solve == expected
 
 
+def test_where_windows_of_a_trajectory_meet_does_not_show():
+    """Motion rougher than any smooth path, gross errors, and a wrist that one camera sees across a seam."""
+    rng = np.random.default_rng(4)
+    rig, frames = ring(4), 1300
+    truth = swinging(frames) + 0.003 * rng.standard_normal((frames, 3, 3))
+    pixels = exact_pixels(rig, truth) + 2.0 * rng.standard_normal((frames, 4, 3, 2))
+    pixels[rng.random(pixels.shape[:-1]) < 0.05] += 90.0
+    pixels[570:630, 1:, 2] = np.nan
+    detections = posefuse.Detections.from_dense(ARM, rig.names, pixels, rate_hz=60.0)
+    plan = prepare(rig, detections, Options(solve="trajectory"), Silent())
+    part = measured(plan)
+    whole, cut = (
+        gathered(plan.solver.solve(iter([part]), frames, block), frames).layers["solved"] for block in (frames, 200)
+    )
+    assert plan.solver.margin < 120
+    assert (np.asarray(plan.solver.steps[0].laws.roughness_m2) > 1e-6).all()
+    there = np.asarray(whole.has_point)
+    assert there.mean() > 0.98
+    np.testing.assert_array_equal(cut.status, whole.status)
+    apart = np.linalg.norm(np.asarray(cut.points_m) - np.asarray(whole.points_m), axis=-1)[there]
+    assert (apart / np.asarray(whole.sd_m).max(axis=-1)[there]).max() < 0.02
+    assert np.abs(np.log(np.asarray(cut.sd_m)[there] / np.asarray(whole.sd_m)[there])).max() < 0.005
+
+
 def test_a_trajectory_needs_times_and_two_cameras(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
     with pytest.raises(DetectionsError, match="--rate-hz"):
@@ -197,8 +223,8 @@ def test_everybody_is_looked_at_to_learn_how_they_move():
     state = np.zeros((5000, 2), dtype=np.int8)
     state[:, 0] = TrackState.ACTIVE
     state[2100:2150, 1] = TrackState.ACTIVE
-    spans = telling_spans(Tracks(("a", "b"), np.full((5000, 2, 3), -1, dtype=np.int32), state))
+    spans = telling_spans(state)
     assert all(0 <= start < stop <= 5000 for start, stop in spans)
     assert all(before[1] <= after[0] for before, after in pairwise(spans))
     assert any(start <= 2125 < stop for start, stop in spans)
-    assert telling_spans(Tracks(("a",), np.full((90, 1, 3), -1, dtype=np.int32), state[:90, :1])) == [(0, 90)]
+    assert telling_spans(state[:90, :1]) == [(0, 90)]

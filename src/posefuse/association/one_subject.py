@@ -1,12 +1,14 @@
 """One subject per recording: at most one detection per view and frame is theirs."""
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.errors import DetectionsError
-from posefuse.model.detections import Detections
+from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
 
@@ -42,14 +44,16 @@ def longest_ids(detections: Detections) -> np.ndarray:
 
     Of ids equally long the smallest is taken.
     """
-    ids = np.asarray(detections.track_ids[:])
-    views = np.repeat(np.tile(np.arange(detections.n_views), detections.n_frames), np.diff(detections.offsets))
-    longest = np.full(detections.n_views, -1)
-    for v in range(detections.n_views):
-        values, counts = np.unique(ids[(views == v) & (ids >= 0)], return_counts=True)
-        if len(values):
-            longest[v] = values[np.argmax(counts)]
-    return longest
+    views = detections.n_views
+    lengths: list[Counter[int]] = [Counter() for _ in range(views)]
+    for start, stop in ranges(detections.n_frames, CHUNK_FRAMES):
+        offsets = detections.offsets[start * views : stop * views + 1]
+        ids = np.asarray(detections.track_ids[int(offsets[0]) : int(offsets[-1])])
+        view_of = np.repeat(np.tile(np.arange(views), stop - start), np.diff(offsets))
+        for v, length in enumerate(lengths):
+            values, counts = np.unique(ids[(view_of == v) & (ids >= 0)], return_counts=True)
+            length.update(dict(zip(values.tolist(), counts.tolist(), strict=True)))
+    return np.array([min(own, key=lambda name: (-own[name], name), default=-1) for own in lengths])
 
 
 def follow(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -> Tracks:

@@ -93,13 +93,13 @@ class Poses:
 
     def frames(self, start: int, stop: int) -> "Poses":
         """The frames ``start`` to ``stop``, in memory."""
-        cut = {name: np.asarray(getattr(self, name)[start:stop]) for name in _OVER_TIME}
+        cut = {name: np.asarray(getattr(self, name)[start:stop]) for name in OVER_TIME}
         return replace(self, **cut, shape_m=np.asarray(self.shape_m[:]), shape_sd_m=np.asarray(self.shape_sd_m[:]))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Poses"]) -> "Poses":
         """Consecutive ranges of frames as one."""
-        whole = {name: np.concatenate([getattr(part, name)[:] for part in parts]) for name in _OVER_TIME}
+        whole = {name: np.concatenate([getattr(part, name)[:] for part in parts]) for name in OVER_TIME}
         return replace(parts[0], **whole)
 
     def __eq__(self, other: object) -> bool:
@@ -114,5 +114,5 @@ class Poses:
     __hash__ = None  # type: ignore[assignment]
 
 
-_OVER_TIME = ("turns", "directions", "angle_sd_deg", "nis", "nis_dof")
+OVER_TIME = ("turns", "directions", "angle_sd_deg", "nis", "nis_dof")
 """What poses hold of each frame."""

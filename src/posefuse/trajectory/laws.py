@@ -63,6 +63,8 @@ class Laws(Rebuilt):
         size_m: shape (person,): the distance between the keypoints farthest apart, as it usually is; NaN if unknown.
         lasting_s: shape (person, keypoint): the smoother's time constant.
         max_gap_s: longer ones divide a path.
+        roughness_m2: shape (person, keypoint): variance of what the motion is beside its paths; NaN where every range
+            of frames that is solved tells it of itself, as it may where there is but one.
     """
 
     density: np.ndarray
@@ -75,13 +77,15 @@ class Laws(Rebuilt):
     size_m: np.ndarray
     lasting_s: np.ndarray
     max_gap_s: float
+    roughness_m2: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("density", "length_m", "length_sd_m", "fresh", "steady", "size_m", "lasting_s"):
+        for name in ("density", "length_m", "length_sd_m", "fresh", "steady", "size_m", "lasting_s", "roughness_m2"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def of(self, person: int, spread: float) -> Law:
         """One person's."""
+        rough = self.roughness_m2[person]
         return Law(
             self.density[person],
             self.length_m[person],
@@ -91,6 +95,7 @@ class Laws(Rebuilt):
             float(self.fresh[person]),
             float(self.steady[person]),
             lasting_ratio(self.lasting_share),
+            None if np.isnan(rough).any() else rough,
         )
 
 
@@ -144,6 +149,7 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
         size_m=np.array([each.size_m for each in sums]),
         lasting_s=np.stack([each.lasting_s(options) for each in sums]),
         max_gap_s=options.max_gap_s,
+        roughness_m2=np.full((len(sums), len(skeleton)), np.nan),
     )
 
 

@@ -27,7 +27,7 @@ from posefuse.kernels.trajectory_terms import (
 from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observed import Observed
-from posefuse.trajectory.roughness import roughness_m2
+from posefuse.trajectory.roughness import Roughness
 from posefuse.trajectory.smoothness import Smoothness, alive_frames
 from posefuse.trajectory.start import begin
 
@@ -77,6 +77,7 @@ class Law:
         fresh: mean square of what is new in errors, in units of what is expected.
         steady: how steadily a view errs: as if so many numbers had shown that it errs as usual.
         lasting: variance of what lasts throughout of the errors, over that of what passes.
+        roughness_m2: shape (keypoint,): variance of what the motion is beside its paths; None lets them tell it.
     """
 
     density: np.ndarray
@@ -87,6 +88,7 @@ class Law:
     fresh: float = 1.0
     steady: float = STEADIEST
     lasting: float = 0.0
+    roughness_m2: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,16 +153,28 @@ class Solver:
     options: TrajectoryOptions
 
     def solve(self, law: Law) -> Paths:
+        """All rounds, and how far the motion may be from the paths."""
+        paths = self.smooth(law)
+        if not self.tells_roughness(law):
+            return paths
+        rough = self.roughness(paths, law).variance_m2 if law.roughness_m2 is None else law.roughness_m2
+        return replace(paths, covariance_m2=paths.covariance_m2 + rough[:, None, None, None] * np.eye(3))
+
+    def tells_roughness(self, law: Law) -> bool:
+        """Whether what lies beside a path can be motion: errors that last look like motion that the path misses."""
+        return law.correlation_s == 0.0 and law.lasting == 0.0
+
+    def roughness(self, paths: Paths, law: Law) -> Roughness:
+        """What the motion is beside its paths, as far as these frames tell."""
+        return Roughness.of(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, law.spread)
+
+    def smooth(self, law: Law) -> Paths:
         """All rounds."""
         paths = Paths.begin(self.observed, self.smoothness, self.options)
         scale = self.scale(law)
         for number in range(_TRUSTING + self.options.rounds):
             paths = self.round(paths, law, scale, trusting=number < _TRUSTING, least=self._least(law))
-        if law.correlation_s > 0.0 or law.lasting > 0.0:
-            # Errors that last look like motion that the path misses.
-            return paths
-        rough = roughness_m2(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, law.spread)
-        return replace(paths, covariance_m2=paths.covariance_m2 + rough[:, None, None, None] * np.eye(3))
+        return paths
 
     def first_variance(self, paths: Paths, law: Law) -> np.ndarray:
         """Shape (keypoint,), m^2: of what a frame by itself says of the point, where the paths begin."""

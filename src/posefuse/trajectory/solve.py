@@ -3,6 +3,9 @@
 See docs/methods.md, "One solve over the whole recording".
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 
 from posefuse.model.cameras import CameraRig
@@ -19,6 +22,7 @@ from posefuse.trajectory.laws import Laws
 from posefuse.trajectory.laws import margin_s as margin_s
 from posefuse.trajectory.observed import Measured, Observed, swapped_pairs
 from posefuse.trajectory.paths import Paths, Solver
+from posefuse.trajectory.roughness import Roughness
 from posefuse.trajectory.smoothness import Smoothness
 
 _COUNTS = 0.5
@@ -58,6 +62,32 @@ def solve(
     if not people:
         return layer
     return Layer(*(np.stack(arrays, axis=1) for arrays in zip(*people, strict=True)))
+
+
+def with_roughness(laws: Laws, parts: Iterable[Measured], options: TrajectoryOptions) -> Laws:
+    """The laws with what the motion is beside its paths, so that all ranges of a recording hold it for the same.
+
+    Args:
+        laws: of the recording.
+        parts: ranges of its frames, those the laws were learned from.
+        options: of the solve.
+    """
+    found: dict[int, Roughness] = {}
+    for part in parts:
+        bones = Bones.of(part.detections.skeleton)
+        for person in range(len(laws.density)):
+            law = laws.of(person, part.noise.spread)
+            if not np.isfinite(law.density).all():
+                continue
+            observed = Observed.of(part, person)
+            solver = Solver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
+            if solver.tells_roughness(law):
+                told = solver.roughness(solver.smooth(law), law)
+                found[person] = found[person] + told if person in found else told
+    variance_m2 = laws.roughness_m2.copy()
+    for person, told in found.items():
+        variance_m2[person] = told.variance_m2
+    return replace(laws, roughness_m2=variance_m2)
 
 
 def _person(

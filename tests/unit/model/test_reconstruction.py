@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError, ResultError
+from posefuse.model.gathering import gathered
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import reconstruct
+from tests.people import crowd, followed
 from tests.scenes import body_points, ring, seen
 
 
@@ -24,6 +26,17 @@ def test_ranges_put_together_are_the_whole(result):
     parts = list(result.chunks(3))
     assert [part.n_frames for part in parts] == [3, 3, 1]
     assert Reconstruction.concatenate(parts) == result
+
+
+def test_ranges_gathered_are_the_whole(result):
+    assert gathered(result.chunks(3), 7) == result
+    everything = followed(crowd(2, 0.6))
+    assert everything.poses is not None
+    assert everything.swaps is not None
+    assert gathered(everything.chunks(5), everything.n_frames) == everything
+    for wrong in (6, 8):
+        with pytest.raises(ResultError, match=f"of {wrong} frames came in ranges of 7"):
+            gathered(result.chunks(3), wrong)
 
 
 def test_equality_is_by_content(result):

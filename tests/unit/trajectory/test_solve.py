@@ -44,6 +44,7 @@ def laws_of(density: float, length_sd_m: float = np.inf, correlation_s: float = 
         size_m=np.array([0.5]),
         lasting_s=np.full((1, keypoints), 0.03),
         max_gap_s=0.5,
+        roughness_m2=np.full((1, keypoints), np.nan),
     )
 
 
