@@ -10,7 +10,7 @@ from platform import python_version
 import numpy as np
 
 from posefuse import following, solving, survey
-from posefuse.alignment.apply import after_scaling, laid, scaled_rig, unchanged
+from posefuse.alignment.apply import after_scaling, laid, scaled_layer, scaled_rig, unchanged
 from posefuse.alignment.lay import lay
 from posefuse.alignment.size import scale_of
 from posefuse.arrays import ranges
@@ -106,12 +106,43 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
     """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver."""
-    plan = settle(examine(rig, detections, options, progress))
-    scale = None
+    examined, sample = look(rig, detections, options, progress)
+    plan, scale = settle(examined), None
     if options.align.scales:
         scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
-        plan = settle(examine(scaled_rig(rig, scale), detections, options, progress))
-    return settle_solver(settle_world(plan, scale))
+        plan, sample = resized(examined, plan, sample, scale, progress)
+    return settle_solver(settle_world(with_findings(plan, sample), scale))
+
+
+def resized(
+    examined: Plan, plan: Plan, sample: Layer | None, scale: float, progress: Progress
+) -> tuple[Plan, Layer | None]:
+    """A plan and what was measured for it, in a world of another size.
+
+    What one subject's detections say of each other does not depend on the size of the world. Who is whose does, where
+    people are followed: as bodies, with the speeds and lengths of bodies.
+
+    Args:
+        examined: before it was settled.
+        plan: settled.
+        sample: of its points.
+        scale: what lengths are multiplied by.
+        progress: told how far the work is.
+    """
+    rig = scaled_rig(plan.rig, scale)
+    if not isinstance(plan.bodies or plan.subjects, Followed):
+        return replace(plan, rig=rig), None if sample is None else scaled_layer(sample, scale)
+    subjects, bodies = who_is_followed(rig, examined.detections, examined.options, progress)
+    noise, sample = survey.survey(rig, examined.detections, examined.options, subjects, progress)
+    return settle(replace(examined, rig=rig, subjects=subjects, bodies=bodies, noise=noise)), sample
+
+
+def with_findings(plan: Plan, sample: Layer | None) -> Plan:
+    """The plan with a warning and a note of everything that a sample of its points shows to be wrong."""
+    if sample is None:
+        return plan
+    said = survey.findings(plan.rig, sample, plan.noise, plan.detections.skeleton)
+    return replace(plan, provenance=plan.provenance.with_notes(said))
 
 
 def settle_world(plan: Plan, scale: float | None) -> Plan:
@@ -144,6 +175,11 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
     Returns:
         A plan that :func:`settle` has to complete before anything is measured.
     """
+    return with_findings(*look(rig, detections, options, progress))
+
+
+def look(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> tuple[Plan, Layer | None]:
+    """What :func:`examine` settles, before anything is said of it; and a sample of points, None with one camera."""
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
     if options.rate_hz is not None and detections.rate_hz is None:
@@ -154,12 +190,12 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
     subjects, bodies = who_is_followed(rig, detections, options, progress)
     if options.people == "one":
         notes = (*notes, *one_subject.remarks(detections, options.pick))
-    noise, findings = survey.survey(rig, detections, options, subjects, progress)
+    noise, sample = survey.survey(rig, detections, options, subjects, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes, *findings),
+        notes=(*rig.notes, *detections.notes, *notes),
     )
-    return Plan(rig, detections, options, subjects, bodies, noise, provenance)
+    return Plan(rig, detections, options, subjects, bodies, noise, provenance), sample
 
 
 def who_is_followed(

@@ -18,6 +18,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer
+from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.triangulation import consensus, told
@@ -30,29 +31,39 @@ _SAME_EXPONENT = 0.03
 
 def survey(
     rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, progress: Progress
-) -> tuple[NoiseModel, tuple[str, ...]]:
-    """Triangulate a sample of the recording: how noisy the detections are, and whether the scale can be right."""
+) -> tuple[NoiseModel, Layer | None]:
+    """Triangulate a sample of the recording: how noisy the detections are, and its points; None with one camera."""
     noise = known_noise(rig, options) or noise_scale.assumed(rig, options.triangulation.confidence_exponent)
     if len(rig) == 1:
-        return noise, ()
+        return noise, None
     sampled = partial(_sample, detections, subjects)
     agree = partial(_agree, rig, _agreeing(options))
     if noise.origin != "assumed":
-        layer = agree(sampled(few=True), noise)
-    else:
-        noise, layer = find_noise(rig, sampled, agree, noise, progress)
+        return noise, agree(sampled(few=True), noise)
+    return find_noise(rig, sampled, agree, noise, progress)
+
+
+def findings(rig: CameraRig, layer: Layer, noise: NoiseModel, skeleton: Skeleton) -> tuple[str, ...]:
+    """What a sample of points shows to be wrong, each with a warning: cameras that disagree, scale, floor.
+
+    Args:
+        rig: the cameras.
+        layer: the sample, as :func:`survey` measured it.
+        noise: of the detections.
+        skeleton: of the keypoints.
+    """
     points = [np.asarray(layer.points_m)]
-    findings = (
+    found = (
         coincidence_finding(rig),
         agreement_finding([layer], rig, noise),
         camera_finding([layer], rig),
-        scale_finding(points, detections.skeleton, rig.metres_per_unit),
-        *floor_findings(points, detections.skeleton, rig),
+        scale_finding(points, skeleton, rig.metres_per_unit),
+        *floor_findings(points, skeleton, rig),
     )
-    said = tuple(finding for finding in findings if finding is not None)
+    said = tuple(finding for finding in found if finding is not None)
     for finding in said:
         warnings.warn(finding, PosefuseWarning, stacklevel=5)
-    return noise, said
+    return said
 
 
 def known_noise(rig: CameraRig, options: Options) -> NoiseModel | None:

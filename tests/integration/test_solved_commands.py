@@ -78,6 +78,30 @@ def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_pat
     assert float(median.split()[1]) < 10
 
 
+def test_a_world_of_another_size_is_evaluated_and_compared_in_the_calibrations(run, recording, tmp_path):
+    """The subject is said to be half as tall: errors are still those in the calibration's metres."""
+    medians, tables = [], []
+    for name, flags in (("plain", []), ("small", ["--align", "floor", "--align.height-m", "0.9"])):
+        code, said, _ = run("reconstruct", recording, "-o", tmp_path / name, "--solve", "frame", *flags)
+        assert code == 0
+        code, said, _ = run("evaluate", tmp_path / name, tmp_path / "truth.nc")
+        assert code == 0
+        medians.append(float(next(line for line in said.splitlines() if line.startswith("median ")).split()[1]))
+        code, said, _ = run(
+            "compare", recording, "-o", tmp_path / f"compared_{name}", "--truth", tmp_path / "truth.nc",
+            "--methods", "consensus,simple", "--no-timing", *flags[2:],
+        )  # fmt: skip
+        assert code == 0
+        tables.append(rows_of(tmp_path / f"compared_{name}" / "comparison.csv"))
+    small = posefuse.read_reconstruction(tmp_path / "small" / "reconstruction.nc")
+    assert small.alignment is not None
+    assert 0.4 < small.alignment.scale < 0.6
+    assert medians[0] < 10
+    assert medians[1] == pytest.approx(medians[0], abs=0.02)
+    assert tables[0] == tables[1]
+    assert float(tables[0][0]["median_error_against_truth_mm"]) == pytest.approx(medians[0], rel=0.05)
+
+
 def test_tables_of_the_body(run, recording, tmp_path):
     out = tmp_path / "out"
     flags = ["--solve", "frame", "--postprocess.smooth", "butterworth", "--subject.mass-table", "winter"]

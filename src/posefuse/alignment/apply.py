@@ -59,6 +59,11 @@ def scaled_rig(rig: CameraRig, scale: float) -> CameraRig:
     return aligned_rig(rig, replace(unchanged(rig.up_axis), scale=scale))
 
 
+def scaled_layer(layer: Layer, scale: float) -> Layer:
+    """Points in a world of another size."""
+    return _layer(layer, replace(unchanged(None), scale=scale))
+
+
 def in_calibration_world(part: Reconstruction) -> Reconstruction:
     """A result as it was before it was aligned; one that never was stays."""
     if part.alignment is None:

@@ -1,5 +1,6 @@
 """Laws of laying the world anew."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import posefuse
-from posefuse.alignment.apply import aligned, in_calibration_world
+from posefuse import survey
+from posefuse.alignment.apply import aligned, in_calibration_world, scaled_rig
 from posefuse.alignment.feet import floor_of_feet
 from posefuse.alignment.lay import lay
 from posefuse.alignment.size import height_of, scale_of
@@ -193,6 +195,25 @@ class TestPipeline:
             np.asarray(result.layers["measured"].reprojection_error_px),
             np.asarray(plain.layers["measured"].reprojection_error_px),
             atol=1e-3,
+        )
+
+    def test_a_scale_is_found_with_one_look_at_the_recording(self, walker, monkeypatch):
+        """And nothing is said of the size that the calibration has: the options mend it."""
+        looks = []
+        surveyed = survey.survey
+        monkeypatch.setattr(survey, "survey", lambda *given: looks.append(1) or surveyed(*given))
+        rig = scaled_rig(walker.rig, 1000.0)
+        with pytest.warns(posefuse.PosefuseWarning, match="scale is wrong"):
+            posefuse.reconstruct(rig, walker.detections)
+        looks.clear()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            result = posefuse.reconstruct(rig, walker.detections, Options(align=AlignOptions(height_m=1.75)))
+        assert looks == [1]
+        assert not any("scale is wrong" in note for note in result.provenance.notes)
+        plain = posefuse.reconstruct(walker.rig, walker.detections, Options(align=AlignOptions(height_m=1.75)))
+        np.testing.assert_allclose(
+            np.asarray(result.layers["measured"].points_m), np.asarray(plain.layers["measured"].points_m), atol=1e-5
         )
 
     def test_it_comes_back_from_a_file(self, walker, tmp_path):
