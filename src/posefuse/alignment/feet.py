@@ -1,7 +1,7 @@
 """The floor: the plane on which feet stand still, found without knowing which way is up."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,14 +15,25 @@ _STILL_SHARE = 0.3
 """So many of the frames, those in which it moves least, tell where a foot's point stands."""
 
 _TRIES = 500
-_NEAR_M = 0.02
-"""A foot's point lies on the floor within this: they stand at different heights above their soles."""
+_NEAR_M = (0.02, 0.04, 0.08)
+"""A foot's point lies on the floor within the first of these: they stand at different heights above their soles. Where
+noise is larger than that, within a later one."""
+
+_MOST = 0.7
+"""So large a share of feet that stand still lies on the floor."""
 
 _FEWEST = 30
 _LEAST_SPREAD_M = 0.15
 """Feet that stand in a narrower band than this tell no plane."""
 
 _LOW_SHARE = 0.25
+_GROUPS = 10
+_UP_SD = np.radians(2.0)
+"""How well a calibration knows which way is up: a board on the floor, or a wand, is levelled to about so much."""
+
+_CONTRADICTED = 9.21
+"""Beyond this (99 % of chi-square, two degrees of freedom) feet and calibration do not mean the same."""
+
 _ROUNDS = 20
 
 
@@ -35,12 +46,16 @@ class Plane:
         point_m: shape (3,): on it.
         spread_m: how wide the points that tell it lie, across their longest direction; infinite where it was given.
         misfit_m: median distance of these points from it.
+        doubt_deg: standard deviation of its tilt by itself, where it is least known; 0 where it was given.
+        up_counts: whether the calibration's up had a part in its tilt.
     """
 
     normal: np.ndarray
     point_m: np.ndarray
     spread_m: float = np.inf
     misfit_m: float = 0.0
+    doubt_deg: float = 0.0
+    up_counts: bool = False
 
 
 def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, seed: int = 0) -> Plane:
@@ -49,7 +64,8 @@ def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.nda
     Args:
         points_m: ranges of consecutive frames, each of shape (frame, person, keypoint, 3).
         skeleton: with keypoints of feet.
-        up: shape (3,), if known: where feet stand in one place or on one line it takes the plane's part.
+        up: shape (3,), if known, to about 2 degrees: counts beside the feet by how well each is known, unless they
+            contradict each other; where feet stand in one place or on one line it takes the plane's part.
         seed: of the draws.
 
     Raises:
@@ -65,7 +81,7 @@ def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.nda
         )
     body = np.concatenate([part.reshape(-1, 3) for part in points_m])
     body = body[np.isfinite(body[:, 0])].mean(axis=0)
-    plane = _fitted(still, _most_agreed(still, np.random.default_rng(seed)))
+    plane = _plane(still, seed)
     if plane.spread_m < _LEAST_SPREAD_M:
         if up is None:
             raise DetectionsError(
@@ -75,10 +91,54 @@ def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.nda
             )
         # The lower ones: the other foot may be held up.
         middle = np.quantile(still @ up, _LOW_SHARE) * up
-        plane = Plane(up, still.mean(axis=0) - (still.mean(axis=0) @ up) * up + middle, plane.spread_m)
+        plane = Plane(up, still.mean(axis=0) - (still.mean(axis=0) @ up) * up + middle, plane.spread_m, up_counts=True)
     # Feet are where the rest of the body is not.
-    normal = plane.normal if (body - plane.point_m) @ plane.normal > 0 else -plane.normal
-    return Plane(normal, plane.point_m - height_m * normal, plane.spread_m, plane.misfit_m)
+    if (body - plane.point_m) @ plane.normal <= 0:
+        plane = replace(plane, normal=-plane.normal)
+    if not plane.up_counts:
+        plane = _with_up(plane, _tilts(still, plane.normal, seed), up)
+    return replace(plane, point_m=plane.point_m - height_m * plane.normal)
+
+
+def _plane(points: np.ndarray, seed: int) -> Plane:
+    """The plane that most of the points are near, as near as noise allows."""
+    plane = None
+    for near_m in _NEAR_M:
+        near = _most_agreed(points, near_m, np.random.default_rng(seed))
+        plane = _fitted(points, near, near_m)
+        if near.mean() >= _MOST:
+            break
+    assert plane is not None
+    return plane
+
+
+def _tilts(points: np.ndarray, normal: np.ndarray, seed: int) -> np.ndarray:
+    """Shape (3, 3): covariance of a plane's normal, by leaving out a tenth of the time after the other.
+
+    Errors of detections last, and so does where a foot stands: neighbouring points tell hardly more than one.
+    Source: the delete-a-group jackknife (Kott 2001).
+    """
+    normals = []
+    for group in np.array_split(np.arange(len(points)), _GROUPS):
+        found = _plane(np.delete(points, group, axis=0), seed).normal
+        normals.append(found if found @ normal > 0 else -found)
+    off = np.array(normals) - np.mean(normals, axis=0)
+    return (_GROUPS - 1) / _GROUPS * off.T @ off
+
+
+def _with_up(plane: Plane, tilts: np.ndarray, up: np.ndarray | None) -> Plane:
+    """The plane with the calibration's up, each by how well it is known; without it where they contradict."""
+    doubt_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(tilts)[-1])))
+    if up is None:
+        return replace(plane, doubt_deg=doubt_deg)
+    level = np.linalg.svd(up[None])[2][1:]
+    off, own = level @ plane.normal, level @ tilts @ level.T
+    both = own + _UP_SD**2 * np.eye(2)
+    if plane.normal @ up <= 0 or off @ np.linalg.solve(both, off) > _CONTRADICTED:
+        return replace(plane, doubt_deg=doubt_deg)
+    tilt = _UP_SD**2 * np.linalg.solve(both, off) @ level
+    normal = up * np.sqrt(1.0 - tilt @ tilt) + tilt
+    return replace(plane, normal=normal, doubt_deg=doubt_deg, up_counts=True)
 
 
 def foot_columns(skeleton: Skeleton) -> tuple[list[int], float]:
@@ -109,7 +169,7 @@ def _still(feet_m: np.ndarray) -> np.ndarray:
     return here[known & (step <= np.quantile(step[known], _STILL_SHARE))]
 
 
-def _most_agreed(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _most_agreed(points: np.ndarray, near_m: float, rng: np.random.Generator) -> np.ndarray:
     """Shape (point,), bool: those near the plane, of planes through three of them, that most are near."""
     triples = rng.integers(0, len(points), (_TRIES, 3))
     corners = points[triples]
@@ -119,18 +179,18 @@ def _most_agreed(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     offset = np.einsum("ti,ti->t", normal, corners[:, 0])
     away = np.abs(points @ normal.T - offset)
     # A bounded loss tells planes with equally many points apart.
-    loss = np.minimum(away / _NEAR_M, 1.0).sum(axis=0)
-    return away[:, int(np.where(size[:, 0] > 1e-9, loss, np.inf).argmin())] < _NEAR_M
+    loss = np.minimum(away / near_m, 1.0).sum(axis=0)
+    return away[:, int(np.where(size[:, 0] > 1e-9, loss, np.inf).argmin())] < near_m
 
 
-def _fitted(points: np.ndarray, near: np.ndarray) -> Plane:
+def _fitted(points: np.ndarray, near: np.ndarray, near_m: float) -> Plane:
     """The plane of least squares of those near it, until these stay the same."""
     normal, middle, spread = np.array([0.0, 0.0, 1.0]), points.mean(axis=0), 0.0
     for _ in range(_ROUNDS):
         middle = points[near].mean(axis=0)
         _, sizes, axes = np.linalg.svd(points[near] - middle, full_matrices=False)
         normal, spread = axes[2], float(4.0 * sizes[1] / np.sqrt(near.sum()))
-        found = np.abs((points - middle) @ normal) < _NEAR_M
+        found = np.abs((points - middle) @ normal) < near_m
         if found.sum() < 3 or (found == near).all():
             break
         near = found

@@ -51,15 +51,23 @@ def _floor(
         return _floor_of_points(points_m, np.array(options.floor_points_m, dtype=np.float64).reshape(3, 3))
     if options.floor == "feet":
         plane = floor_of_feet(points_m, skeleton, up)
-        tilt = "" if up is None else f", {np.degrees(np.arccos(np.clip(plane.normal @ up, -1, 1))):.1f} degrees off"
-        tilt += "" if up is None else " the calibration's up"
-        return plane, f"The floor is where feet stand still, to {1000 * plane.misfit_m:.0f} mm{tilt}."
+        return plane, f"The floor is where feet stand still, to {1000 * plane.misfit_m:.0f} mm{_tilt(plane, up)}."
     if up is None:
         raise OptionsError(
             "align: the calibration does not say which way is up. Say it with --up, or find the floor: "
             "align.floor = 'feet', or align.floor_points_m."
         )
     return Plane(up, np.zeros(3)), "The floor is the calibration's."
+
+
+def _tilt(plane: Plane, up: np.ndarray | None) -> str:
+    """What feet and calibration say of the floor's tilt, a clause."""
+    known = f"; by them its tilt is known to {plane.doubt_deg:.1f} degrees" if plane.doubt_deg > 0.0 else ""
+    if up is None:
+        return known
+    off = f"{np.degrees(np.arccos(np.clip(plane.normal @ up, -1, 1))):.1f} degrees off the calibration's up"
+    counts = ", which counts with them" if plane.up_counts else ", which they contradict and which does not count"
+    return f"{known}; {off}{counts}"
 
 
 def _floor_of_points(points_m: Sequence[np.ndarray], corners: np.ndarray) -> tuple[Plane, str]:

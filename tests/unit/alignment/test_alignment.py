@@ -122,6 +122,50 @@ def test_feet_on_one_spot_need_an_up_axis(walker, true_points):
     assert abs(plane.point_m[2]) < 0.1
 
 
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def tilt_deg(normal: np.ndarray, up: np.ndarray = UP) -> float:
+    return float(np.degrees(np.arccos(min(normal @ up, 1.0))))
+
+
+def lasting(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
+    """Errors that hold on for about half a second at 30 Hz."""
+    rng = np.random.default_rng(seed)
+    errors = [rng.normal(size=points.shape[1:])]
+    for _ in points[1:]:
+        errors.append(0.94 * errors[-1] + np.sqrt(1.0 - 0.94**2) * rng.normal(size=points.shape[1:]))
+    return points + size_m * np.array(errors)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feet_that_tell_little_heed_the_calibrations_up(walker, true_points, seed):
+    noisy, skeleton = lasting(true_points, 0.03, seed), walker.truth.skeleton
+    alone = floor_of_feet([noisy], skeleton, None)
+    both = floor_of_feet([noisy], skeleton, UP)
+    assert alone.doubt_deg > 0.5
+    assert tilt_deg(alone.normal) < 3.0 * alone.doubt_deg
+    assert both.up_counts
+    assert tilt_deg(both.normal) < tilt_deg(alone.normal)
+    assert tilt_deg(both.normal) < 2.0
+    # Somebody else's up: a floor that feet contradict is not theirs.
+    leaning = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
+    against = floor_of_feet([noisy], skeleton, leaning)
+    assert not against.up_counts
+    np.testing.assert_array_equal(against.normal, alone.normal)
+
+
+def test_feet_that_tell_much_are_believed(walker, true_points):
+    leaning = np.array([0.0, np.sin(np.radians(2.0)), np.cos(np.radians(2.0))])
+    plane = floor_of_feet([true_points], walker.truth.skeleton, leaning)
+    assert plane.doubt_deg < 1.0
+    assert tilt_deg(plane.normal) < 1.0
+    for turn_deg, says in ((0.0, "which counts with them"), (20.0, "which they contradict")):
+        rotation = Rotation.from_euler("x", turn_deg, degrees=True).as_matrix()
+        steps = lay([true_points @ rotation.T], walker.truth.skeleton, walker.rig, AlignOptions(floor="feet")).steps
+        assert says in steps[0]
+
+
 @pytest.mark.parametrize("preset", list(PRESETS))
 def test_axes_of_presets(walker, true_points, preset):
     options = AlignOptions(floor="feet", origin="subject", forward="walk", preset=preset)
