@@ -8,8 +8,10 @@ from benchmarks import panoptic
 
 import posefuse
 from posefuse.cli.evaluate import truth_finder
+from posefuse.evaluation.accuracy import bone_variation
 from posefuse.evaluation.people import PeopleScores, people_points, score_people, with_truths
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import Source
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowds import crowd_of_points
 
@@ -24,7 +26,8 @@ def follow():
             rig = posefuse.read_cameras(folder / "calibration" / "Calib.qca.txt")
             detections = posefuse.read_detections(folder / "two_people" / "pose").with_rate(60.0)
             # Said, not surveyed: one of the two was drawn into the recording, and errs by nothing but the calibration.
-            cache["result"] = posefuse.reconstruct(rig, detections, posefuse.Options(people="many", noise_scale_px=10))
+            options = posefuse.Options(people="many", noise_scale_px=10, solve="trajectory")
+            cache["result"] = posefuse.reconstruct(rig, detections, options)
         return cache["result"]
 
     return followed
@@ -51,7 +54,7 @@ def test_two_lasting_people_and_a_passer_by(follow, shared_data):
     assert {event.what for event in result.events} == {"born"}
 
 
-@pytest.mark.parametrize("layer", ["measured", "model"])
+@pytest.mark.parametrize("layer", ["measured", "solved", "model"])
 def test_both_agree_with_the_reference(follow, shared_data, layer):
     found = score(shared_data, follow(shared_data), layer)
     assert found.clear[0].switches == 0
@@ -59,6 +62,28 @@ def test_both_agree_with_the_reference(follow, shared_data, layer):
     assert found.median_mm <= 40
     assert max(person.mpjpe_mm for person in found.people) <= 40
     assert [ghost.ever_matched for ghost in found.ghosts] == [False]
+
+
+def test_each_of_the_two_is_solved_over_the_whole_recording(follow, shared_data):
+    """All points of both, smoother than they were measured, their bones of one length; the passer-by his own."""
+    result = follow(shared_data)
+    state = np.asarray(result.tracks.state)
+    lasting = np.flatnonzero((state == TrackState.ACTIVE).sum(axis=0) >= 90)
+    measured, solved = (np.asarray(result.layers[name].points_m)[10:, lasting] for name in ("measured", "solved"))
+    bones = result.skeleton.edge_indices
+    for person in range(2):
+        own = [points[:, person] for points in (measured, solved)]
+        varies = [bone_variation(points, bones) for points in own]
+        bends_m = [np.nanmedian(np.abs(np.diff(points, 2, axis=0))) for points in own]
+        # The one who was drawn into the recording hardly errs at all, as measured.
+        assert varies[1] < max(0.5 * varies[0], 0.003)
+        assert bends_m[1] < 0.7 * bends_m[0]
+    source = np.asarray(result.layers["solved"].source)
+    there = np.asarray(result.layers["solved"].has_point)
+    assert set(np.unique(source[there])) <= {Source.TRAJECTORY, Source.FILLED}
+    assert not there[state == TrackState.ABSENT].any()
+    seen = np.isfinite(measured[..., 0])
+    assert np.isfinite(solved[..., 0])[seen].mean() > 0.99
 
 
 def test_recorded_motion_of_one_person(shared_data):
