@@ -375,6 +375,23 @@ def _combine(one, first, other, second):
 
 
 @dense
+def _copy(first, second):
+    """``second = first``; slices do the same, and take seconds to compile."""
+    for k in range(first.shape[0]):
+        for f in range(first.shape[1]):
+            for i in range(3):
+                second[k, f, i] = first[k, f, i]
+
+
+@dense
+def _fill(value, out):
+    for k in range(out.shape[0]):
+        for f in range(out.shape[1]):
+            for i in range(3):
+                out[k, f, i] = value
+
+
+@dense
 def _inner(first, second):
     total = 0.0
     for k in range(first.shape[0]):
@@ -407,13 +424,14 @@ def solve_jointly(band, told, lower, inverse, bones, directions, tightness, pull
         How many iterations it took.
     """
     keypoints = pull.shape[0]
-    steps[:] = 0.0
-    z = np.empty_like(pull)
-    along = np.zeros_like(pull)
-    image = np.empty_like(pull)
+    z = np.empty(pull.shape)
+    along = np.empty(pull.shape)
+    image = np.empty(pull.shape)
+    _fill(0.0, along)
+    _fill(0.0, steps)
     size = first = 0.0
     for n in range(most + 1):
-        z[:] = pull
+        _copy(pull, z)
         for k in range(keypoints):
             solve_path(lower[k], inverse[k], z[k])
         before, size = size, _inner(pull, z)
