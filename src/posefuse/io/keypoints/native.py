@@ -55,6 +55,7 @@ def read(path: Path, request: Request) -> Detections:
             recorded=np.asarray(file.variables["recorded"][...]).astype(bool),
             track_ids=StoredArray(path, "track_id"),
             depth=StoredArray(path, "depth") if "depth" in file.variables else None,
+            sigma_px=StoredArray(path, "sigma_px") if "sigma_px" in file.variables else None,
             rate_hz=rate,
             notes=strings(file.variables["note"]) if "note" in file.variables else (),
         )
@@ -98,8 +99,9 @@ def write(detections: Detections, path: Path) -> None:
             "confidence": add_variable(file, "confidence", ("row", "keypoint"), dtype="f8"),
             "track_ids": add_variable(file, "track_id", ("row",), dtype="i8"),
         }
-        if detections.depth is not None:
-            long["depth"] = add_variable(file, "depth", ("row", "keypoint"), dtype="f8")
+        for name in ("depth", "sigma_px"):
+            if getattr(detections, name) is not None:
+                long[name] = add_variable(file, name, ("row", "keypoint"), dtype="f8")
         start = 0
         for chunk in detections.chunks():
             stop = start + int(chunk.offsets[-1])
