@@ -183,6 +183,14 @@ KEYPOINTS = (
         conventions="px, netCDF-4, any number of people, times, confidence, skeleton; lossless",
     ),
     Format(
+        "tidy",
+        "posefuse.io.keypoints.tidy",
+        reads=True,
+        writes=True,
+        files="*.csv or *.parquet with camera, frame, keypoint, x_px, y_px",
+        conventions="px, a row a keypoint, any number of people, times; parquet is lossless and read by ranges",
+    ),
+    Format(
         "freemocap",
         "posefuse.io.keypoints.freemocap",
         reads=True,

@@ -82,12 +82,36 @@ def test_annotations_name_their_keypoints_and_bones(tmp_path):
     assert found.skeleton.edges == shipped_skeleton("coco_17").edges
 
 
-def test_variances_of_an_ensemble_are_named_as_not_used(tmp_path):
-    header = ["scorer,e,e,e,e", "bodyparts,paw,paw,paw,paw", "coords,x,y,likelihood,x_ens_var", "0,1,2,0.9,4"]
-    (tmp_path / "a.csv").write_text("\n".join(header) + "\n")
+EKS = ("x", "y", "likelihood", "x_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
+
+
+def eks_file(path, rows, kinds=EKS):
+    """One body part, one animal."""
+    header = [["scorer", *("eks" for _ in kinds)], ["bodyparts", *("paw" for _ in kinds)], ["coords", *kinds]]
+    lines = [",".join(map(str, row)) for row in (*header, *rows)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_variances_are_the_noise_of_each_detection(tmp_path):
+    eks_file(
+        tmp_path / "a.csv",
+        [[0, 1, 2, 0.9, 1, 4, 4, 1, 9], [1, 3, 4, 0.8, 1, 4, 4, "", ""], [2, 3, 4, 0.8, 1, 4, 4, 0, 0]],
+    )
     found = read_detections(tmp_path)
     np.testing.assert_array_equal(np.asarray(found.keypoints_px)[0, 0], [1.0, 2.0])
-    assert "x_ens_var" in found.notes[0]
+    np.testing.assert_allclose(np.asarray(found.sigma_px)[:, 0], [5.0**0.5, np.nan, np.nan])
+    assert "x_ens_median" in found.notes[0]
+    assert "posterior" not in found.notes[0]
+
+
+def test_without_a_smoother_the_ensemble_tells(tmp_path):
+    eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9, 1, 4, 16]], EKS[:6])
+    assert np.asarray(read_detections(tmp_path).sigma_px)[0, 0] == pytest.approx(10.0**0.5)
+
+
+def test_no_variances_no_deviations(tmp_path):
+    eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9]], EKS[:3])
+    assert read_detections(tmp_path).sigma_px is None
 
 
 def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):

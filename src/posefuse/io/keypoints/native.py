@@ -1,14 +1,13 @@
 """posefuse's own keypoint file, netCDF-4: everything :class:`Detections` holds, read by ranges."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import h5netcdf
 import numpy as np
 
-from posefuse.errors import FileError, choices
+from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
-from posefuse.io.keypoints.request import Request
+from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.netcdf import (
     StoredArray,
     add_variable,
@@ -59,14 +58,7 @@ def read(path: Path, request: Request) -> Detections:
             rate_hz=rate,
             notes=strings(file.variables["note"]) if "note" in file.variables else (),
         )
-    if request.skeleton is not None and request.skeleton.keypoints != detections.skeleton.keypoints:
-        held = set(detections.skeleton.sources_of(request.skeleton))
-        lacking = [name for name in request.skeleton.keypoints if name not in held]
-        detections = detections.to_skeleton(request.skeleton)
-        if lacking:
-            note = f"{path.name} has nothing for {choices(lacking)} of skeleton {request.skeleton.name}."
-            detections = replace(detections, notes=(*detections.notes, note))
-    return detections if request.rate_hz is None else detections.with_rate(request.rate_hz)
+    return asked_of(detections, request, path)
 
 
 def write(detections: Detections, path: Path) -> None:

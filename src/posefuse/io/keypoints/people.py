@@ -154,7 +154,8 @@ def detections_of(path: Path, views: Sequence[ViewColumns], request: Request) ->
 
 
 def _nobody(view: ViewColumns, count: int) -> ViewColumns:
-    return ViewColumns(view.name, view.recorded, np.empty(0, np.int64), np.empty((0, count, 3)), np.empty(0, np.int64))
+    nobody = np.empty(0, np.int64)
+    return ViewColumns(view.name, view.recorded, nobody, np.empty((0, count, 3)), nobody, time_s=view.time_s)
 
 
 def camera_files(path: Path, suffix: str, is_one: Any) -> list[Path]:

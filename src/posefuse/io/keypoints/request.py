@@ -1,7 +1,10 @@
 """What a reader of keypoints is told besides the path."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
+from posefuse.errors import choices
+from posefuse.model.detections import Detections
 from posefuse.model.options import Options, ThirdChannel
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.progress import Progress, Silent
@@ -28,3 +31,19 @@ class Request:
         """The request that options make."""
         skeleton = None if options.skeleton is None else find_skeleton(options.skeleton)
         return cls(skeleton, options.rate_hz, options.third_channel, progress or Silent())
+
+
+def asked_of(detections: Detections, request: Request, path: Path) -> Detections:
+    """What a request makes of detections whose file says everything: another skeleton's keypoints, another rate.
+
+    Raises:
+        SkeletonError: if the keypoints cannot be mapped to the skeleton.
+    """
+    if request.skeleton is not None and request.skeleton.keypoints != detections.skeleton.keypoints:
+        held = set(detections.skeleton.sources_of(request.skeleton))
+        lacking = [name for name in request.skeleton.keypoints if name not in held]
+        detections = detections.to_skeleton(request.skeleton)
+        if lacking:
+            note = f"{path.name} has nothing for {choices(lacking)} of skeleton {request.skeleton.name}."
+            detections = replace(detections, notes=(*detections.notes, note))
+    return detections if request.rate_hz is None else detections.with_rate(request.rate_hz)
