@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.io.keypoints import tidy
+from posefuse.io.keypoints import detection_tables, tidy
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import shipped_skeleton
 from tests.laws import examples
@@ -77,3 +77,20 @@ def test_tidy_csv_keeps_all_it_does_not_say_it_loses(seed, frames, views):
     if len(given.frame_numbers) > 1 and found.rate_hz is None:
         given = replace(given, rate_hz=None)
     assert found == replace(given, sigma_px=given.sigma_px, depth=given.depth)
+
+
+@given(
+    **recordings
+    | {"views": st.lists(st.text("abc_019-. ", min_size=1, max_size=6), min_size=1, max_size=3, unique=True)}
+)
+@examples(25)
+def test_detection_tables_are_lossless(seed, frames, views):
+    views = [f"v{name}" for name in views]
+    given = replace(any_detections(seed, frames, views), notes=("ä", "another"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "replay"
+        detection_tables.write(given, path)
+        found = posefuse.read_detections(path)
+        assert found == given
+        assert found.frames(1, 2) == given.frames(1, 2)
+        assert found.views(views[-1:]) == given.views(views[-1:])

@@ -191,6 +191,14 @@ KEYPOINTS = (
         conventions="px, a row a keypoint, any number of people, times; parquet is lossless and read by ranges",
     ),
     Format(
+        "detection_tables",
+        "posefuse.io.keypoints.detection_tables",
+        reads=True,
+        writes=True,
+        files="a folder of *.parquet, one a camera, with frame_index, kps, kps_scores",
+        conventions="px, a row a camera and frame, frames without people stay; read by ranges of frames",
+    ),
+    Format(
         "freemocap",
         "posefuse.io.keypoints.freemocap",
         reads=True,

@@ -66,6 +66,7 @@ def assemble(
     for v, view in enumerate(views):
         if view.time_s is not None:
             times[view.recorded - frame_numbers[0], v] = view.time_s
+    rate_hz = rate_hz or rate_of_frames(times)
     try:
         return Detections(
             skeleton=skeleton,
@@ -95,3 +96,14 @@ def _joined(parts: Sequence[np.ndarray | None], views: Sequence[ViewColumns], or
         for part, view in zip(parts, views, strict=True)
     ]
     return np.concatenate(filled)[order]
+
+
+def rate_of_frames(time_s: np.ndarray) -> float | None:
+    """Frames per second from the times of consecutive frames, to six decimals; None where there are none.
+
+    Args:
+        time_s: shape (frame, view), NaN where unknown.
+    """
+    steps = np.diff(time_s, axis=0)
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    return (round(float(1.0 / np.median(steps)), 6) or None) if len(steps) else None

@@ -13,6 +13,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
 from posefuse.io.keypoints.names import skeleton_named
+from posefuse.io.keypoints.parquet_about import column_names
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.tidy_columns import NEEDED, detections_of_table, table_of
 from posefuse.model.detections import Detections
@@ -23,7 +24,7 @@ def matches(path: Path) -> bool:
     if not path.is_file():
         return False
     if path.suffix == ".parquet":
-        return set(NEEDED) <= set(tidy_parquet.column_names(path))
+        return set(NEEDED) <= set(column_names(path))
     return path.suffix == ".csv" and set(NEEDED) <= set(_header(path))
 
 

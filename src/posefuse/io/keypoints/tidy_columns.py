@@ -129,7 +129,7 @@ def detections_of_table(
     lines = _lines(path, table, cameras, request.skeleton or skeleton)
     named = request.skeleton or skeleton or skeleton_named("tidy", lines.keypoints)
     views = [_view(path, lines, v, len(named)) for v in range(len(lines.cameras))]
-    return assemble(path, views, named, request.rate_hz or rate_of_times(views))
+    return assemble(path, views, named, request.rate_hz)
 
 
 def _lines(path: Path, table: Any, cameras: Sequence[str] | None, skeleton: Skeleton | None) -> _Lines:
@@ -238,11 +238,3 @@ def _view(path: Path, lines: _Lines, view: int, n_keypoints: int) -> ViewColumns
         depth=spread("depth") if "depth" in lines.values else None,
         time_s=lines.time_s[mine][first],
     )
-
-
-def rate_of_times(views: Sequence[ViewColumns]) -> float | None:
-    """Frames per second from the times of consecutive frames, to six decimals; None where there are none."""
-    periods = [np.diff(view.time_s)[np.diff(view.recorded) == 1] for view in views if view.time_s is not None]
-    steps = np.concatenate(periods) if periods else np.empty(0)
-    steps = steps[np.isfinite(steps) & (steps > 0.0)]
-    return round(float(1.0 / np.median(steps)), 6) or None if len(steps) else None

@@ -1,6 +1,5 @@
 """Tidy tables in parquet, written and read by ranges of frames: only the ranges asked for are ever in memory."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,40 +10,21 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import reading
+from posefuse.io.keypoints.parquet_about import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
+from posefuse.io.keypoints.stored import RowsByRange
 from posefuse.io.keypoints.tidy_columns import detections_of_table, table_of
-from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
 
-_KEY = b"posefuse"
-_VERSION = 1
 _LINES = 200_000
 """About so many rows make a row group: what is read at once."""
-
-
-def column_names(path: Path) -> list[str]:
-    """The columns of a file; none of one that cannot be read."""
-    import pyarrow.parquet as pq
-
-    try:
-        return list(pq.read_schema(path).names)
-    except Exception:  # a broken file raises whatever its bytes lead to
-        return []
 
 
 def write(detections: Detections, path: Path) -> None:
     """Write a table, a row group a range of frames."""
     import pyarrow.parquet as pq
 
-    about = {
-        "version": _VERSION,
-        "skeleton": skeleton_text(detections.skeleton),
-        "views": detections.view_names,
-        "rate_hz": detections.rate_hz,
-        "notes": detections.notes,
-    }
-    schema = table_of(detections.frames(0, 0)).schema.with_metadata({_KEY: json.dumps(about).encode()})
+    schema = table_of(detections.frames(0, 0)).schema.with_metadata(metadata_of(detections))
     mean_lines = max(int(detections.offsets[-1]) * len(detections.skeleton) // max(detections.n_frames, 1), 1)
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for start, stop in ranges(detections.n_frames, max(_LINES // mean_lines, 1)):
@@ -61,7 +41,7 @@ def read(path: Path, request: Request) -> Detections:
     import pyarrow.parquet as pq
 
     with reading(path, "parquet file"):
-        about = _about(path, pq.read_schema(path).metadata or {})
+        about = about_of(path, pq.read_schema(path).metadata)
         if about is None:
             return detections_of_table(path, pq.read_table(path), request)
         index = _index(path, about)
@@ -69,25 +49,6 @@ def read(path: Path, request: Request) -> Detections:
             whole = pq.read_table(path)
             return asked_of(detections_of_table(path, whole, Request(), about.views, about.skeleton), request, path)
         return asked_of(_stored(path, about, index), request, path)
-
-
-@dataclass(frozen=True)
-class _About:
-    skeleton: Skeleton
-    views: tuple[str, ...]
-    rate_hz: float | None
-    notes: tuple[str, ...]
-
-
-def _about(path: Path, metadata: dict[bytes, bytes]) -> _About | None:
-    if _KEY not in metadata:
-        return None
-    said = json.loads(metadata[_KEY])
-    if said.get("version") != _VERSION:
-        raise FileError(f"{path} was written by another version of posefuse (layout {said.get('version')}).")
-    rate = said["rate_hz"]
-    views, notes = tuple(map(str, said["views"])), tuple(map(str, said["notes"]))
-    return _About(skeleton_from_text(said["skeleton"]), views, None if rate is None else float(rate), notes)
 
 
 @dataclass(frozen=True)
@@ -109,7 +70,7 @@ class _Index:
     group_ends: np.ndarray
 
 
-def _index(path: Path, about: _About) -> _Index | None:
+def _index(path: Path, about: About) -> _Index | None:
     """Look through the file, a row group at a time; None where somebody has put its rows in another order."""
     import pyarrow.parquet as pq
 
@@ -130,7 +91,7 @@ def _index(path: Path, about: _About) -> _Index | None:
     return _Index(frame, view, times, people, np.cumsum(counts))
 
 
-def _cells_of_group(file: Any, group: int, about: _About) -> tuple[np.ndarray, ...] | None:
+def _cells_of_group(file: Any, group: int, about: About) -> tuple[np.ndarray, ...] | None:
     """Of each view and frame of a row group, in order: its key, time, first line and number of people."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -155,7 +116,7 @@ def _cells_of_group(file: Any, group: int, about: _About) -> tuple[np.ndarray, .
     return keys, time_s, first, np.where(alone, 0, lines // n_keypoints)
 
 
-def _stored(path: Path, about: _About, index: _Index) -> Detections:
+def _stored(path: Path, about: About, index: _Index) -> Detections:
     first, last, n_views = int(index.frame[0]), int(index.frame[-1]), len(about.views)
     shape = last - first + 1, n_views
     if shape[0] > 4 * len(index.frame) + 1000:
@@ -180,7 +141,7 @@ def _stored(path: Path, about: _About, index: _Index) -> Detections:
         keypoints_px=pixels,
         confidence=confidence,
         recorded=recorded,
-        track_ids=_Tracks(path, ("track",), index.group_ends, len(about.skeleton)),
+        track_ids=_Tracks(path, index.group_ends, len(about.skeleton)),
         depth=stored("depth"),
         sigma_px=stored("sigma_px"),
         rate_hz=about.rate_hz,
@@ -188,37 +149,16 @@ def _stored(path: Path, about: _About, index: _Index) -> Detections:
     )
 
 
-class _Stored:
-    """Columns of the file, by ranges of people; the file is open only while it is read."""
-
-    dtype = np.dtype(np.float64)
+class _Stored(RowsByRange):
+    """Columns of the file; it is open only while it is read."""
 
     def __init__(self, path: Path, names: tuple[str, ...], group_ends: np.ndarray, n_keypoints: int) -> None:
-        self._path, self._names, self._ends, self._n_keypoints = path, names, group_ends, n_keypoints
-        depth = (len(names),) if len(names) > 1 else ()
-        self.shape: tuple[int, ...] = (int(group_ends[-1]), n_keypoints, *depth)
+        super().__init__((int(group_ends[-1]), n_keypoints, *((len(names),) if len(names) > 1 else ())))
+        self._path, self._names, self._ends = path, names, group_ends
 
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, key: Any) -> np.ndarray:
-        if isinstance(key, slice):
-            start, stop, step = key.indices(len(self))
-            return self._rows(start, max(stop, start))[::step]
-        chosen = np.asarray(key)
-        if chosen.dtype == bool:
-            chosen = np.flatnonzero(chosen)
-        if not chosen.size:
-            return np.empty((*chosen.shape, *self.shape[1:]), dtype=self.dtype)
-        if chosen.min() < -len(self) or chosen.max() >= len(self):
-            raise IndexError(f"{self._path.name} has no row {key}.")
-        chosen = np.where(chosen < 0, chosen + len(self), chosen)
-        low = int(chosen.min())
-        return self._rows(low, int(chosen.max()) + 1)[chosen - low]
-
-    def _rows(self, start: int, stop: int) -> np.ndarray:
-        parts = list(self._parts(start, stop)) if stop > start else []
-        return np.concatenate(parts) if parts else np.empty((0, *self.shape[1:]), dtype=self.dtype)
+    def rows(self, start: int, stop: int) -> np.ndarray:
+        """Of the row groups that they lie in."""
+        return np.concatenate(list(self._parts(start, stop)))
 
     def _parts(self, start: int, stop: int) -> Iterator[np.ndarray]:
         import pyarrow.parquet as pq
@@ -243,14 +183,12 @@ class _Stored:
 class _Tracks(_Stored):
     """The track of each person."""
 
-    dtype = np.dtype(np.int64)
-
-    def __init__(self, path: Path, names: tuple[str, ...], group_ends: np.ndarray, n_keypoints: int) -> None:
-        super().__init__(path, names, group_ends, n_keypoints)
-        self.shape = (int(group_ends[-1]),)
+    def __init__(self, path: Path, group_ends: np.ndarray, n_keypoints: int) -> None:
+        super().__init__(path, ("track",), group_ends, n_keypoints)
+        self.shape, self.dtype, self._n_keypoints = (int(group_ends[-1]),), np.dtype(np.int64), n_keypoints
 
     def _group(self, file: Any, group: int) -> np.ndarray:
-        table = file.read_row_group(group, columns=[*self._names, "keypoint"])
+        table = file.read_row_group(group, columns=["track", "keypoint"])
         there = table["keypoint"].is_valid().to_numpy()
-        tracks = table[self._names[0]].fill_null(-1).to_numpy()
+        tracks = table["track"].fill_null(-1).to_numpy()
         return tracks[there][:: self._n_keypoints].astype(np.int64)
