@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.io.keypoints import detection_tables, tidy
+from posefuse.io.keypoints import detection_tables, replay, tidy
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import shipped_skeleton
 from tests.laws import examples
@@ -94,3 +94,13 @@ def test_detection_tables_are_lossless(seed, frames, views):
         assert found == given
         assert found.frames(1, 2) == given.frames(1, 2)
         assert found.views(views[-1:]) == given.views(views[-1:])
+
+
+@given(**recordings)
+@examples(25)
+def test_replays_are_lossless(seed, frames, views):
+    given = replace(any_detections(seed, frames, views), notes=("ä", "another"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "replay.jsonl"
+        replay.write(given, path)
+        assert posefuse.read_detections(path) == given

@@ -191,6 +191,14 @@ KEYPOINTS = (
         conventions="px, a row a keypoint, any number of people, times; parquet is lossless and read by ranges",
     ),
     Format(
+        "replay",
+        "posefuse.io.keypoints.replay",
+        reads=True,
+        writes=True,
+        files="*.jsonl, a line a frame with each camera's detections",
+        conventions="px, null is missing, frames without people stay; lossless",
+    ),
+    Format(
         "detection_tables",
         "posefuse.io.keypoints.detection_tables",
         reads=True,
@@ -223,6 +231,14 @@ KEYPOINTS = (
         conventions="px, x y confidence, 0 0 is missing; no frame rate: --rate-hz",
     ),
     Format(
+        "payloads",
+        "posefuse.io.keypoints.payloads",
+        reads=True,
+        writes=False,
+        files="*.jsonl or *.json of records, one a camera and time (ParaJumping, cvmmap)",
+        conventions="px, COCO-WholeBody-133; frames by number, or by time",
+    ),
+    Format(
         "mmpose",
         "posefuse.io.keypoints.mmpose",
         reads=True,
@@ -245,6 +261,14 @@ KEYPOINTS = (
         writes=False,
         files="a *.json a camera: results, or annotations",
         conventions="px, x y score or visibility; no frame rate: --rate-hz",
+    ),
+    Format(
+        "mediapipe",
+        "posefuse.io.keypoints.mediapipe",
+        reads=True,
+        writes=False,
+        files="a *.json or *.csv of landmarks a camera",
+        conventions="shares of the image (--image-size, where the file does not say) or px; depth in px",
     ),
     Format(
         "label3d",
@@ -277,6 +301,14 @@ KEYPOINTS = (
         writes=False,
         files="a folder of analysis *.h5, one a camera, or in a folder a camera",
         conventions="px, NaN is missing; cameras by folder or file name; no frame rate: --rate-hz",
+    ),
+    Format(
+        "slp",
+        "posefuse.io.keypoints.slp",
+        reads=True,
+        writes=False,
+        files="*.slp, one of all cameras or one a camera",
+        conventions="px, views are videos, tracks are identities; no frame rate: --rate-hz; extra: posefuse[sleap]",
     ),
     Format(
         "arrays",

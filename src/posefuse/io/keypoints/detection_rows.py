@@ -145,10 +145,11 @@ def _look_through(file: Path, name: str, views: list[str], columns: dict[str, st
 
 def _lengths(file: Path, column: Any) -> tuple[np.ndarray, int]:
     """People in each row, and keypoints of each person."""
-    import pyarrow.compute as pc
+    from pyarrow.compute import call_function
 
-    people = pc.list_value_length(column.combine_chunks()).fill_null(0).to_numpy(zero_copy_only=False)
-    inner = pc.list_value_length(column.combine_chunks().flatten())
+    whole = column.combine_chunks()
+    people = call_function("list_value_length", [whole]).fill_null(0).to_numpy(zero_copy_only=False)
+    inner = call_function("list_value_length", [whole.flatten()])
     known = np.unique(inner.to_numpy(zero_copy_only=False))
     if len(known) > 1 or inner.null_count:
         raise FileError(f"{file}: people have {known.tolist()} keypoints; one recording has one skeleton.")

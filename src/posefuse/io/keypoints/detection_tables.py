@@ -16,7 +16,6 @@ confidence of 0 at 0, 0 are missing, as detectors write them; files that posefus
 """
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -198,15 +197,11 @@ def write(detections: Detections, path: Path) -> None:
     files = [f"{file_name(name)}.parquet" for name in detections.view_names]
     with replacing_folder(path, marker=files[0], owned=("*.parquet",)) as staging:
         for v, file in enumerate(files):
-            schema = None
-            with ExitStack() as stack:
-                writer: Any = None
+            empty = _table(detections.frames(0, 0), v).replace_schema_metadata(metadata_of(detections))
+            with pq.ParquetWriter(staging / file, empty.schema, compression="zstd") as writer:
                 for start, stop in ranges(detections.n_frames, _GROUP_FRAMES):
                     table = _table(detections.frames(start, stop), v)
-                    if writer is None:
-                        schema = table.schema.with_metadata(metadata_of(detections))
-                        writer = stack.enter_context(pq.ParquetWriter(staging / file, schema, compression="zstd"))
-                    writer.write_table(table.replace_schema_metadata(schema.metadata))
+                    writer.write_table(table.replace_schema_metadata(empty.schema.metadata))
 
 
 def _table(detections: Detections, view: int) -> Any:
@@ -215,7 +210,7 @@ def _table(detections: Detections, view: int) -> Any:
 
     recorded = detections.recorded[:, view]
     people = detections.people_counts[recorded, view]
-    starts = detections.offsets[:-1].reshape(detections.n_frames, -1)[recorded, view]
+    starts = detections.offsets[:-1].reshape(detections.n_frames, detections.n_views)[recorded, view]
     rows = np.repeat(starts - (np.cumsum(people) - people), people) + np.arange(int(people.sum()))
     ends = pa.array(np.concatenate([[0], np.cumsum(people)]).astype(np.int32))
 

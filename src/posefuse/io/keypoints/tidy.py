@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
@@ -92,9 +94,7 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
         told.append("a skeleton of one's own: its bones, sides and tree")
     if tuple(sorted(detections.view_names)) != detections.view_names:
         told.append("the order of the views: they are read by name")
-    silent = [
-        name for name, any_ in zip(detections.view_names, detections.recorded.any(axis=0), strict=True) if not any_
-    ]
+    silent = detections.n_views - int(np.any(detections.recorded, axis=0).sum())
     if silent:
         told.append("views without any frame")
     if detections.notes:

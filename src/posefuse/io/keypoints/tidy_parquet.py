@@ -1,6 +1,6 @@
 """Tidy tables in parquet, written and read by ranges of frames: only the ranges asked for are ever in memory."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,12 +93,9 @@ def _index(path: Path, about: About) -> _Index | None:
 
 def _cells_of_group(file: Any, group: int, about: About) -> tuple[np.ndarray, ...] | None:
     """Of each view and frame of a row group, in order: its key, time, first line and number of people."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
     table = file.read_row_group(group, columns=["camera", "frame", "time_s", "keypoint"])
-    view = pc.index_in(table["camera"].cast(pa.string()), pa.array(about.views)).fill_null(-1).to_numpy()
-    part = pc.index_in(table["keypoint"].cast(pa.string()), pa.array(about.skeleton.keypoints)).fill_null(-1).to_numpy()
+    view = _places(table["camera"], about.views)
+    part = _places(table["keypoint"], about.skeleton.keypoints)
     key = table["frame"].to_numpy() * len(about.views) + view
     there = part >= 0
     n_keypoints = len(about.skeleton)
@@ -114,6 +111,15 @@ def _cells_of_group(file: Any, group: int, about: About) -> tuple[np.ndarray, ..
         return None
     time_s = table["time_s"].to_numpy()[first].astype(np.float64)
     return keys, time_s, first, np.where(alone, 0, lines // n_keypoints)
+
+
+def _places(column: Any, names: Sequence[str]) -> np.ndarray:
+    """Which of the names each cell is, -1 for none."""
+    import pyarrow as pa
+    from pyarrow.compute import SetLookupOptions, call_function
+
+    options = SetLookupOptions(pa.array(list(names), pa.string()))
+    return call_function("index_in", [column.cast(pa.string())], options).fill_null(-1).to_numpy()
 
 
 def _stored(path: Path, about: About, index: _Index) -> Detections:
