@@ -183,6 +183,14 @@ KEYPOINTS = (
         conventions="px, netCDF-4, any number of people, times, confidence, skeleton; lossless",
     ),
     Format(
+        "openpose",
+        "posefuse.io.keypoints.openpose",
+        reads=True,
+        writes=False,
+        files="a folder a camera, a *.json a frame (also Pose2Sim, AlphaPose in OpenPose's layout)",
+        conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
+    ),
+    Format(
         "tidy",
         "posefuse.io.keypoints.tidy",
         reads=True,
@@ -213,14 +221,6 @@ KEYPOINTS = (
         writes=False,
         files="a recording folder with output_data/raw_data/*2dData*.npy",
         conventions="px, [camera, frame, keypoint, 3], third channel depth, cameras in the order of the videos' names",
-    ),
-    Format(
-        "openpose",
-        "posefuse.io.keypoints.openpose",
-        reads=True,
-        writes=False,
-        files="a folder a camera, a *.json a frame (also Pose2Sim, AlphaPose in OpenPose's layout)",
-        conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
     ),
     Format(
         "easymocap",
