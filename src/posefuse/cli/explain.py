@@ -1,7 +1,6 @@
 """``posefuse explain``."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -68,7 +67,7 @@ def _detections(result: Reconstruction, recording: Path | None, keypoints: Path 
         assert recording is not None
         keypoints = choose_keypoints(find_recording(recording))
     options = result.options
-    detections = read_keypoints(keypoints, replace(Request.of(options, Bars()), skeleton=result.skeleton))
+    detections = read_keypoints(keypoints, Request(result.skeleton, options.rate_hz, options.third_channel, Bars()))
     known = result.provenance.inputs.get(keypoints.name)
     if known is not None and known != digest(keypoints):
         warn(f"{keypoints.name} has changed since the result was made; what is said of detections may be wrong.")

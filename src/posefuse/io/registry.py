@@ -186,7 +186,7 @@ KEYPOINTS = (
         "openpose",
         "posefuse.io.keypoints.openpose",
         reads=True,
-        writes=False,
+        writes=True,
         files="a folder a camera, a *.json a frame (also Pose2Sim, AlphaPose in OpenPose's layout)",
         conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
     ),

@@ -5,7 +5,6 @@ annotations the frame is the last number in an image's ``file_name``, the images
 name the keypoints; a visibility of 0 is missing, 1 (hidden) and 2 say nothing about confidence.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -95,7 +94,7 @@ def read(path: Path, request: Request) -> Detections:
         frames = {image.id: last_number(image.file_name, str(file)) for image in content.images}
         people = [_annotated(one, frames, str(file)) for one in content.annotations if len(one.keypoints)]
         views.append(view_columns(name, set(frames.values()), people, str(file)))
-    told = replace(request, skeleton=skeleton)
+    told = Request(skeleton, request.rate_hz, request.third_channel, request.progress)
     return detections_of(path, views, told)
 
 

@@ -4,7 +4,6 @@ The third channel is the tracker's depth (the file's name says pixelXY). Cameras
 cased names in ``synchronized_videos``; without those, views are called ``camera_0`` ... and need ``--camera-order``.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
@@ -46,7 +45,7 @@ def read(path: Path, request: Request) -> Detections:
     if names and len(names) != len(keypoints):
         raise FileError(f"{path}: {len(names)} videos, but {len(keypoints)} cameras in {arrays[0].name}.")
     names = names or [f"camera_{i}" for i in range(len(keypoints))]
-    asked = replace(request, third_channel=request.third_channel or "depth")
+    asked = Request(request.skeleton, request.rate_hz, request.third_channel or "depth", request.progress)
     return from_array(arrays[0], keypoints, names, request.rate_hz, asked)
 
 

@@ -5,7 +5,6 @@ missing. Pixels count as in the calibration of the same file. The joints' names 
 many keypoints as a shipped skeleton has.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,4 +65,4 @@ def _with_skeleton(request: Request, views: list[ViewColumns]) -> Request:
     fitting = [skeleton for name in shipped_skeletons() if len(skeleton := shipped_skeleton(name)) == count]
     if request.skeleton is not None or len(fitting) != 1:
         return request
-    return replace(request, skeleton=fitting[0])
+    return Request(fitting[0], request.rate_hz, request.third_channel, request.progress)

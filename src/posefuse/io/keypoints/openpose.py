@@ -18,6 +18,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
+from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.pose2sim_config import find_settings
@@ -232,3 +233,13 @@ def _common_length(path: Path, views: list[ViewColumns]) -> int:
 def _without_people(view: ViewColumns, n_keypoints: int) -> ViewColumns:
     nobody = np.empty(0, dtype=np.int64)
     return ViewColumns(view.name, view.recorded, nobody, np.empty((0, n_keypoints, 3)), nobody)
+
+
+def write(detections: Detections, path: Path) -> None:
+    """Write a folder a camera; see ``openpose_writing``."""
+    openpose_writing.write(detections, path)
+
+
+def lost(detections: Detections, path: Path) -> tuple[str, ...]:
+    """What of these detections the files cannot hold."""
+    return openpose_writing.lost(detections)

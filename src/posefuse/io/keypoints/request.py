@@ -18,22 +18,22 @@ class Request:
         skeleton: what the keypoints are, or None to tell from the files.
         rate_hz: frames per second, or None to tell from the files.
         third_channel: what the third number of an array is, or None if nobody said.
-        image_size_px: width and height of the images, or None if nobody said.
         progress: told how far the reading is.
+        image_size_px: width and height of the images, or None if nobody said.
     """
 
     skeleton: Skeleton | None = None
     rate_hz: float | None = None
     third_channel: ThirdChannel | None = None
-    image_size_px: tuple[int, int] | None = None
     progress: Progress = field(default_factory=Silent)
+    image_size_px: tuple[int, int] | None = None
 
     @classmethod
     def of(cls, options: Options, progress: Progress | None = None) -> "Request":
         """The request that options make."""
         skeleton = None if options.skeleton is None else find_skeleton(options.skeleton)
         size = (options.image_size[0], options.image_size[1]) if options.image_size else None
-        return cls(skeleton, options.rate_hz, options.third_channel, size, progress or Silent())
+        return cls(skeleton, options.rate_hz, options.third_channel, progress or Silent(), image_size_px=size)
 
 
 def asked_of(detections: Detections, request: Request, path: Path) -> Detections:
