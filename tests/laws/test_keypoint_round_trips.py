@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.io.keypoints import detection_tables, replay, tidy
+from posefuse.io.keypoints import detection_tables, openpose, replay, tidy
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import shipped_skeleton
 from tests.laws import examples
@@ -104,3 +104,22 @@ def test_replays_are_lossless(seed, frames, views):
         path = Path(folder) / "replay.jsonl"
         replay.write(given, path)
         assert posefuse.read_detections(path) == given
+
+
+@given(**recordings)
+@examples(10)
+def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views):
+    views = sorted(f"v{i}_{frames}" for i in range(len(views)))
+    given = any_detections(seed, frames, views, "body_25")
+    there = np.isfinite(np.asarray(given.keypoints_px)).all(axis=-1)
+    trust = np.where(there, np.nan_to_num(np.asarray(given.confidence), nan=1.0), np.nan)
+    given = replace(
+        given, confidence=trust, depth=None, sigma_px=None, rate_hz=None, time_s=np.full(given.time_s.shape, np.nan)
+    )
+    if not given.recorded.any(axis=0).all() or (given.people_counts == 0).all():
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pose"
+        openpose.write(given, path)
+        assert openpose.lost(given, path) == ("times and the frame rate",)
+        assert posefuse.read_detections(path, "body_25") == given

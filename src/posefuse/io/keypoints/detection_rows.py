@@ -79,7 +79,10 @@ def index_files(files: Sequence[Path], names: Sequence[str], columns: dict[str, 
     twice = (np.diff(frame) == 0) & (np.diff(view) == 0)
     if twice.any():
         at = int(np.argmax(twice))
-        raise FileError(f"{files[0].parent}: camera {views[view[at]]!r} has two rows of frame {frame[at]}.")
+        raise FileError(
+            f"{files[0].parent}: camera {views[view[at]]!r} has two rows of frame {frame[at]}. "
+            "Are there several recordings? Give the folder of one."
+        )
     first = np.concatenate([np.cumsum(table.people) - table.people for table in tables])[order]
     table_of = np.repeat(np.arange(len(tables), dtype=np.int32), [len(table.frame) for table in tables])[order]
     people = people[order]

@@ -67,7 +67,8 @@ def _cameras(path: Path) -> dict[str, list[Path]]:
     for file in sorted(path.glob("*/*.parquet"), key=lambda file: natural_key(file.relative_to(path).as_posix())):
         if _is_one(file):
             found.setdefault(file.parent.name, []).append(file)
-    return found
+    # One folder alone is a recording of its own, whose files are cameras.
+    return found if len(found) > 1 else {}
 
 
 def _is_one(file: Path) -> bool:
