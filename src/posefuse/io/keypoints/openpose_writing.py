@@ -56,9 +56,20 @@ def lost(detections: Detections) -> tuple[str, ...]:
     for name, what in (("depth", "depths"), ("sigma_px", "standard deviations")):
         if getattr(detections, name) is not None:
             told.append(what)
-    if any(np.isnan(np.asarray(c.confidence)[np.isfinite(np.asarray(c.keypoints_px)).all(axis=-1)]).any()
-           for c in detections.chunks()):  # fmt: skip
+    unsaid, zero = _odd_confidences(detections)
+    if unsaid:
         told.append("that detections have no confidence: it is written as 1")
-    if any((np.asarray(c.confidence) == 0.0).any() for c in detections.chunks()):
+    if zero:
         told.append("detections with a confidence of 0, which is how OpenPose says missing")
     return tuple(told)
+
+
+def _odd_confidences(detections: Detections) -> tuple[bool, bool]:
+    """Whether there are detections without a confidence, and with one of 0."""
+    unsaid = zero = False
+    for chunk in detections.chunks():
+        seen = np.isfinite(np.asarray(chunk.keypoints_px)[..., 0])
+        trust = np.asarray(chunk.confidence)
+        unsaid |= bool(np.any(np.isnan(trust) & seen))
+        zero |= bool(np.any((trust == 0.0) & seen))
+    return unsaid, zero
