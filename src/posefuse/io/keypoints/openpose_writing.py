@@ -38,7 +38,7 @@ def _frame(detections: Detections, frame: int, view: int) -> dict[str, Any]:
     start, stop = detections.offsets[frame * detections.n_views + view :][:2]
     pixels = np.asarray(detections.keypoints_px)[start:stop]
     trust = np.asarray(detections.confidence)[start:stop]
-    missing = np.isnan(pixels).any(axis=-1)
+    missing = np.asarray(np.isnan(pixels).any(axis=-1))
     # A detection without a confidence is one all the same.
     trust = np.where(np.isnan(trust), 1.0, trust)
     values = np.where(missing[..., None], 0.0, np.concatenate([pixels, trust[..., None]], axis=-1))
