@@ -79,6 +79,18 @@ def test_frames_count_from_one_where_the_file_does(tmp_path):
     assert read_detections(folder, "coco_17").frame_numbers.tolist() == [1, 2, 3, 4, 5, 6]
 
 
+def test_hands_that_are_left_out_are_said(tmp_path):
+    given = some()
+    folder = keypoint_files.openpose(given, tmp_path)
+    assert not any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+    for file in folder.rglob("*.json"):
+        content = json.loads(file.read_text())
+        for person in content["people"]:
+            person["hand_left_keypoints_2d"] = [1.0, 2.0, 0.5] * 21
+        file.write_text(json.dumps(content))
+    assert any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+
+
 def test_annotations_name_their_keypoints_and_bones(tmp_path):
     found = read_detections(keypoint_files.coco_annotations(some(), tmp_path))
     assert found.skeleton.keypoints == shipped_skeleton("coco_17").keypoints

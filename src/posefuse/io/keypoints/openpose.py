@@ -38,6 +38,8 @@ class _Frame(msgspec.Struct):
 _decoder = msgspec.json.Decoder(_Frame)
 _NUMBER = re.compile(r"(\d{1,12})\D*$")
 _TOLD_FILES = 100
+_PARTS = re.compile(rb'"(?:hand_left|hand_right|face)_keypoints_2d"\s*:\s*\[\s*-?\d')
+_LOOKED_AT = 20
 
 
 def matches(path: Path) -> bool:
@@ -112,7 +114,15 @@ def read(path: Path, request: Request) -> Detections:
         )
     if not n_keypoints:
         views = [_without_people(view, len(skeleton)) for view in views]
+    notes = (*notes, *_left_out(folders[0], files[folders[0]]))
     return assemble(path, views, skeleton, request.rate_hz or settings.rate_hz, notes)
+
+
+def _left_out(folder: Path, names: list[str]) -> tuple[str, ...]:
+    """Whether files hold hands or faces, as far as some of them tell."""
+    if not any(_PARTS.search((folder / name).read_bytes()) for name in sorted(names)[:: len(names) // _LOOKED_AT + 1]):
+        return ()
+    return ("The hands and faces in these files are left out: the body's keypoints are read.",)
 
 
 @dataclass(frozen=True)
