@@ -215,6 +215,16 @@ def test_the_finder_knows_every_format(name, tmp_path):
     assert read_detections(found.path, given.skeleton).view_names == given.view_names
 
 
+@pytest.mark.parametrize(
+    "name", ["detection_folder", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "deeplabcut"]
+)
+def test_a_camera_whose_file_is_empty_does_not_go_missing(name, tmp_path):
+    path = WRITERS[name](some(1, body=BODY.get(name)), tmp_path)
+    max(file for file in tmp_path.rglob("*") if file.is_file()).write_bytes(b"")
+    with pytest.raises(FileError, match=r"cut short"):
+        read_detections(path)
+
+
 def test_a_skeleton_of_another_number_is_refused(tmp_path):
     path = WRITERS["replay_without_head"](some(), tmp_path)
     with pytest.raises((FileError, SkeletonError), match="17 keypoints a person"):

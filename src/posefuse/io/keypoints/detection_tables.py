@@ -58,17 +58,18 @@ def _cameras(path: Path) -> dict[str, list[Path]]:
         if not _is_one(path):
             return {}
         return {"" if set(_NAMES["camera"]) & set(column_names(path)) else path.stem: [path]}
-    found: dict[str, list[Path]] = {}
-    for file in sorted(path.glob("*.parquet"), key=lambda file: natural_key(file.name)):
-        if _is_one(file):
-            found[file.stem] = [file]
-    if found:
-        return found
-    for file in sorted(path.glob("*/*.parquet"), key=lambda file: natural_key(file.relative_to(path).as_posix())):
-        if _is_one(file):
-            found.setdefault(file.parent.name, []).append(file)
-    # One folder alone is a recording of its own, whose files are cameras.
-    return found if len(found) > 1 else {}
+    for pattern in ("*.parquet", "*/*.parquet"):
+        files = sorted(path.glob(pattern), key=lambda file: natural_key(file.relative_to(path).as_posix()))
+        if not any(_is_one(file) for file in files):
+            continue
+        found: dict[str, list[Path]] = {}
+        for file in files:
+            # One that cannot be opened is there too: a camera must not go missing unsaid.
+            if _is_one(file) or not column_names(file):
+                found.setdefault(file.stem if file.parent == path else file.parent.name, []).append(file)
+        # One folder alone is a recording of its own, whose files are cameras.
+        return found if len(found) > 1 or pattern == "*.parquet" else {}
+    return {}
 
 
 def _is_one(file: Path) -> bool:

@@ -51,8 +51,9 @@ def _files(path: Path) -> list[Path]:
     for pattern in ("*", "*/*"):
         found = [file for file in path.glob(pattern) if file.suffix in (".json", ".csv")]
         if len(found) <= _MOST_FILES:
-            files = [file for file in found if file.is_file() and _is_one(file)]
-            if files:
+            files = [file for file in found if file.is_file() and (_is_one(file) or not file.stat().st_size)]
+            # An empty file is a camera's, too, which must not go missing unsaid.
+            if any(_is_one(file) for file in files):
                 return sorted(files, key=lambda file: natural_key(file.relative_to(path).as_posix()))
     return []
 

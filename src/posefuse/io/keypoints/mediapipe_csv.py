@@ -73,10 +73,12 @@ def read(file: Path) -> Landmarks:
     """
     try:
         with file.open(encoding="utf-8-sig", newline="") as lines:
-            header, *rows = [row for row in csv.reader(lines) if row] or [[]]
+            header, *rows = [row for row in csv.reader(lines) if row] or [[""]]
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileError(f"{file} is not a CSV file in UTF-8: {error}.") from None
     header = [word.strip().lower() for word in header]
+    if not rows:
+        raise FileError(f"{file} holds no frames. Was it cut short?")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise FileError(f"{file}, line {number}: {len(row)} columns, expected {len(header)}. Was it cut short?")

@@ -60,7 +60,9 @@ def _files(path: Path) -> list[Path]:
     found = [file for pattern in ("*.jsonl", "*.json") for file in path.glob(pattern)]
     if len(found) > _MOST_FILES:
         return []
-    return sorted((file for file in found if _is_one(file)), key=lambda file: natural_key(file.name))
+    files = [file for file in found if _is_one(file) or (file.is_file() and not file.stat().st_size)]
+    # An empty file is a camera's, too, which must not go missing unsaid.
+    return sorted(files, key=lambda file: natural_key(file.name)) if any(map(_is_one, files)) else []
 
 
 def _is_one(file: Path) -> bool:
@@ -101,6 +103,8 @@ def _contents(file: Path) -> list[tuple[str, Mapping[str, Any]]]:
         rows = [(f"{file}, record {i}", row) for i, row in enumerate(decode(file, list[dict[str, Any]]))]
     else:
         rows = []
+        if not file.stat().st_size:
+            raise FileError(f"{file} is empty. Was it cut short?")
         for number, line in enumerate(file.read_bytes().splitlines(), start=1):
             if not line.strip():
                 continue
