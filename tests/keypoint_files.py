@@ -8,9 +8,12 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pyarrow.parquet as pq
+import sleap_io
 from scipy.io import savemat
 
-from posefuse.io.keypoints import native
+from posefuse.io.keypoints import detection_tables, native, replay, tidy
+from posefuse.io.keypoints.tidy_columns import table_of
 from posefuse.model.detections import Detections
 from tests.files import write_openpose
 
@@ -218,11 +221,142 @@ def deeplabcut(detections: Detections, folder: Path) -> Path:
     return folder
 
 
+def tidy_csv(detections: Detections, folder: Path) -> Path:
+    tidy.write(detections, folder / "keypoints.csv")
+    return folder / "keypoints.csv"
+
+
+def tidy_table(detections: Detections, folder: Path) -> Path:
+    """Parquet, with what posefuse says of it."""
+    tidy.write(detections, folder / "keypoints.parquet")
+    return folder / "keypoints.parquet"
+
+
+def tidy_of_others(detections: Detections, folder: Path) -> Path:
+    """Parquet with nothing but the columns, in another order."""
+    folder.mkdir(parents=True, exist_ok=True)
+    table = table_of(detections).drop_columns(["time_s"])
+    shuffled = table.take(np.random.default_rng(0).permutation(len(table)))
+    pq.write_table(shuffled, folder / "others.parquet")
+    return folder / "others.parquet"
+
+
+def detection_folder(detections: Detections, folder: Path) -> Path:
+    """Parquet tables, one a camera."""
+    detection_tables.write(detections, folder / "tables")
+    return folder / "tables"
+
+
+def replay_lines(detections: Detections, folder: Path) -> Path:
+    replay.write(detections, folder / "replay.jsonl")
+    return folder / "replay.jsonl"
+
+
+def replay_without_head(detections: Detections, folder: Path) -> Path:
+    path = replay_lines(detections, folder)
+    path.write_bytes(path.read_bytes().split(b"\n", 1)[1])
+    return path
+
+
+def payload_lines(detections: Detections, folder: Path) -> Path:
+    """A record a camera and frame, of one clock."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "records.jsonl").open("w") as file:
+        for f, number in enumerate(detections.frame_numbers.tolist()):
+            for v, name in enumerate(detections.view_names):
+                people = [
+                    {"keypoints": rows[:, :2].tolist(), "scores": rows[:, 2].tolist(), "track_id": track}
+                    for track, rows in people_of(detections, f, v)
+                ]
+                at = 1_700_000_000_000_000_000 + number * 40_000_000
+                file.write(json.dumps({"camera": name, "timestamp_ns": at, "payload": {"detections": people}}) + "\n")
+    return folder / "records.jsonl"
+
+
+def payload_arrays(detections: Detections, folder: Path) -> Path:
+    """A file a camera, a list of records with arrays of people."""
+    for v, name in enumerate(detections.view_names):
+        records = []
+        for f, number in enumerate(detections.frame_numbers.tolist()):
+            people = [rows for _, rows in people_of(detections, f, v)]
+            kps, scores = [rows[:, :2].tolist() for rows in people], [rows[:, 2].tolist() for rows in people]
+            records.append({"frame_index": number, "timestamp": 0.04 * number, "kps": kps, "kps_scores": scores})
+        _json(folder / f"{name}.json", records)
+    return folder
+
+
+def slp(detections: Detections, folder: Path) -> Path:
+    """One file of all views."""
+    folder.mkdir(parents=True, exist_ok=True)
+    skeleton = sleap_io.Skeleton(nodes=list(detections.skeleton.keypoints), edges=list(detections.skeleton.edges))
+    videos = [sleap_io.Video(filename=f"{name}.mp4", open_backend=False) for name in detections.view_names]
+    tracks = [sleap_io.Track(f"animal_{i}") for i in range(int(np.asarray(detections.track_ids).max(initial=0)) + 1)]
+    frames = []
+    for f, number in enumerate(detections.frame_numbers.tolist()):
+        for v, video in enumerate(videos):
+            instances = [
+                sleap_io.PredictedInstance.from_numpy(
+                    np.where(rows[:, 2:] > 0, rows[:, :2], np.nan), skeleton, point_scores=rows[:, 2],
+                    track=tracks[track],
+                )
+                for track, rows in people_of(detections, f, v)
+            ]  # fmt: skip
+            frames.append(sleap_io.LabeledFrame(video=video, frame_idx=number, instances=instances))
+    labels = sleap_io.Labels(frames, videos=videos, skeletons=[skeleton], tracks=tracks)
+    sleap_io.save_file(labels, folder / "labels.slp", verbose=False)
+    return folder / "labels.slp"
+
+
+def mediapipe_json(detections: Detections, folder: Path) -> Path:
+    """Landmarks in shares of an image of 1920 x 1080, a list of people a frame; no identities."""
+    for v, name in enumerate(detections.view_names):
+        frames = []
+        for f, number in enumerate(detections.frame_numbers.tolist()):
+            people = [[_landmark(row) for row in rows] for _, rows in people_of(detections, f, v)]
+            frames.append({"frame": number, "pose_landmarks": people})
+        _json(folder / f"{name}.json", {"width": 1920, "height": 1080, "frames": frames})
+    return folder
+
+
+def _landmark(row: np.ndarray) -> dict:
+    x, y, trust = (float(value) for value in row)
+    return {"x": x / 1920 or None, "y": y / 1080 or None, "z": 0.1, "visibility": trust}
+
+
+def mediapipe_wide(detections: Detections, folder: Path) -> Path:
+    """A row a frame, px, one person."""
+    return _mediapipe_csv(detections, folder, long=False)
+
+
+def mediapipe_long(detections: Detections, folder: Path) -> Path:
+    """A row a landmark, px, one person."""
+    return _mediapipe_csv(detections, folder, long=True)
+
+
+def _mediapipe_csv(detections: Detections, folder: Path, *, long: bool) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    names, kinds = detections.skeleton.keypoints, ("x", "y", "visibility")
+    for v, name in enumerate(detections.view_names):
+        with (folder / f"{name}.csv").open("w", newline="") as file:
+            lines = csv.writer(file)
+            header = ["landmark", *kinds] if long else [f"{part}_{kind}".upper() for part in names for kind in kinds]
+            lines.writerow(["frame", *header])
+            for f, number in enumerate(detections.frame_numbers.tolist()):
+                people = people_of(detections, f, v) or [(0, np.zeros((len(names), 3)))]
+                cells = [[repr(float(c)) if row[2] > 0 else "" for c in row] for row in people[0][1]]
+                if long:
+                    lines.writerows([number, part, *row] for part, row in zip(names, cells, strict=True))
+                else:
+                    lines.writerow([number, *(cell for row in cells for cell in row)])
+    return folder
+
+
 WRITERS: dict[str, Callable[[Detections, Path], Path]] = {
     writer.__name__: writer
     for writer in (
         openpose, mmpose, rtmlib, alphapose, coco_results, coco_annotations, easymocap, deeplabcut_many, deeplabcut_h5,
-        label3d, sleap, own, deeplabcut,
+        label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder, replay_lines,
+        replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide, mediapipe_long,
     )
 }  # fmt: skip
 

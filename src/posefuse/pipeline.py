@@ -32,6 +32,7 @@ from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks
+from posefuse.model.weights import weighed
 from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent, watched
 from posefuse.solving import Postprocess, Solver, Step
@@ -187,15 +188,34 @@ def look(rig: CameraRig, detections: Detections, options: Options, progress: Pro
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     options = settle_people(options, detections, len(rig))
+    options, detections, own = own_noise(rig, detections, options)
     subjects, bodies = who_is_followed(rig, detections, options, progress)
     if options.people == "one":
         notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, sample = survey.survey(rig, detections, options, subjects, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes),
+        notes=(*rig.notes, *detections.notes, *notes, *own),
     )
     return Plan(rig, detections, options, subjects, bodies, noise, provenance), sample
+
+
+def own_noise(rig: CameraRig, detections: Detections, options: Options) -> tuple[Options, Detections, tuple[str, ...]]:
+    """Weigh detections by the standard deviations that they come with, unless the options fix the noise."""
+    if detections.sigma_px is None:
+        return options, detections, ()
+    if survey.known_noise(rig, options) is not None:
+        note = "The options fix the noise: the standard deviations that the detections come with are not used."
+        return options, replace(detections, sigma_px=None), (note,)
+    usual_px = float(np.median(noise_scale.assumed(rig, 1.0).scale_px))
+    found = weighed(detections, usual_px, options.triangulation.min_confidence)
+    if found is None:
+        return options, replace(detections, sigma_px=None), ()
+    note = (
+        "Detections are weighed by the standard deviations that they come with; their common scale is the recording's. "
+        "--noise-scale-px takes all alike."
+    )
+    return replace(options, triangulation=replace(options.triangulation, confidence_exponent=1.0)), found, (note,)
 
 
 def who_is_followed(

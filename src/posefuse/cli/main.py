@@ -33,6 +33,7 @@ COMMANDS = {
     "inspect": "Say what is in a recording's folder.",
     "simulate": "Simulate a recording of one subject with known truth.",
     "simulate-people": "Simulate a recording of several people with known truth.",
+    "convert": "Write keypoints, a calibration or a result in another format.",
     "evaluate": "Compare a result with the truth.",
     "compare": "Compare triangulation methods on one recording.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",

@@ -88,6 +88,21 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part)
 
 
+_LONGEST_NAME = 200
+
+
+def file_name(name: str) -> str:
+    """A name out of somebody's data, if a file or folder can be called so and stays where it is put.
+
+    Raises:
+        FileError: if not.
+    """
+    bad = name in ("", ".", "..") or any(letter in "/\\" or ord(letter) < 32 for letter in name)
+    if bad or len(name.encode()) > _LONGEST_NAME:
+        raise FileError(f"{name[:60]!r} cannot be the name of a file. Rename it in the recording.")
+    return name
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place when all went well, and goes when not."""

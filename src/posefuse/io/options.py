@@ -139,6 +139,7 @@ _EXAMPLES = {
     "forward_m": "[1.0, 0.0, 0.0]",
     "length_between": '["left_knee", "left_ankle"]',
     "rate_hz": "60.0",
+    "image_size": "[1920, 1080]",
 }
 
 

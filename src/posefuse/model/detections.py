@@ -35,6 +35,8 @@ class Detections:
         recorded: shape (frame, view), bool: whether the view has the frame at all.
         track_ids: shape (row,), int64: the detector's own identity of the person in this view, -1 where it has none.
         depth: shape (row, keypoint), the detector's own guess of depth in its own unit, or None.
+        sigma_px: shape (row, keypoint), the detector's own standard deviation of each detection, px per axis, NaN where
+            it gives none; or None. Detections are weighed by it: see :meth:`weighed`.
         rate_hz: nominal frame rate, or None where the files do not say.
         notes: what a reader found worth saying.
 
@@ -52,6 +54,7 @@ class Detections:
     recorded: np.ndarray
     track_ids: ArraySource
     depth: ArraySource | None = None
+    sigma_px: ArraySource | None = None
     rate_hz: float | None = None
     notes: tuple[str, ...] = ()
 
@@ -82,8 +85,9 @@ class Detections:
         check("keypoints_px", self.keypoints_px, row=rows, keypoint=n_keypoints, pixel=2)
         check("confidence", self.confidence, row=rows, keypoint=n_keypoints)
         check("track_ids", self.track_ids, row=rows)
-        if self.depth is not None:
-            check("depth", self.depth, row=rows, keypoint=n_keypoints)
+        for name in ("depth", "sigma_px"):
+            if getattr(self, name) is not None:
+                check(name, getattr(self, name), row=rows, keypoint=n_keypoints)
 
     def _check_index(self) -> None:
         if np.any(np.diff(self.frame_numbers) <= 0):
@@ -104,7 +108,7 @@ class Detections:
             )
 
     def _check_numbers(self) -> None:
-        for name in ("keypoints_px", "confidence", "depth"):
+        for name in ("keypoints_px", "confidence", "depth", "sigma_px"):
             values = getattr(self, name)
             if values is None:
                 continue
@@ -118,6 +122,12 @@ class Detections:
                     f"{name} of view {view!r}, frame {frame}, holds an infinite number. Missing is NaN: mend the file."
                 )
         object.__setattr__(self, "track_ids", frozen(self.track_ids, np.int64))
+        if self.sigma_px is not None and np.any(np.asarray(self.sigma_px) <= 0.0):
+            row = int(np.argwhere(np.asarray(self.sigma_px) <= 0.0)[0, 0])
+            frame, view = self.place_of_row(row)
+            raise DetectionsError(
+                f"sigma_px of view {view!r}, frame {frame}, holds a number that is not positive. Unknown is NaN."
+            )
 
     @classmethod
     def from_dense(
@@ -211,6 +221,7 @@ class Detections:
             "recorded": self.recorded[start:stop],
             "track_ids": np.asarray(self.track_ids[rows]),
             "depth": None if self.depth is None else np.asarray(self.depth[rows]),
+            "sigma_px": None if self.sigma_px is None else np.asarray(self.sigma_px[rows]),
         }
         if not in_memory(self.keypoints_px):
             return replace(self, **parts)
@@ -238,6 +249,7 @@ class Detections:
             recorded=joined(self.recorded, *spans),
             track_ids=joined(self.track_ids, *rows),
             depth=None if self.depth is None else joined(self.depth, *rows),
+            sigma_px=None if self.sigma_px is None else joined(self.sigma_px, *rows),
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Detections"]:
@@ -269,6 +281,7 @@ class Detections:
             recorded=self.recorded[:, columns],
             track_ids=np.asarray(everything.track_ids)[rows],
             depth=None if everything.depth is None else np.asarray(everything.depth)[rows],
+            sigma_px=None if everything.sigma_px is None else np.asarray(everything.sigma_px)[rows],
         )
 
     def with_rate(self, rate_hz: float) -> "Detections":
@@ -280,16 +293,16 @@ class Detections:
         """The same people with another skeleton's keypoints, in memory.
 
         Keypoints both have are kept; derived ones are the mean of their parts where all parts were seen, with the
-        lowest of their confidences. What cannot be had is missing.
+        lowest of their confidences and the largest of their standard deviations. What cannot be had is missing.
         """
         sources = self.skeleton.sources_of(skeleton)
         everything = self.frames(0, self.n_frames)
         pixels = np.asarray(everything.keypoints_px)
         trust = np.asarray(everything.confidence)
-        rows = len(pixels)
-        new_pixels = np.full((rows, len(skeleton), 2), np.nan)
-        new_trust = np.full((rows, len(skeleton)), np.nan)
-        new_depth = None if everything.depth is None else np.full((rows, len(skeleton)), np.nan)
+        shape = len(pixels), len(skeleton)
+        new_pixels, new_trust = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+        new_depth = None if everything.depth is None else np.full(shape, np.nan)
+        new_sigma = None if everything.sigma_px is None else np.full(shape, np.nan)
         for name, parts in sources.items():
             columns = [self.skeleton.index(part) for part in parts]
             k = skeleton.index(name)
@@ -297,7 +310,17 @@ class Detections:
             new_trust[:, k] = trust[:, columns].min(axis=1)
             if new_depth is not None:
                 new_depth[:, k] = np.asarray(everything.depth)[:, columns].mean(axis=1)
-        return replace(everything, skeleton=skeleton, keypoints_px=new_pixels, confidence=new_trust, depth=new_depth)
+            if new_sigma is not None:
+                # Parts of one body err together: their mean is no better than the worst of them is taken to be.
+                new_sigma[:, k] = np.asarray(everything.sigma_px)[:, columns].max(axis=1)
+        return replace(
+            everything,
+            skeleton=skeleton,
+            keypoints_px=new_pixels,
+            confidence=new_trust,
+            depth=new_depth,
+            sigma_px=new_sigma,
+        )
 
     def dense(self) -> tuple[np.ndarray, np.ndarray]:
         """The view of one subject: pixels (frame, view, keypoint, 2) and confidence (frame, view, keypoint).

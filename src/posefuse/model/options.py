@@ -224,6 +224,7 @@ class Options:
             their number of keypoints allows.
         rate_hz: Frames per second, for files that do not say.
         third_channel: What the third number of a keypoint array is.
+        image_size: Width and height of the images in px, for keypoints that are shares of them.
         length_unit: The unit of the calibration's lengths, for formats that do not say.
         up: The world's up axis, for calibrations that do not say.
         cameras: Use only these cameras, by name.
@@ -260,6 +261,7 @@ class Options:
     skeleton: str | None = None
     rate_hz: float | None = None
     third_channel: ThirdChannel | None = None
+    image_size: tuple[int, ...] = ()
     length_unit: LengthUnit | None = None
     up: UpAxis | None = None
     cameras: tuple[str, ...] = ()
@@ -288,6 +290,9 @@ class Options:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise OptionsError(f"{name} must be positive, got {value}.")
+        object.__setattr__(self, "image_size", tuple(self.image_size))
+        if self.image_size and (len(self.image_size) != 2 or min(self.image_size) < 1):
+            raise OptionsError(f"image_size is two numbers, width and height in px, got {self.image_size}.")
         if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
             raise OptionsError(f"end_s ({self.end_s}) must come after start_s ({self.start_s}).")
         for name in ("cameras", "exclude_camera", "camera_order", "person"):

@@ -16,13 +16,15 @@ from tests.broken import broken
 from tests.keypoint_files import WRITERS
 
 NO_CONFIDENCE = ("coco_annotations", "label3d")
-ONE = ("label3d", "deeplabcut")
+ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long")
+NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long")
+BODY = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "mediapipe_long": "mediapipe_33"}
 
 
-def some(n_people: int = 2, seed: int = 0) -> Detections:
+def some(n_people: int = 2, seed: int = 0, body: str | None = None) -> Detections:
     """Two views, six frames, people with holes; everybody in the first frame, and somebody in the last."""
     rng = np.random.default_rng(seed)
-    skeleton = shipped_skeleton("mouse_22" if n_people == 1 else "coco_17")
+    skeleton = shipped_skeleton(body or ("mouse_22" if n_people == 1 else "coco_17"))
     rows, offsets, tracks = [], [0], []
     for f in range(6):
         for v in range(2):
@@ -51,14 +53,15 @@ def some(n_people: int = 2, seed: int = 0) -> Detections:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_same_detections_from_every_format(name, tmp_path):
-    given = some(1 if name in ONE else 2)
+    given = some(1 if name in ONE else 2, body=BODY.get(name))
     found = read_detections(WRITERS[name](given, tmp_path / "keypoints"), given.skeleton)
     assert found.view_names == given.view_names
     np.testing.assert_array_equal(found.frame_numbers, given.frame_numbers)
     np.testing.assert_array_equal(found.recorded, given.recorded)
     np.testing.assert_array_equal(found.offsets, given.offsets)
     np.testing.assert_allclose(found.keypoints_px, given.keypoints_px, rtol=1e-12)
-    np.testing.assert_array_equal(found.track_ids, given.track_ids)
+    tracks = np.full_like(given.track_ids, -1) if name in NAMELESS else given.track_ids
+    np.testing.assert_array_equal(found.track_ids, tracks)
     confidence = np.asarray(given.confidence)
     if name in NO_CONFIDENCE:
         confidence = np.where(np.isnan(confidence), np.nan, 1.0)
@@ -76,18 +79,54 @@ def test_frames_count_from_one_where_the_file_does(tmp_path):
     assert read_detections(folder, "coco_17").frame_numbers.tolist() == [1, 2, 3, 4, 5, 6]
 
 
+def test_hands_that_are_left_out_are_said(tmp_path):
+    given = some()
+    folder = keypoint_files.openpose(given, tmp_path)
+    assert not any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+    for file in folder.rglob("*.json"):
+        content = json.loads(file.read_text())
+        for person in content["people"]:
+            person["hand_left_keypoints_2d"] = [1.0, 2.0, 0.5] * 21
+        file.write_text(json.dumps(content))
+    assert any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+
+
 def test_annotations_name_their_keypoints_and_bones(tmp_path):
     found = read_detections(keypoint_files.coco_annotations(some(), tmp_path))
     assert found.skeleton.keypoints == shipped_skeleton("coco_17").keypoints
     assert found.skeleton.edges == shipped_skeleton("coco_17").edges
 
 
-def test_variances_of_an_ensemble_are_named_as_not_used(tmp_path):
-    header = ["scorer,e,e,e,e", "bodyparts,paw,paw,paw,paw", "coords,x,y,likelihood,x_ens_var", "0,1,2,0.9,4"]
-    (tmp_path / "a.csv").write_text("\n".join(header) + "\n")
+EKS = ("x", "y", "likelihood", "x_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
+
+
+def eks_file(path, rows, kinds=EKS):
+    """One body part, one animal."""
+    header = [["scorer", *("eks" for _ in kinds)], ["bodyparts", *("paw" for _ in kinds)], ["coords", *kinds]]
+    lines = [",".join(map(str, row)) for row in (*header, *rows)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_variances_are_the_noise_of_each_detection(tmp_path):
+    eks_file(
+        tmp_path / "a.csv",
+        [[0, 1, 2, 0.9, 1, 4, 4, 1, 9], [1, 3, 4, 0.8, 1, 4, 4, "", ""], [2, 3, 4, 0.8, 1, 4, 4, 0, 0]],
+    )
     found = read_detections(tmp_path)
     np.testing.assert_array_equal(np.asarray(found.keypoints_px)[0, 0], [1.0, 2.0])
-    assert "x_ens_var" in found.notes[0]
+    np.testing.assert_allclose(np.asarray(found.sigma_px)[:, 0], [5.0**0.5, np.nan, np.nan])
+    assert "x_ens_median" in found.notes[0]
+    assert "posterior" not in found.notes[0]
+
+
+def test_without_a_smoother_the_ensemble_tells(tmp_path):
+    eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9, 1, 4, 16]], EKS[:6])
+    assert np.asarray(read_detections(tmp_path).sigma_px)[0, 0] == pytest.approx(10.0**0.5)
+
+
+def test_no_variances_no_deviations(tmp_path):
+    eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9]], EKS[:3])
+    assert read_detections(tmp_path).sigma_px is None
 
 
 def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
@@ -114,7 +153,7 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
 
 def read_broken(name: str, folder, cases: int) -> int:
     """Read so many broken recordings of a format; how many were still read."""
-    given = some(1 if name in ONE else 2)
+    given = some(1 if name in ONE else 2, body=BODY.get(name))
     path = WRITERS[name](given, folder)
     files = sorted(file for file in folder.rglob("*") if file.is_file())
     rng = np.random.default_rng(len(name))
@@ -124,11 +163,12 @@ def read_broken(name: str, folder, cases: int) -> int:
         original = file.read_bytes()
         file.write_bytes(broken(original, rng))
         try:
-            found = read_detections(path, given.skeleton)
+            # What stays in its file is read here, too.
+            pixels = np.asarray(read_detections(path, given.skeleton).keypoints_px[:])
         except PosefuseError:
             pass
         else:
-            assert np.asarray(found.keypoints_px).shape[1:] == (len(given.skeleton), 2)
+            assert pixels.shape[1:] == (len(given.skeleton), 2)
             read += 1
         file.write_bytes(original)
     return read

@@ -21,6 +21,9 @@ class ViewColumns:
         frame_of_row: shape (row,), int64: the frame number of each person, in order.
         keypoints: shape (row, keypoint, 3): x, y, confidence; NaN where missing.
         track_ids: shape (row,), int64, -1 where there is none.
+        sigma_px: shape (row, keypoint): the detector's own standard deviations, or None.
+        depth: shape (row, keypoint): the detector's own depths, or None.
+        time_s: shape (n,): when the view took each of ``recorded``; None where frames are a rate apart.
     """
 
     name: str
@@ -28,6 +31,9 @@ class ViewColumns:
     frame_of_row: np.ndarray
     keypoints: np.ndarray
     track_ids: np.ndarray
+    sigma_px: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    time_s: np.ndarray | None = None
 
 
 def assemble(
@@ -57,6 +63,10 @@ def assemble(
     counts = np.bincount(cells, minlength=span * len(views))
     keypoints = np.concatenate([view.keypoints for view in views])[order]
     times = frame_times(frame_numbers, len(views), rate_hz)
+    for v, view in enumerate(views):
+        if view.time_s is not None:
+            times[view.recorded - frame_numbers[0], v] = view.time_s
+    rate_hz = rate_hz or rate_of_frames(times)
     try:
         return Detections(
             skeleton=skeleton,
@@ -68,8 +78,32 @@ def assemble(
             confidence=np.ascontiguousarray(keypoints[..., 2]),
             recorded=recorded,
             track_ids=np.concatenate([view.track_ids for view in views])[order],
+            depth=_joined([view.depth for view in views], views, order),
+            sigma_px=_joined([view.sigma_px for view in views], views, order),
             rate_hz=rate_hz,
             notes=notes,
         )
     except DetectionsError as error:
         raise DetectionsError(f"{path}: {error}") from None
+
+
+def _joined(parts: Sequence[np.ndarray | None], views: Sequence[ViewColumns], order: np.ndarray) -> np.ndarray | None:
+    """What some views have, NaN for the others; None where none has it."""
+    if all(part is None for part in parts):
+        return None
+    filled = [
+        np.full(view.keypoints.shape[:2], np.nan) if part is None else part
+        for part, view in zip(parts, views, strict=True)
+    ]
+    return np.concatenate(filled)[order]
+
+
+def rate_of_frames(time_s: np.ndarray) -> float | None:
+    """Frames per second from the times of consecutive frames, to six decimals; None where there are none.
+
+    Args:
+        time_s: shape (frame, view), NaN where unknown.
+    """
+    steps = np.diff(time_s, axis=0)
+    steps = steps[np.isfinite(steps) & (steps > 0.0)]
+    return (round(float(1.0 / np.median(steps)), 6) or None) if len(steps) else None

@@ -1,9 +1,10 @@
 """DeepLabCut's predictions, CSV or h5: a file a camera, columns x, y, likelihood a body part, one animal or several.
 
 Header rows: scorer, (individuals,) bodyparts, coords. Pixels; a body part that is not there is empty. Lightning
-Pose and EKS write the same with further columns a body part (medians, variances), which are left out with a note.
-The files do not say a frame rate, nor which camera they are of: views are named by what differs between the files'
-names.
+Pose and EKS write the same with further columns a body part: the variances are the detections' own noise
+(``sigma_px``, the root of the mean over x and y), posterior ones before those between the networks of an ensemble;
+medians are left out with a note. The files do not say a frame rate, nor which camera they are of: views are named by
+what differs between the files' names.
 
 Of h5 files the columns' names are pickled; of that pickle only texts, numbers and tuples of them are built.
 """
@@ -29,6 +30,7 @@ from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
+_VARIANCES = (("x_posterior_var", "y_posterior_var"), ("x_ens_var", "y_ens_var"))
 _HEADER = ["scorer", "bodyparts", "coords"]
 _MANY = ["scorer", "individuals", "bodyparts", "coords"]
 _H5_KEYS = ("df_with_missing", "tracks", "keypoints")
@@ -100,8 +102,9 @@ def read(path: Path, request: Request) -> Detections:
         if parts is not None and found != parts:
             raise FileError(f"{file} has other body parts than {files[0].name}; one recording has one skeleton.")
         parts = found
-        left |= {kind for *_, kind in table.columns if kind not in _COORDINATES}
-        views.append(_view(name, table, parts, individuals))
+        variances = _variances(table)
+        left |= {kind for *_, kind in table.columns if kind not in (*_COORDINATES, *variances)}
+        views.append(_view(name, table, parts, individuals, variances))
     assert parts is not None
     skeleton = request.skeleton or skeleton_of("deeplabcut", parts)
     if len(skeleton) != len(parts):
@@ -123,21 +126,42 @@ def _parts(file: Path, table: _Table) -> tuple[list[str], list[str]]:
     return parts, individuals
 
 
-def _view(name: str, table: _Table, parts: Sequence[str], individuals: Sequence[str]) -> ViewColumns:
+def _variances(table: _Table) -> tuple[str, ...]:
+    """Which of the table's columns say how noisy its detections are."""
+    kinds = {kind for *_, kind in table.columns}
+    return next((pair for pair in _VARIANCES if set(pair) <= kinds), ())
+
+
+def _view(
+    name: str, table: _Table, parts: Sequence[str], individuals: Sequence[str], variances: tuple[str, ...]
+) -> ViewColumns:
     """A row for each frame and individual that is seen in it; the individual's place is its track."""
     columns = {column: i for i, column in enumerate(table.columns)}
-    values = np.full((len(table.numbers), len(individuals), len(parts), 3), np.nan)
+    kinds = (*_COORDINATES, *variances)
+    values = np.full((len(table.numbers), len(individuals), len(parts), len(kinds)), np.nan)
     for i, individual in enumerate(individuals):
         for p, part in enumerate(parts):
-            for c, kind in enumerate(_COORDINATES):
+            for c, kind in enumerate(kinds):
                 column = columns.get((individual, part, kind))
                 if column is not None:
                     values[:, i, p, c] = table.values[:, column]
     values[np.isnan(values[..., :2]).any(axis=-1)] = np.nan
     frame, individual = np.nonzero(np.isfinite(values).any(axis=(2, 3)))
+    rows = values[frame, individual]
     return ViewColumns(
-        name, table.numbers, table.numbers[frame], values[frame, individual], individual.astype(np.int64)
+        name,
+        table.numbers,
+        table.numbers[frame],
+        rows[..., :3],
+        individual.astype(np.int64),
+        sigma_px=_deviations(rows[..., 3:]) if variances else None,
     )
+
+
+def _deviations(variances_px2: np.ndarray) -> np.ndarray:
+    """Standard deviations of variances of x and y, shape (row, keypoint); NaN where a variance says nothing."""
+    mean = variances_px2.mean(axis=-1)
+    return np.sqrt(np.where(np.isfinite(mean) & (mean > 0.0), mean, np.nan))
 
 
 def _read_csv(file: Path) -> _Table:

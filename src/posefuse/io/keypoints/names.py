@@ -6,7 +6,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
 _SEPARATORS = "_. "
 
@@ -55,6 +55,14 @@ def skeleton_of(name: str, keypoints: Sequence[str], edges: Sequence[tuple[str, 
         if partner in lower:
             pairs.append((keypoint, lower[partner]))
     return Skeleton(name, tuple(keypoints), edges=tuple(edges), pairs=tuple(pairs))
+
+
+def skeleton_named(name: str, keypoints: Sequence[str]) -> Skeleton:
+    """The shipped skeleton of exactly these keypoints in this order; where there is none, one of their own."""
+    for shipped in map(shipped_skeleton, shipped_skeletons()):
+        if shipped.keypoints == tuple(keypoints):
+            return shipped
+    return skeleton_of(name, keypoints)
 
 
 def _other_side(name: str) -> str | None:

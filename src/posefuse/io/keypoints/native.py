@@ -1,14 +1,13 @@
 """posefuse's own keypoint file, netCDF-4: everything :class:`Detections` holds, read by ranges."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import h5netcdf
 import numpy as np
 
-from posefuse.errors import FileError, choices
+from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
-from posefuse.io.keypoints.request import Request
+from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.netcdf import (
     StoredArray,
     add_variable,
@@ -55,17 +54,11 @@ def read(path: Path, request: Request) -> Detections:
             recorded=np.asarray(file.variables["recorded"][...]).astype(bool),
             track_ids=StoredArray(path, "track_id"),
             depth=StoredArray(path, "depth") if "depth" in file.variables else None,
+            sigma_px=StoredArray(path, "sigma_px") if "sigma_px" in file.variables else None,
             rate_hz=rate,
             notes=strings(file.variables["note"]) if "note" in file.variables else (),
         )
-    if request.skeleton is not None and request.skeleton.keypoints != detections.skeleton.keypoints:
-        held = set(detections.skeleton.sources_of(request.skeleton))
-        lacking = [name for name in request.skeleton.keypoints if name not in held]
-        detections = detections.to_skeleton(request.skeleton)
-        if lacking:
-            note = f"{path.name} has nothing for {choices(lacking)} of skeleton {request.skeleton.name}."
-            detections = replace(detections, notes=(*detections.notes, note))
-    return detections if request.rate_hz is None else detections.with_rate(request.rate_hz)
+    return asked_of(detections, request, path)
 
 
 def write(detections: Detections, path: Path) -> None:
@@ -98,11 +91,17 @@ def write(detections: Detections, path: Path) -> None:
             "confidence": add_variable(file, "confidence", ("row", "keypoint"), dtype="f8"),
             "track_ids": add_variable(file, "track_id", ("row",), dtype="i8"),
         }
-        if detections.depth is not None:
-            long["depth"] = add_variable(file, "depth", ("row", "keypoint"), dtype="f8")
+        for name in ("depth", "sigma_px"):
+            if getattr(detections, name) is not None:
+                long[name] = add_variable(file, name, ("row", "keypoint"), dtype="f8")
         start = 0
         for chunk in detections.chunks():
             stop = start + int(chunk.offsets[-1])
             for name, variable in long.items():
                 variable[start:stop] = getattr(chunk, name)
             start = stop
+
+
+def lost(detections: Detections, path: Path) -> tuple[str, ...]:
+    """What of these detections the file cannot hold: nothing."""
+    return ()

@@ -5,9 +5,12 @@ view: where a folder has such, the place in the list is the person's identity. O
 """
 
 import json
+import os
 import re
+from array import array
 from collections import Counter
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -15,6 +18,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
+from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.pose2sim_config import find_settings
@@ -32,6 +36,10 @@ class _Frame(msgspec.Struct):
 
 
 _decoder = msgspec.json.Decoder(_Frame)
+_NUMBER = re.compile(r"(\d{1,12})\D*$")
+_TOLD_FILES = 100
+_PARTS = re.compile(rb'"(?:hand_left|hand_right|face)_keypoints_2d"\s*:\s*\[\s*-?\d')
+_LOOKED_AT = 20
 
 
 def matches(path: Path) -> bool:
@@ -39,27 +47,43 @@ def matches(path: Path) -> bool:
     if not path.is_dir():
         return False
     folder = next((f for f in camera_folders(path)), None)
-    first = next(iter(frame_files(folder)), None) if folder else None
-    if first is None:
+    first = min(frame_names(folder), default=None) if folder else None
+    if folder is None or first is None:
         return False
-    with first.open("rb") as file:
+    with (folder / first).open("rb") as file:
         return b'"people"' in file.read(4096)
 
 
 def camera_folders(path: Path) -> list[Path]:
     """The folders of the cameras, in the order that counts; the folder itself if it is a camera's."""
-    inside = [entry for entry in path.iterdir() if entry.is_dir() and frame_files(entry)]
+    with os.scandir(path) as entries:
+        inside = [path / entry.name for entry in entries if entry.is_dir() and _has_frames(path / entry.name)]
     if inside:
         return sorted(inside, key=lambda entry: natural_key(entry.name))
-    return [path] if frame_files(path) else []
+    return [path] if _has_frames(path) else []
+
+
+def _has_frames(folder: Path) -> bool:
+    if (folder / "reconstruction.nc").exists():
+        return False
+    with os.scandir(folder) as entries:
+        return any(entry.name.endswith(".json") and entry.is_file() for entry in entries)
+
+
+def frame_names(folder: Path) -> list[str]:
+    """The names of a camera's JSON files; a folder of results, which holds other JSON files, has none.
+
+    A look at each file by itself, or a path object for it, would take as long as reading it.
+    """
+    if (folder / "reconstruction.nc").exists():
+        return []
+    with os.scandir(folder) as entries:
+        return [entry.name for entry in entries if entry.name.endswith(".json") and entry.is_file()]
 
 
 def frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a camera; a folder of results, which holds other JSON files, is none."""
-    if (folder / "reconstruction.nc").exists():
-        return []
-    found = (entry for entry in folder.iterdir() if entry.suffix == ".json" and entry.is_file())
-    return sorted(found, key=lambda entry: natural_key(entry.name))
+    """The JSON files of a camera, in the order that counts."""
+    return [folder / name for name in sorted(frame_names(folder), key=natural_key)]
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -71,7 +95,7 @@ def read(path: Path, request: Request) -> Detections:
     """
     folders = camera_folders(path)
     settings = find_settings(path)
-    files = {folder: frame_files(folder) for folder in folders}
+    files = {folder: frame_names(folder) for folder in folders}
     request.progress.start("reading keypoints", sum(map(len, files.values())))
     people_lists = [_read_view(folder, files[folder], request) for folder in folders]
     request.progress.finish()
@@ -90,7 +114,15 @@ def read(path: Path, request: Request) -> Detections:
         )
     if not n_keypoints:
         views = [_without_people(view, len(skeleton)) for view in views]
+    notes = (*notes, *_left_out(folders[0], files[folders[0]]))
     return assemble(path, views, skeleton, request.rate_hz or settings.rate_hz, notes)
+
+
+def _left_out(folder: Path, names: list[str]) -> tuple[str, ...]:
+    """Whether files hold hands or faces, as far as some of them tell."""
+    if not any(_PARTS.search((folder / name).read_bytes()) for name in sorted(names)[:: len(names) // _LOOKED_AT + 1]):
+        return ()
+    return ("The hands and faces in these files are left out: the body's keypoints are read.",)
 
 
 @dataclass(frozen=True)
@@ -107,52 +139,78 @@ def _with_track_ids(people_lists: list[_PeopleList]) -> list[ViewColumns]:
     return [replace(p.view, track_ids=p.place) if by_place else p.view for p in people_lists]
 
 
-def _read_view(folder: Path, files: list[Path], request: Request) -> _PeopleList:
-    frames: list[int] = []
-    rows: list[tuple[int, int, int, list[float]]] = []
+def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
+    # All numbers of a view in one flat array: as lists of Python's floats they would take four times the memory.
+    numbers, people = array("d"), _Rows([], [], [], [])
+    numbered = sorted((_frame_number(folder, name), name) for name in names)
+    for before, after in pairwise(numbered):
+        if before[0] == after[0]:
+            raise FileError(f"{folder} has two files for frame {after[0]}.")
     has_empty = False
-    for file in files:
-        frame = _frame_number(file)
-        frames.append(frame)
-        for place, person in enumerate(_decode(file).people):
-            if not person.pose_keypoints_2d:
+    for done, (frame, name) in enumerate(numbered, start=1):
+        for place, person in enumerate(_decode(folder, name).people):
+            values = person.pose_keypoints_2d
+            if not values:
                 has_empty = True
                 continue
-            if len(person.pose_keypoints_2d) % 3:
+            if len(values) % 3:
                 raise FileError(
-                    f"{file}, person {place}: pose_keypoints_2d holds {len(person.pose_keypoints_2d)} numbers, "
-                    "expected x, y, confidence for each keypoint."
+                    f"{folder / name}, person {place}: pose_keypoints_2d holds {len(values)} numbers, expected x, y, "
+                    "confidence for each keypoint."
                 )
+            numbers.extend(values)
             given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
-            rows.append((frame, place, given, person.pose_keypoints_2d))
-        request.progress.advance(1)
-    if len(set(frames)) != len(frames):
-        repeated = next(frame for frame in frames if frames.count(frame) > 1)
-        raise FileError(f"{folder} has two files for frame {repeated}.")
-    lengths = Counter(len(values) for *_, values in rows)
-    if len(lengths) > 1:
-        usual = lengths.most_common(1)[0][0]
-        frame, place, *_, values = next(row for row in rows if len(row[-1]) != usual)
+            people.add(frame, place, given, len(values) // 3)
+        if done % _TOLD_FILES == 0:
+            request.progress.advance(_TOLD_FILES)
+    request.progress.advance(len(numbered) % _TOLD_FILES)
+    return _PeopleList(
+        _columns(folder, np.array([frame for frame, _ in numbered], dtype=np.int64), people, numbers),
+        np.array(people.places, dtype=np.int64),
+        has_empty,
+    )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Of one person after another: frame, place in its list, ``person_id``, number of keypoints."""
+
+    frames: list[int]
+    places: list[int]
+    given: list[int]
+    lengths: list[int]
+
+    def add(self, frame: int, place: int, given: int, length: int) -> None:
+        self.frames.append(frame)
+        self.places.append(place)
+        self.given.append(given)
+        self.lengths.append(length)
+
+
+def _columns(folder: Path, recorded: np.ndarray, people: _Rows, numbers: "array[float]") -> ViewColumns:
+    if len(set(people.lengths)) > 1:
+        usual = Counter(people.lengths).most_common(1)[0][0]
+        odd = next(i for i, length in enumerate(people.lengths) if length != usual)
         raise FileError(
-            f"{folder}, frame {frame}: person {place} has {len(values) // 3} keypoints, the others have {usual // 3}; "
-            "one recording has one skeleton. Was the file cut short?"
+            f"{folder}, frame {people.frames[odd]}: person {people.places[odd]} has {people.lengths[odd]} keypoints, "
+            f"the others have {usual}; one recording has one skeleton. Was the file cut short?"
         )
-    n_keypoints = next(iter(lengths), 0) // 3
-    keypoints = np.array([values for *_, values in rows], dtype=np.float64).reshape(len(rows), n_keypoints, 3)
+    keypoints = np.array(numbers, dtype=np.float64).reshape(len(people.frames), next(iter(people.lengths), 0), 3)
     missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
     keypoints[missing] = np.nan
-    view = ViewColumns(
+    return ViewColumns(
         name=folder.name,
-        recorded=np.array(frames, dtype=np.int64),
-        frame_of_row=np.array([frame for frame, *_ in rows], dtype=np.int64),
+        recorded=recorded,
+        frame_of_row=np.array(people.frames, dtype=np.int64),
         keypoints=keypoints,
-        track_ids=np.array([given for _, _, given, _ in rows], dtype=np.int64),
+        track_ids=np.array(people.given, dtype=np.int64),
     )
-    return _PeopleList(view, np.array([place for _, place, *_ in rows], dtype=np.int64), has_empty)
 
 
-def _decode(file: Path) -> _Frame:
-    data = file.read_bytes()
+def _decode(folder: Path, name: str) -> _Frame:
+    file = os.path.join(folder, name)
+    with open(file, "rb", buffering=0) as content:
+        data = content.read()
     try:
         return _decoder.decode(data)
     except msgspec.ValidationError as error:
@@ -167,10 +225,10 @@ def _decode(file: Path) -> _Frame:
             raise FileError(f"{file} is not an OpenPose file: {invalid}.") from None
 
 
-def _frame_number(file: Path) -> int:
-    match = re.search(r"(\d+)\D*$", file.stem.removesuffix("_keypoints"))
+def _frame_number(folder: Path, name: str) -> int:
+    match = _NUMBER.search(name.removesuffix(".json").removesuffix("_keypoints"))
     if match is None:
-        raise FileError(f"{file}: no frame number in the name, such as in camera_000000000012_keypoints.json.")
+        raise FileError(f"{folder / name}: no frame number in the name, such as in camera_000000000012_keypoints.json.")
     return int(match.group(1))
 
 
@@ -185,3 +243,13 @@ def _common_length(path: Path, views: list[ViewColumns]) -> int:
 def _without_people(view: ViewColumns, n_keypoints: int) -> ViewColumns:
     nobody = np.empty(0, dtype=np.int64)
     return ViewColumns(view.name, view.recorded, nobody, np.empty((0, n_keypoints, 3)), nobody)
+
+
+def write(detections: Detections, path: Path) -> None:
+    """Write a folder a camera; see ``openpose_writing``."""
+    openpose_writing.write(detections, path)
+
+
+def lost(detections: Detections, path: Path) -> tuple[str, ...]:
+    """What of these detections the files cannot hold."""
+    return openpose_writing.lost(detections)

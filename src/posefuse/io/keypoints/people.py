@@ -109,6 +109,17 @@ def whole(value: Any, what: str, where: str) -> int:
     return value
 
 
+def whole_number(value: float, what: str, where: str) -> int:
+    """A whole number that was read as a float.
+
+    Raises:
+        FileError: if it is none.
+    """
+    if not abs(value) < _LARGEST_FRAME or value != round(value):
+        raise FileError(f"{where}: {what} should be a whole number, got {value}.")
+    return int(value)
+
+
 def last_number(name: str, where: str) -> int:
     """The frame number in an image's name: the last number in it.
 
@@ -121,13 +132,16 @@ def last_number(name: str, where: str) -> int:
     return int(match.group(1))
 
 
-def detections_of(path: Path, views: Sequence[ViewColumns], request: Request) -> Detections:
+def detections_of(
+    path: Path, views: Sequence[ViewColumns], request: Request, notes: tuple[str, ...] = ()
+) -> Detections:
     """The detections of a recording's views.
 
     Args:
         path: for messages.
         views: in order.
         request: what the user said.
+        notes: what is worth saying.
 
     Raises:
         FileError: if views have different keypoints, or nobody was detected and nothing tells the skeleton.
@@ -138,10 +152,11 @@ def detections_of(path: Path, views: Sequence[ViewColumns], request: Request) ->
         parts = ", ".join(f"{name}: {n}" for n, name in sorted(lengths.items()))
         raise FileError(f"{path}: views have different numbers of keypoints ({parts}); one recording has one skeleton.")
     count = next(iter(lengths), 0)
-    skeleton, notes = request.skeleton, ()
+    skeleton = request.skeleton
     if skeleton is None and count:
         people = np.concatenate([view.keypoints[..., :2] for view in views if len(view.keypoints)])
-        skeleton, notes = guess_skeleton(count, people, str(path))
+        skeleton, said = guess_skeleton(count, people, str(path))
+        notes = (*notes, *said)
     if skeleton is None:
         raise FileError(f"{path}: nobody was detected in any view, so nothing tells the skeleton. Add --skeleton.")
     if count and count != len(skeleton):
@@ -154,7 +169,8 @@ def detections_of(path: Path, views: Sequence[ViewColumns], request: Request) ->
 
 
 def _nobody(view: ViewColumns, count: int) -> ViewColumns:
-    return ViewColumns(view.name, view.recorded, np.empty(0, np.int64), np.empty((0, count, 3)), np.empty(0, np.int64))
+    nobody = np.empty(0, np.int64)
+    return ViewColumns(view.name, view.recorded, nobody, np.empty((0, count, 3)), nobody, time_s=view.time_s)
 
 
 def camera_files(path: Path, suffix: str, is_one: Any) -> list[Path]:

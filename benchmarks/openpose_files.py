@@ -1,0 +1,79 @@
+"""Time to read many OpenPose files: ``python -m benchmarks.openpose_files --frames 25000``.
+
+A recording of four views is written, a JSON file a frame and view, as OpenPose writes them (BODY_25, one person, some
+frames without), and read in a process of its own: wall and processor time, and memory. Several lengths show whether
+time is linear in frames.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+_VIEWS = 4
+_KEYPOINTS = 25
+_EMPTY_EVERY = 50
+
+
+def write(frames: int, folder: Path) -> None:
+    """Files named and filled as OpenPose does."""
+    rng = np.random.default_rng(0)
+    for v in range(_VIEWS):
+        camera = folder / f"cam_{v}_json"
+        camera.mkdir(parents=True)
+        for f in range(frames):
+            values = np.round(rng.uniform(0, 1, (_KEYPOINTS, 3)) * [1920, 1080, 1], 3)
+            person = {"person_id": [-1], "pose_keypoints_2d": values.ravel().tolist()} | {
+                f"{part}_keypoints_{kind}": [] for part in ("face", "hand_left", "hand_right") for kind in ("2d", "3d")
+            }
+            people = [] if f % _EMPTY_EVERY == 0 else [person]
+            text = json.dumps({"version": 1.3, "people": people}, separators=(",", ":"))
+            (camera / f"cam_{v}_{f:012d}_keypoints.json").write_text(text)
+
+
+def read(folder: Path) -> dict[str, float]:
+    """Read the recording as the command line does, with its progress bar."""
+    from posefuse.cli.console import Bars
+    from posefuse.io.keypoints.read import read_keypoints
+    from posefuse.io.keypoints.request import Request
+    from posefuse.model.skeletons import find_skeleton
+
+    wall, used = time.perf_counter(), time.process_time()
+    found = read_keypoints(folder, Request(find_skeleton("body_25"), 30.0, progress=Bars()))
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "frames": found.n_frames,
+        "files": int(found.recorded.sum()),
+        "wall_s": time.perf_counter() - wall,
+        "processor_s": time.process_time() - used + children.ru_utime + children.ru_stime,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, nargs="+", default=[25_000])
+    parser.add_argument("--folder", type=Path, help="a recording to read; by default one is made")
+    chosen = parser.parse_args()
+    if chosen.folder is not None:
+        print(json.dumps(read(chosen.folder)))
+        return
+    for frames in chosen.frames:
+        with tempfile.TemporaryDirectory() as folder:
+            write(frames, Path(folder) / "pose")
+            command = [sys.executable, "-m", "benchmarks.openpose_files", "--folder", f"{folder}/pose"]
+            took = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        print(
+            f"{took['files']:.0f} files: {took['wall_s']:.1f} s, processor {took['processor_s']:.1f} s, "
+            f"{took['peak_mb']:.0f} MB"
+        )
+
+
+if __name__ == "__main__":
+    main()

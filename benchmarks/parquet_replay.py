@@ -1,0 +1,108 @@
+"""Memory of reading a large parquet replay by ranges of frames: ``python -m benchmarks.parquet_replay --gigabytes 1``.
+
+A detection folder of four views (COCO-WholeBody-133, three people) of that size is written into a temporary folder, and
+read range by range, a thousand frames each, in a process of its own. The same at a quarter of the length shows what of
+the memory grows with it.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+_VIEWS, _PEOPLE, _KEYPOINTS = 4, 3, 133
+_PIECE = 2000
+
+
+def write(gigabytes: float, folder: Path) -> int:
+    """Tables of that size together; how many frames they have."""
+    import pyarrow.parquet as pq
+
+    rng = np.random.default_rng(0)
+    folder.mkdir(parents=True)
+    each = gigabytes * 1e9 / _VIEWS
+    frames = None
+    for v in range(_VIEWS):
+        file = folder / f"cam_{v}.parquet"
+        table = _table(rng, 0)
+        with pq.ParquetWriter(file, table.schema, compression="snappy") as writer:
+            start = 0
+            while (frames is None and file.stat().st_size < each) or (frames is not None and start < frames):
+                writer.write_table(_table(rng, start) if start else table)
+                start += _PIECE
+        frames = start
+    assert frames is not None
+    return frames
+
+
+def _table(rng: np.random.Generator, start: int):
+    import pyarrow as pa
+
+    def nested(values: np.ndarray):
+        inner = pa.array(values.ravel())
+        for length in reversed(values.shape[1:]):
+            ends = np.arange(len(inner) // length + 1, dtype=np.int32) * length
+            inner = pa.ListArray.from_arrays(pa.array(ends), inner)
+        return inner
+
+    shape = _PIECE, _PEOPLE, _KEYPOINTS
+    numbers = np.arange(start, start + _PIECE)
+    return pa.table(
+        {
+            "frame_index": pa.array(numbers),
+            "timestamp_ns": pa.array(numbers * 40_000_000 + 1_700_000_000_000_000_000),
+            "kps": nested(rng.uniform(0, 1920, (*shape, 2)).astype(np.float32)),
+            "kps_scores": nested(rng.uniform(size=shape).astype(np.float32)),
+        }
+    )
+
+
+def read(folder: Path) -> dict[str, float]:
+    """Read a recording range by range; what it took."""
+    from posefuse import read_detections
+
+    start = time.perf_counter()
+    found = read_detections(folder, "coco_wholebody_133")
+    opened = time.perf_counter() - start
+    total = 0.0
+    for chunk in found.chunks(1000):
+        total += float(np.nansum(np.asarray(chunk.keypoints_px)[:, 0, 0]))
+    return {
+        "frames": found.n_frames,
+        "people": int(found.offsets[-1]),
+        "open_s": opened,
+        "read_s": time.perf_counter() - start - opened,
+        "processor_s": time.process_time(),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "checksum": total,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--gigabytes", type=float, nargs="+", default=[0.25, 1.0])
+    parser.add_argument("--folder", type=Path, help="a recording to read; by default one is made")
+    chosen = parser.parse_args()
+    if chosen.folder is not None:
+        print(json.dumps(read(chosen.folder)))
+        return
+    for gigabytes in chosen.gigabytes:
+        with tempfile.TemporaryDirectory() as folder:
+            write(gigabytes, Path(folder) / "replay")
+            size = sum(file.stat().st_size for file in Path(folder).rglob("*.parquet"))
+            command = [sys.executable, "-m", "benchmarks.parquet_replay", "--folder", f"{folder}/replay"]
+            took = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        print(
+            f"{size / 1e9:.2f} GB, {took['frames']} frames, {took['people']} people: peak {took['peak_mb']:.0f} MB, "
+            f"opened in {took['open_s']:.1f} s, read in {took['read_s']:.1f} s (processor {took['processor_s']:.1f} s)"
+        )
+
+
+if __name__ == "__main__":
+    main()

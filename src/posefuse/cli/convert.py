@@ -1,0 +1,179 @@
+"""``posefuse convert``: 2D keypoints, calibrations and results from any format that is read to any that is written."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from posefuse.cli.console import Bars, count, note, say
+from posefuse.errors import FileError, OptionsError, choices, suggestion
+from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS, Format, by_name
+from posefuse.model.cameras import UpAxis
+from posefuse.model.detections import Detections
+from posefuse.model.options import LayerName, LengthUnit, Options, ThirdChannel
+from posefuse.model.skeletons import Skeleton, find_skeleton
+
+# What a name ends in tells the format, where one format is meant.
+_BY_ENDING = {
+    ".csv": "tidy", ".parquet": "tidy", ".jsonl": "replay", ".nc": "posefuse", ".toml": "anipose",
+}  # fmt: skip
+
+
+def convert(
+    path: Annotated[Path, Parameter(help="What to convert: a file, or a folder that holds it.")],
+    output: Annotated[Path, Parameter(help="Where to write it: a file, or a folder for formats of many files.")],
+    *,
+    to: Annotated[str | None, Parameter(help="The format to write; by default by how the output's name ends.")] = None,
+    onto: Annotated[
+        str | None, Parameter(help="A skeleton whose keypoints to make of those there are, such as body_20.")
+    ] = None,
+    layer: Annotated[LayerName | None, Parameter(help="Of a result: which layer; by default the best.")] = None,
+    skeleton: Annotated[str | None, Parameter(help="What the keypoints are, where files do not say.")] = None,
+    rate_hz: Annotated[float | None, Parameter(help="Frames per second, where files do not say.")] = None,
+    third_channel: Annotated[ThirdChannel | None, Parameter(help="What an array's third number is.")] = None,
+    image_size: Annotated[
+        tuple[int, int] | None, Parameter(help="Width and height in px, where keypoints are shares of the image.")
+    ] = None,
+    length_unit: Annotated[LengthUnit | None, Parameter(help="A calibration's unit, where files do not say.")] = None,
+    up: Annotated[UpAxis | None, Parameter(help="The world's up axis, where files do not say.")] = None,
+) -> None:
+    """Write 2D keypoints, a calibration or a stored result in another format.
+
+    posefuse formats lists what is read and written. What the new format cannot hold is said. Nothing that exists is
+    written over.
+    """
+    options = Options(
+        skeleton=skeleton,
+        rate_hz=rate_hz,
+        third_channel=third_channel,
+        image_size=image_size or (),
+        length_unit=length_unit,
+        up=up,
+        layer=layer,
+    )
+    _must_be_new(output)
+    if _is_result(path):
+        from posefuse.cli.convert_result import convert_result
+
+        convert_result(path, to or _result_format(output), output, layer)
+        return
+    name = to or _BY_ENDING.get(output.suffix)
+    if name is None:
+        raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(_written(), 20)}.")
+    keypoints, calibration = _writer(KEYPOINTS, name), _writer(CALIBRATIONS, name)
+    if keypoints is None and calibration is None:
+        raise OptionsError(f"--to: {name!r} is no format that keypoints or calibrations are written in. "
+                           f"{suggestion(name, _written())}")  # fmt: skip
+    source, reads = _source(path, keypoints, calibration)
+    if reads == "keypoints" and keypoints is not None:
+        _convert_keypoints(source, output, keypoints, onto, options)
+    elif reads == "a calibration" and calibration is not None:
+        _convert_calibration(source, output, calibration, options)
+    else:
+        raise OptionsError(f"{source} holds {reads}, which is not written as {name}.")
+
+
+def _must_be_new(output: Path) -> None:
+    if output.is_file():
+        raise FileError(f"{output} exists already; choose another name or remove it.")
+
+
+def _is_result(path: Path) -> bool:
+    from posefuse.io.netcdf import open_file
+
+    file = path / "reconstruction.nc" if path.is_dir() else path
+    if file.suffix != ".nc" or not file.is_file():
+        return False
+    try:
+        open_file(file, "reconstruction").close()
+    except FileError:
+        return False
+    return True
+
+
+def _result_format(output: Path) -> str:
+    """The format of results that a name ends like."""
+    written = [form.name for form in RESULTS if form.writes]
+    ending = output.suffix.removeprefix(".")
+    if ending in written:
+        return ending
+    raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(written, 20)}.")
+
+
+def _writer(formats: tuple[Format, ...], name: str) -> Format | None:
+    form = by_name(formats, name)
+    return form if form is not None and form.writes else None
+
+
+def _written() -> list[str]:
+    return list(dict.fromkeys(form.name for form in (*KEYPOINTS, *CALIBRATIONS) if form.writes))
+
+
+def _source(path: Path, keypoints: Format | None, calibration: Format | None) -> tuple[Path, str]:
+    """What is to be read, and whether it is ``keypoints`` or ``a calibration``."""
+    from posefuse.io.calibration.read import find_format as calibration_format
+    from posefuse.io.files import must_exist
+    from posefuse.io.keypoints.read import find_format as keypoint_format
+    from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
+
+    must_exist(path, "recording")
+    if keypoints is not None and keypoint_format(path) is not None:
+        return path, "keypoints"
+    if calibration is not None and calibration_format(path) is not None:
+        return path, "a calibration"
+    if path.is_file():
+        if keypoint_format(path) is not None:
+            return path, "keypoints"
+        if calibration_format(path) is not None:
+            return path, "a calibration"
+        raise FileError(f"{path} is in no format that is known, or was cut short. posefuse formats lists them.")
+    found = find_recording(path)
+    if keypoints is not None:
+        return choose_keypoints(found), "keypoints"
+    return choose_calibration(found), "a calibration"
+
+
+def _convert_keypoints(source: Path, output: Path, form: Format, onto: str | None, options: Options) -> None:
+    from posefuse.io.keypoints.read import read_keypoints
+    from posefuse.io.keypoints.request import Request
+
+    detections = read_keypoints(source, Request.of(options, Bars()))
+    for text in detections.notes:
+        note(f"note: {text}")
+    if onto is not None:
+        detections = _mapped(detections, find_skeleton(onto))
+    module = form.load()
+    module.write(detections, output)
+    lost = module.lost(detections, output)
+    people = int(detections.people_counts.max(initial=0))
+    say(
+        f"{count(detections.n_frames, 'frame')}, {count(detections.n_views, 'view')}, up to "
+        f"{count(people, 'person') if people == 1 else f'{people} people'} a view, skeleton {detections.skeleton.name}"
+    )
+    say(f"Wrote {output} ({form.name})")
+    for what in lost:
+        note(f"note: {form.name} cannot hold {what}.")
+
+
+def _mapped(detections: Detections, skeleton: Skeleton) -> Detections:
+    """The keypoints of another skeleton; what cannot be had is said."""
+    held = detections.skeleton.sources_of(skeleton)
+    if not held:
+        raise OptionsError(
+            f"--onto {skeleton.name}: nothing of it can be made of the keypoints of {detections.skeleton.name}."
+        )
+    lacking = [name for name in skeleton.keypoints if name not in held]
+    if lacking:
+        note(f"note: {detections.skeleton.name} has nothing for {choices(lacking)} of {skeleton.name}.")
+    return detections.to_skeleton(skeleton)
+
+
+def _convert_calibration(source: Path, output: Path, form: Format, options: Options) -> None:
+    from posefuse.io.calibration.read import read_cameras
+
+    rig = read_cameras(source, length_unit=options.length_unit, up=options.up)
+    for text in rig.notes:
+        note(f"note: {text}")
+    form.load().write(rig, output)
+    say(f"{count(len(rig), 'camera')}, up axis {rig.up_axis or 'unknown'}")
+    say(f"Wrote {output} ({form.name})")

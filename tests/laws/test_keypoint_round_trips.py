@@ -1,0 +1,125 @@
+"""2D keypoints written are read back, in every format that is written: all of them, up to what it says it loses."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+import posefuse
+from posefuse.io.keypoints import detection_tables, openpose, replay, tidy
+from posefuse.model.detections import Detections
+from posefuse.model.skeletons import shipped_skeleton
+from tests.laws import examples
+from tests.unit.model.test_detections import ragged
+
+seeds = st.integers(0, 2**32 - 1)
+names = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), min_size=1, max_size=8).filter(
+    lambda name: name.strip() == name
+)
+
+
+def any_detections(seed: int, frames: int, views: list[str], skeleton: str | None = None) -> Detections:
+    """Numbers of any size with holes, frames that a view has not, people whom no keypoint was seen of."""
+    rng = np.random.default_rng(seed)
+    known = None if skeleton is None else shipped_skeleton(skeleton)
+    given = ragged(rng, frames, len(views), 4 if known is None else len(known))
+    recorded = (given.people_counts > 0) | (rng.random((frames, len(views))) < 0.7)
+    recorded[0, 0] = recorded[-1, -1] = True
+    shape = np.asarray(given.confidence).shape
+    holes = rng.random(shape) < 0.3
+    scale = 10.0 ** rng.integers(-6, 6, shape)
+    rate = float(rng.integers(1, 2000) / 8)
+    return replace(
+        given,
+        skeleton=known or given.skeleton,
+        view_names=tuple(views),
+        time_s=np.where(recorded, given.frame_numbers[:, None] / rate, np.nan),
+        recorded=recorded,
+        keypoints_px=np.where(holes[..., None], np.nan, rng.normal(size=(*shape, 2)) * scale[..., None]),
+        confidence=np.where(holes | (rng.random(shape) < 0.1), np.nan, rng.uniform(size=shape)),
+        depth=np.where(holes, np.nan, rng.normal(size=shape)) if rng.random() < 0.5 else None,
+        sigma_px=np.where(rng.random(shape) < 0.1, np.nan, rng.uniform(0.1, 9, shape)) if rng.random() < 0.5 else None,
+        rate_hz=rate,
+    )
+
+
+recordings = {"seed": seeds, "frames": st.integers(2, 8), "views": st.lists(names, min_size=1, max_size=4, unique=True)}
+
+
+@given(**recordings)
+@examples(25)
+def test_tidy_parquet_is_lossless(seed, frames, views):
+    given = replace(any_detections(seed, frames, views), notes=("ä", "another"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "keypoints.parquet"
+        tidy.write(given, path)
+        assert tidy.lost(given, path) == ()
+        found = posefuse.read_detections(path)
+        assert found == given
+        assert found.frames(1, 2) == given.frames(1, 2)
+
+
+@given(**recordings)
+@examples(25)
+def test_tidy_csv_keeps_all_it_does_not_say_it_loses(seed, frames, views):
+    views = sorted(views)
+    given = any_detections(seed, frames, views, "coco_17")
+    if not given.recorded.any(axis=0).all():
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "keypoints.csv"
+        tidy.write(given, path)
+        assert tidy.lost(given, path) == ()
+        found = posefuse.read_detections(path)
+    if len(given.frame_numbers) > 1 and found.rate_hz is None:
+        given = replace(given, rate_hz=None)
+    assert found == replace(given, sigma_px=given.sigma_px, depth=given.depth)
+
+
+@given(
+    **recordings
+    | {"views": st.lists(st.text("abc_019-. ", min_size=1, max_size=6), min_size=1, max_size=3, unique=True)}
+)
+@examples(25)
+def test_detection_tables_are_lossless(seed, frames, views):
+    views = [f"v{name}" for name in views]
+    given = replace(any_detections(seed, frames, views), notes=("ä", "another"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "replay"
+        detection_tables.write(given, path)
+        found = posefuse.read_detections(path)
+        assert found == given
+        assert found.frames(1, 2) == given.frames(1, 2)
+        assert found.views(views[-1:]) == given.views(views[-1:])
+
+
+@given(**recordings)
+@examples(25)
+def test_replays_are_lossless(seed, frames, views):
+    given = replace(any_detections(seed, frames, views), notes=("ä", "another"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "replay.jsonl"
+        replay.write(given, path)
+        assert posefuse.read_detections(path) == given
+
+
+@given(**recordings)
+@examples(10)
+def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views):
+    views = sorted(f"v{i}_{frames}" for i in range(len(views)))
+    given = any_detections(seed, frames, views, "body_25")
+    there = np.isfinite(np.asarray(given.keypoints_px)).all(axis=-1)
+    trust = np.where(there, np.nan_to_num(np.asarray(given.confidence), nan=1.0), np.nan)
+    given = replace(
+        given, confidence=trust, depth=None, sigma_px=None, rate_hz=None, time_s=np.full(given.time_s.shape, np.nan)
+    )
+    if not given.recorded.any(axis=0).all() or (given.people_counts == 0).all():
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pose"
+        openpose.write(given, path)
+        assert openpose.lost(given, path) == ("times and the frame rate",)
+        assert posefuse.read_detections(path, "body_25") == given
