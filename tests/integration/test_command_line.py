@@ -148,7 +148,7 @@ def test_inspect(run, recording, tmp_path, clean_scene):
 
 def test_lists(run):
     assert "consensus (default)" in run("methods")[1]
-    assert "openpose (read)" in run("formats")[1]
+    assert "openpose (read and written)" in run("formats")[1]
 
 
 def test_a_flag_may_have_a_value_with_a_hyphen(run, recording, tmp_path):
