@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.calibration.checks import spreads
 from posefuse.calibration.gauge import pose_changes
 from posefuse.calibration.options import RefineOptions
@@ -16,7 +17,7 @@ from posefuse.calibration.sightings import Sightings
 from posefuse.calibration.uncertainty import Certainty
 from posefuse.errors import CalibrationError, PosefuseWarning, choices
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
+from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options import Options
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.status import ViewStatus
@@ -51,9 +52,7 @@ class Recorded:
             # That views do not agree is why we are here.
             warnings.simplefilter("ignore", PosefuseWarning)
             plan = settle(examine(rig, self.detections.views(rig.names), options, Silent()))
-            parts = [
-                _gathered(plan, start, min(start + _CHUNK, self.n_frames)) for start in range(0, self.n_frames, _CHUNK)
-            ]
+            parts = [_gathered(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
         return _joined(parts)
 
     def seen_by(self, name: str, sightings: Sightings) -> np.ndarray:
@@ -81,14 +80,12 @@ class Recorded:
         return bool((self.detections.people_counts > 1).any())
 
 
-_CHUNK = 2048
-
-
 def _gathered(plan: Plan, start: int, stop: int) -> Gathered:
     """The observations of a range of frames."""
     result = measure(plan, start, stop)
     layer, detections = result.layers["measured"], plan.detections.frames(start, stop)
     points, status = np.asarray(layer.points_m), np.asarray(layer.view_status)
+    assert result.tracks is not None
     rows = result.tracks.rows(detections)
     n_keypoints = points.shape[2]
     there = rows >= 0
@@ -190,22 +187,22 @@ def _outcome(
     """What is to be said, judged by the frames that were kept back."""
     judged = held_out(evidence.n_frames)
     kept = state.rig.names
-    old, new = evidence.gather(matched.select(kept)), evidence.gather(state.rig)
-    n = len(kept)
-    medians = old.medians(n, judged), new.medians(n, judged)
-    shares = old.shares(n, judged), new.shares(n, judged)
+    old, new = evidence.gather(matched), evidence.gather(state.rig)
+    n_old, n = len(matched), len(kept)
+    before_px, before_used = old.medians(n_old, judged), old.shares(n_old, judged)
+    after_px, after_used = new.medians(n, judged), new.shares(n, judged)
     moved = pose_changes(matched.select(kept), state.rig)
     rows = []
-    for camera in matched.cameras:
+    for u, camera in enumerate(matched.cameras):
         name = camera.name
         if name not in kept:
-            rows.append(_left_out(matched, name, state, new))
+            rows.append(_left_out(name, state, before_px[u], before_used[u]))
             continue
         v = state.rig.index(name)
         turn_sd, shift_sd, focal_sd = spreads(known.block(v))
         rows.append(
             CameraOutcome(
-                name, _role(name, refining, state), "", medians[0][v], medians[1][v], shares[0][v], shares[1][v],
+                name, _role(name, refining, state), "", before_px[u], after_px[v], before_used[u], after_used[v],
                 float(np.degrees(np.linalg.norm(moved[v, :3]))), turn_sd, float(np.linalg.norm(moved[v, 3:])), shift_sd,
                 float(state.rig[name].matrix[0, 0] / camera.matrix[0, 0] - 1.0), focal_sd,
             )
@@ -236,7 +233,7 @@ def _role(name: str, refining: RefineOptions, state: Progressed) -> Role:
     return "fixed" if name in refining.fix else "refined"
 
 
-def _left_out(matched: CameraRig, name: str, state: Progressed, new: Gathered) -> CameraOutcome:
+def _left_out(name: str, state: Progressed, before_px: float, used: float) -> CameraOutcome:
     nan = float("nan")
     why = state.left_out.get(name, "")
-    return CameraOutcome(name, "left out", why, nan, nan, nan, nan, nan, nan, nan, nan, nan, nan)
+    return CameraOutcome(name, "left out", why, before_px, nan, used, nan, nan, nan, nan, nan, nan, nan)

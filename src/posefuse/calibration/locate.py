@@ -80,7 +80,7 @@ def flatness(points_m: np.ndarray) -> float:
 
 
 def _proposals(points_m: np.ndarray, rays: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Poses, shape (pose, 3, 4), from samples of all sizes: small ones may hold no wrong point, large ones little noise."""
+    """Poses, shape (pose, 3, 4), from samples of all sizes: small ones may hold no wrong point, large ones average."""
     centre, size = points_m.mean(axis=0), points_m.std()
     scaled = np.concatenate([(points_m - centre) / size, np.ones((len(points_m), 1))], axis=1)
     # A ray r sees a point X where r x (P X) = 0: linear in P.

@@ -64,7 +64,10 @@ def _median(values: np.ndarray) -> float:
 class Evidence(Protocol):
     """A recording, as a refinement needs it."""
 
-    n_frames: int
+    @property
+    def n_frames(self) -> int:
+        """How many frames are looked at."""
+        ...
 
     def gather(self, rig: CameraRig) -> Gathered:
         """Triangulate with some cameras."""
@@ -157,7 +160,7 @@ def _rounds(state: Progressed, evidence: Evidence, options: RefineOptions, progr
         state, gathered = _joined(state, evidence)
         state = _adjusted(state, gathered, evidence.n_frames, options, share)
         progress.advance(1)
-        hopeless = _hopeless(state, options)
+        hopeless = _hopeless(state, options, unfit=share == 1.0)
         if hopeless:
             state = state.without(hopeless)
             continue
@@ -181,9 +184,7 @@ def _joined(state: Progressed, evidence: Evidence) -> tuple[Progressed, Gathered
         if not alone:
             return state, gathered
         why = {
-            names[
-                v
-            ]: f"it shares no more than {shared} points with any of the others; {checks.FEWEST_SHARED} are needed."
+            names[v]: f"it shares no more than {shared} points with any other; {checks.FEWEST_SHARED} are needed."
             for v, shared in alone.items()
         }
         state = state.without(why)
@@ -234,8 +235,8 @@ def _fixed(state: Progressed, options: RefineOptions) -> np.ndarray:
     return np.array([name in options.fix for name in state.rig.names])
 
 
-def _hopeless(state: Progressed, options: RefineOptions) -> dict[str, str]:
-    """Cameras to leave out: name to why."""
+def _hopeless(state: Progressed, options: RefineOptions, *, unfit: bool) -> dict[str, str]:
+    """Cameras to leave out: name to why; those that fit badly only where ``unfit``: early on many do."""
     assert state.adjusted is not None
     assert state.sightings is not None
     names, movable = state.rig.names, state.trusted & ~_fixed(state, options)
@@ -244,7 +245,7 @@ def _hopeless(state: Progressed, options: RefineOptions) -> dict[str, str]:
     errors = np.array([_median(length[state.sightings.view == v]) for v in range(len(names))])
     why = {
         names[v]: f"adjusted as well as can be, it is still {error:.1f} px off what the others see."
-        for v, error in checks.unfit(errors).items()
+        for v, error in (checks.unfit(errors) if unfit else {}).items()
     }
     given = checks.worthless(state.before, state.sightings, state.adjusted.points_m)
     for v, error in given.items():

@@ -119,20 +119,22 @@ def describe(result: Refinement) -> None:
         f"{result.after_px:.2f} px after"
     )
     kept = [camera for camera in result.cameras if camera.role != "left out"]
-    columns = ["camera", "", "px before", "after", "agree", "turned deg", "moved cm"]
-    focal = any(camera.focal_sd > 0 for camera in kept)
-    table(None, [*columns, *(["focal %"] if focal else [])], [_row(camera, focal) for camera in kept])
-    note("+-: one standard deviation, in the direction known worst; agree: share of detections, before and after.")
+    columns = ["camera", "", "px before", "px after", "agree", "turned deg", "moved cm"]
+    table(None, columns, [_row(camera) for camera in kept])
+    lenses = [camera for camera in kept if camera.focal_sd > 0]
+    if lenses:
+        rows = [[each.name, f"{100 * each.focal_share:.2f} +-{100 * each.focal_sd:.2f}"] for each in lenses]
+        table(None, ["camera", "focal length %"], rows)
+    note("+- is a standard deviation, in the direction known worst.")
     for camera in result.cameras:
         if camera.role == "left out":
             note(f"left out: camera {camera.name!r}: {camera.why}")
 
 
-def _row(camera: CameraOutcome, focal: bool) -> list[str]:
+def _row(camera: CameraOutcome) -> list[str]:
     role = "" if camera.role == "refined" else camera.role
     fixed = camera.role == "fixed"
     turned = "-" if fixed else f"{camera.turn_deg:.2f} +-{camera.turn_sd_deg:.2f}"
     moved = "-" if fixed else f"{100 * camera.shift_m:.2f} +-{100 * camera.shift_sd_m:.2f}"
-    agree = f"{percent(camera.used_before)[:-2]} {percent(camera.used_after)}"
-    row = [camera.name, role, f"{camera.before_px:.2f}", f"{camera.after_px:.2f}", agree, turned, moved]
-    return [*row, *([f"{100 * camera.focal_share:.2f} +-{100 * camera.focal_sd:.2f}"] if focal else [])]
+    errors = [f"{value:.2f}" for value in (camera.before_px, camera.after_px)]
+    return [camera.name, role, *errors, percent(camera.used_after), turned, moved]

@@ -1,7 +1,7 @@
-"""Corners of a calibration board, as other programs found them, read as keypoints: a corner is one, a board one subject.
+"""Corners of a calibration board, as other programs found them, read as keypoints; the board is the one subject.
 
-* sleap-anipose: ``*.metadata.h5`` with ``detected_corners`` (camera, frame, corner, 2) and ``frames``; the file names no
-  cameras, they are the calibration's, in its order.
+* sleap-anipose: ``*.metadata.h5`` with ``detected_corners`` (camera, frame, corner, 2) and ``frames``; the file names
+  no cameras, they are the calibration's, in its order.
 * Caliscope: ``xy.csv`` with ``sync_index, port, point_id, img_loc_x, img_loc_y`` of a charuco board.
 
 Corners that were not seen are missing; those at (0, 0) too.

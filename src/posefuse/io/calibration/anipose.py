@@ -2,7 +2,8 @@
 
 Rotation (Rodrigues vector) and translation are world to camera, the camera OpenCV's; five distortion coefficients, or
 four with ``fisheye = true``. Files written here also say ``unit``, ``up_axis``, ``notes`` and ``left_out`` under
-``[metadata]``, which other programs ignore. Tables are ordered by number: sorting them as text puts cam_10 before cam_2.
+``[metadata]``, which other programs ignore. Tables are ordered by number: sorting them as text puts cam_10
+before cam_2.
 """
 
 from pathlib import Path
