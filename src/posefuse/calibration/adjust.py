@@ -104,11 +104,12 @@ def _descend(
         gain = 0.0
         while damping < _MOST_DAMPING:
             reduced = normal.reduced(columns, damping)
-            step = np.linalg.lstsq(reduced.matrix, -reduced.scores.sum(axis=0), rcond=1e-14)[0]
+            step = np.linalg.lstsq(reduced.matrix, -reduced.gradient, rcond=1e-14)[0]
             change = np.zeros(freedom.free.size)
             change[columns] = step
-            tried = changed(rig, change.reshape(freedom.free.shape))
-            moved = points + normal.points_step(reduced, step)
+            change = change.reshape(freedom.free.shape)
+            tried = changed(rig, change)
+            moved = points + normal.points_step(reduced, change)
             new = rows_of(tried, sightings, moved, scale)
             if new.cost < rows.cost:
                 gain = rows.cost - new.cost

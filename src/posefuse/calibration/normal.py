@@ -41,12 +41,10 @@ class Rows:
 
     def freedom(self, sightings: Sightings) -> np.ndarray:
         """Shape (observation,): the share of an error that is left in its residual once points were fitted to it."""
-        weighted = self.by_point * self.weight[:, None, None]
-        squares = self.by_point.transpose(0, 2, 1) @ weighted
-        first = np.searchsorted(sightings.point, np.arange(sightings.n_points))
-        root = _inverse_root(np.add.reduceat(squares, first, axis=0))[sightings.point]
-        taken = root @ weighted.transpose(0, 2, 1)
-        lost = np.einsum("nij,nij->n", taken, root @ self.by_point.transpose(0, 2, 1))
+        flipped = self.by_point.transpose(0, 2, 1)
+        squares = flipped @ (self.by_point * self.weight[:, None, None])
+        taken = _inverse_root(_by_point(squares, sightings))[sightings.point] @ flipped
+        lost = self.weight * (taken**2).sum(axis=(1, 2))
         return np.clip(1.0 - 0.5 * lost, _LEAST_FREEDOM, 1.0)
 
     @property
@@ -94,16 +92,18 @@ def rows_of(rig: CameraRig, sightings: Sightings, points_m: np.ndarray, scale: n
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations in blocks.
+    """Normal equations in blocks; observations are those of some sightings.
 
     Attributes:
+        sightings: whose they are.
         cameras: shape (view, 9, 9).
         points: shape (point, 3, 3).
-        mixed: shape (point, view, 9, 3), zero where a view does not see a point.
-        camera_gradient: shape (point, view, 9): each point's part of it.
+        mixed: shape (observation, 3, 9).
+        camera_gradient: shape (observation, 9): each observation's part of it.
         point_gradient: shape (point, 3).
     """
 
+    sightings: Sightings
     cameras: np.ndarray
     points: np.ndarray
     mixed: np.ndarray
@@ -120,23 +120,18 @@ class Normal:
             n_views: how many views there are.
             weight: shape (observation,), of the squares of derivatives.
         """
-        n, view, point = sightings.n_points, sightings.view, sightings.point
-        flipped = rows.by_camera.transpose(0, 2, 1)
         root = np.sqrt(weight)[:, None, None]
+        by_camera = root * rows.by_camera
         cameras = np.zeros((n_views, N_PARAMETERS, N_PARAMETERS))
         for v in range(n_views):
-            block = (root[view == v] * rows.by_camera[view == v]).reshape(-1, N_PARAMETERS)
+            block = by_camera[sightings.view == v].reshape(-1, N_PARAMETERS)
             cameras[v] = block.T @ block
-        weighted = rows.by_point * weight[:, None, None]
-        first = np.searchsorted(point, np.arange(n))
-        points = np.add.reduceat(weighted.transpose(0, 2, 1) @ rows.by_point, first, axis=0)
-        mixed = np.zeros((n, n_views, N_PARAMETERS, 3))
-        mixed[point, view] = flipped @ weighted
-        pulled = (rows.residual * rows.weight[:, None])[:, :, None]
-        camera_gradient = np.zeros((n, n_views, N_PARAMETERS))
-        camera_gradient[point, view] = (flipped @ pulled)[:, :, 0]
-        point_gradient = np.add.reduceat((rows.by_point.transpose(0, 2, 1) @ pulled)[:, :, 0], first, axis=0)
-        return cls(cameras, points, mixed, camera_gradient, point_gradient)
+        by_point = (root * rows.by_point).transpose(0, 2, 1)
+        points = _by_point(by_point @ by_point.transpose(0, 2, 1), sightings)
+        pulled = rows.residual * rows.weight[:, None]
+        camera_gradient = (pulled[:, None] @ rows.by_camera)[:, 0]
+        point_gradient = _by_point((pulled[:, None] @ rows.by_point)[:, 0], sightings)
+        return cls(sightings, cameras, points, by_point @ by_camera, camera_gradient, point_gradient)
 
     def reduced(self, columns: np.ndarray, damping: float = 0.0) -> "Reduced":
         """Points eliminated.
@@ -145,39 +140,62 @@ class Normal:
             columns: the free numbers among the cameras'.
             damping: the share by which the diagonals grow (Marquardt).
         """
-        n = len(self.points)
-        eye = np.arange(3)
+        n, n_views = len(self.points), len(self.cameras)
+        size, view, point = n_views * N_PARAMETERS, self.sightings.view, self.sightings.point
         damped = self.points.copy()
-        damped[:, eye, eye] *= 1.0 + damping
+        damped[:, np.arange(3), np.arange(3)] *= 1.0 + damping
         root = _inverse_root(damped)
-        mixed = self.mixed.reshape(n, -1, 3)[:, columns]
-        # (point, 3, column): its square is what eliminating the point takes away.
-        taken = root @ mixed.transpose(0, 2, 1)
-        flat = taken.reshape(-1, len(columns))
-        matrix = np.zeros((self.cameras.shape[0] * N_PARAMETERS,) * 2)
-        for v, block in enumerate(self.cameras):
-            at = slice(v * N_PARAMETERS, (v + 1) * N_PARAMETERS)
-            matrix[at, at] = block
-        matrix = matrix[np.ix_(columns, columns)]
-        diagonal = np.arange(len(columns))
-        matrix[diagonal, diagonal] *= 1.0 + damping
-        moved = root @ self.point_gradient[:, :, None]
-        scores = self.camera_gradient.reshape(n, -1)[:, columns] - (taken.transpose(0, 2, 1) @ moved)[:, :, 0]
-        return Reduced(matrix - flat.T @ flat, scores, root, mixed)
+        # Its square is what eliminating the points takes away.
+        taken = np.zeros((n, 3, n_views, N_PARAMETERS))
+        taken[point, :, view] = root[point] @ self.mixed
+        flat = taken.reshape(3 * n, size)
+        if len(columns) < size:
+            flat = flat[:, columns]
+        matrix = np.zeros((n_views, N_PARAMETERS, n_views, N_PARAMETERS))
+        matrix[np.arange(n_views), :, np.arange(n_views)] = self.cameras
+        matrix = matrix.reshape(size, size)[np.ix_(columns, columns)]
+        matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
+        moved = (root @ self.point_gradient[:, :, None])[:, :, 0]
+        gradient = np.zeros((n_views, N_PARAMETERS))
+        np.add.at(gradient, view, self.camera_gradient)
+        return Reduced(matrix - flat.T @ flat, gradient.ravel()[columns] - moved.ravel() @ flat, root, flat, moved)
 
-    def points_step(self, reduced: "Reduced", step: np.ndarray) -> np.ndarray:
-        """How the points go along with a step of the cameras' free numbers: shape (point, 3)."""
-        right = -self.point_gradient - step @ reduced.mixed
+    def scores(self, columns: np.ndarray, reduced: "Reduced") -> np.ndarray:
+        """Shape (point, free): each point's part of the reduced gradient."""
+        n, n_views = len(self.points), len(self.cameras)
+        whole = np.zeros((n, n_views, N_PARAMETERS))
+        whole[self.sightings.point, self.sightings.view] = self.camera_gradient
+        taken = reduced.taken.reshape(n, 3, len(columns))
+        return whole.reshape(n, -1)[:, columns] - (reduced.moved[:, None] @ taken)[:, 0]
+
+    def points_step(self, reduced: "Reduced", change: np.ndarray) -> np.ndarray:
+        """How the points go along with a change of the cameras, shape (view, 9): shape (point, 3)."""
+        along = (self.mixed @ change[self.sightings.view][:, :, None])[:, :, 0]
+        right = -self.point_gradient - _by_point(along, self.sightings)
         inner = reduced.root @ right[:, :, None]
         return (reduced.root.transpose(0, 2, 1) @ inner)[:, :, 0]
 
 
+def _by_point(values: np.ndarray, sightings: Sightings) -> np.ndarray:
+    """Sums over the observations of each point; all points have some, one after the other."""
+    return np.add.reduceat(values, np.searchsorted(sightings.point, np.arange(sightings.n_points)), axis=0)
+
+
 def _inverse_root(matrices: np.ndarray) -> np.ndarray:
-    """Shape (n, 3, 3): R with R'R the inverse; nothing where a matrix says nothing."""
-    values, vectors = np.linalg.eigh(matrices)
-    sound = values > _TINY * values[:, -1:]
-    inverse = np.where(sound, 1.0 / np.sqrt(np.where(sound, values, 1.0)), 0.0)
-    return inverse[:, :, None] * vectors.transpose(0, 2, 1)
+    """Shape (n, 3, 3): R with R'R the inverse, by Cholesky; nothing in directions of which a matrix says nothing."""
+    lower, out = np.zeros_like(matrices), np.zeros_like(matrices)
+    least = _TINY * np.trace(matrices, axis1=1, axis2=2)
+    for j in range(3):
+        pivot = matrices[:, j, j] - (lower[:, j, :j] ** 2).sum(axis=1)
+        sound = pivot > least
+        inverse = np.where(sound, 1.0 / np.sqrt(np.where(sound, pivot, 1.0)), 0.0)
+        for i in range(j + 1, 3):
+            lower[:, i, j] = (matrices[:, i, j] - (lower[:, i, :j] * lower[:, j, :j]).sum(axis=1)) * inverse
+        # A row of the inverse of the lower triangle, from those above it.
+        out[:, j, j] = inverse
+        for k in range(j):
+            out[:, j, k] = -(lower[:, j, k:j] * out[:, k:j, k]).sum(axis=1) * inverse
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +204,14 @@ class Reduced:
 
     Attributes:
         matrix: shape (free, free), the Schur complement.
-        scores: shape (point, free): each point's part of the gradient.
+        gradient: shape (free,).
         root: shape (point, 3, 3), the inverse root of each point's matrix.
-        mixed: shape (point, free, 3).
+        taken: shape (point * 3, free), whose square was taken away.
+        moved: shape (point, 3), the roots times the points' gradients.
     """
 
     matrix: np.ndarray
-    scores: np.ndarray
+    gradient: np.ndarray
     root: np.ndarray
-    mixed: np.ndarray
+    taken: np.ndarray
+    moved: np.ndarray

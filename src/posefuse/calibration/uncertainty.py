@@ -63,7 +63,7 @@ def certainty(adjusted: Adjusted, sightings: Sightings, freedom: Freedom, gauge:
     allowed = allowed * unit[:, None]
     spread = allowed @ inverse @ allowed.T
     covariance = np.zeros((size, size))
-    covariance[np.ix_(columns, columns)] = spread @ _meat(reduced.scores, sightings) @ spread
+    covariance[np.ix_(columns, columns)] = spread @ _meat(normal.scores(columns, reduced), sightings) @ spread
     return Certainty(covariance, undetermined)
 
 
