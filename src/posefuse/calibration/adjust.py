@@ -16,7 +16,7 @@ from posefuse.model.cameras import CameraRig
 
 _MOST_STEPS = 40
 _SCALE_ROUNDS = 2
-_COARSE_GAIN, _FINE_GAIN = 1e-4, 1e-6
+_COARSE_GAIN, _FINE_GAIN = 1e-3, 1e-6
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e6
 # The median length of a standard normal error in two dimensions.
 _MEDIAN_LENGTH = float(np.sqrt(2.0 * np.log(2.0)))

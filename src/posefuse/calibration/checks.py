@@ -15,6 +15,8 @@ _WORST_SHIFT_SHARE = 0.1
 _WORST_FOCAL = 0.02
 _WORTHLESS = 2.0
 _UNFIT = 5.0
+_UNFIT_SHARE = 0.02
+_FEWEST_TO_TELL = 4
 _SAME_PLACE_SHARE = 1e-3
 _SAME_TURN_RAD = 1e-3
 
@@ -75,19 +77,26 @@ def worthless(before: CameraRig, sightings: Sightings, points_m: np.ndarray) -> 
     return found
 
 
-def unfit(error_px: np.ndarray) -> dict[int, float]:
-    """Views that fit the others far worse than these fit each other, adjusted as they are: view to the error in px."""
+def unfit(rig: CameraRig, error_px: np.ndarray) -> dict[int, float]:
+    """Views that fit the others far worse than these fit each other, adjusted as they are: view to the error in px.
+
+    Among three nobody can tell who it is.
+    """
+    if len(rig) < _FEWEST_TO_TELL:
+        return {}
     usual = float(np.nanmedian(error_px))
-    return {int(v): float(error_px[v]) for v in np.flatnonzero(error_px > _UNFIT * usual)}
+    side = np.array([max(camera.size_px) for camera in rig.cameras])
+    bad = (error_px > _UNFIT * usual) & (error_px > _UNFIT_SHARE * side)
+    return {int(v): float(error_px[v]) for v in np.flatnonzero(bad)}
 
 
-def must_cover(rig: CameraRig, sightings: Sightings, views: list[int]) -> None:
+def must_cover(rig: CameraRig, covered: np.ndarray, views: list[int]) -> None:
     """Refuse to change lenses that only a part of the image tells of.
 
     Raises:
         CalibrationError: naming the cameras.
     """
-    narrow = [rig.names[v] for v in views if not covers(rig, sightings, v)]
+    narrow = [rig.names[v] for v in views if not covered[v]]
     if narrow:
         raise CalibrationError(
             f"Focal lengths and distortion cannot be told from these points: in the images of {choices(narrow)} they "
@@ -138,15 +147,25 @@ def must_determine(certain: Certainty, rig: CameraRig, reach_m: float) -> None:
             "change of what they would see: the Schur complement is singular. Points in one plane or line, or too few "
             "views of each, do this. Fix two cameras that have not moved (--fix), or take more of the recording."
         )
-    for v, name in enumerate(rig.names):
-        turn_deg, shift_m, focal = spreads(certain.block(v))
-        if turn_deg > _WORST_TURN_DEG or shift_m > _WORST_SHIFT_SHARE * reach_m or focal > _WORST_FOCAL:
-            raise CalibrationError(
-                f"These points do not tell where camera {name!r} stands: its direction would be known to "
-                f"{turn_deg:.2g} degrees, its place to {100 * shift_m:.2g} cm, its focal length to {100 * focal:.2g} % "
-                "(one standard deviation). Keep it as it is (--fix), leave it out (--exclude-camera), refine less "
-                "(--refine extrinsics), or take more of the recording."
-            )
+    poor = [v for v in range(len(rig)) if not determined(certain, v, reach_m)]
+    if poor:
+        said = []
+        for v in poor:
+            turn_deg, shift_m, focal = spreads(certain.block(v))
+            lens = f", focal length to {100 * focal:.2g} %" if focal > 0 else ""
+            said.append(f"{rig.names[v]!r}: direction to {turn_deg:.2g} degrees, place to {100 * shift_m:.2g} cm{lens}")
+        raise CalibrationError(
+            f"These points do not tell where cameras stand well enough to change that. They would be known, one "
+            f"standard deviation, for {'; '.join(said)}. Keep such cameras as they are (--fix), leave them out "
+            "(--exclude-camera), refine less (--refine extrinsics), use a board (--from board), or take more of the "
+            "recording: a subject that moves through the whole volume tells most."
+        )
+
+
+def determined(certain: Certainty, view: int, reach_m: float) -> bool:
+    """Whether a camera is known to two degrees, a tenth of its distance, and 2 % of its focal length."""
+    turn_deg, shift_m, focal = spreads(certain.block(view))
+    return turn_deg <= _WORST_TURN_DEG and shift_m <= _WORST_SHIFT_SHARE * reach_m and focal <= _WORST_FOCAL
 
 
 def spreads(block: np.ndarray) -> tuple[float, float, float]:

@@ -87,6 +87,8 @@ class Progressed:
         rig: the same, as refined so far.
         located: names of those located from scratch.
         left_out: name to why.
+        doubted: names of those that most others contradicted, as they were given.
+        covered: shape (view,), bool, of the last round: whether what a view saw is all over its image.
         adjusted: of the last round.
         sightings: that it was made from.
     """
@@ -95,6 +97,8 @@ class Progressed:
     rig: CameraRig
     located: tuple[str, ...] = ()
     left_out: dict[str, str] = field(default_factory=dict)
+    doubted: tuple[str, ...] = ()
+    covered: np.ndarray | None = None
     adjusted: Adjusted | None = None
     sightings: Sightings | None = None
 
@@ -144,13 +148,19 @@ def refine(
         state = _relocated(state, given, evidence, options)
         state = _rounds(state, evidence, options, progress)
     progress.finish()
+    known = _known(state, options)
     assert state.adjusted is not None
-    assert state.sightings is not None
-    freedom, fixed = _freedom(state, options, state.sightings), _fixed(state, options)
-    gauge = gauge_of(state.before, state.rig, state.adjusted.points_m, fixed, state.trusted)
-    known = certainty(state.adjusted, state.sightings, freedom, gauge)
     checks.must_determine(known, state.rig, reach_of(state.rig, state.adjusted.points_m))
     return state, known
+
+
+def _known(state: Progressed, options: RefineOptions) -> Certainty:
+    """How well the cameras are known after a round."""
+    assert state.adjusted is not None
+    assert state.sightings is not None
+    freedom, fixed = _freedom(state, options), _fixed(state, options)
+    gauge = gauge_of(state.before, state.rig, state.adjusted.points_m, fixed, state.trusted)
+    return certainty(state.adjusted, state.sightings, freedom, gauge)
 
 
 def _rounds(state: Progressed, evidence: Evidence, options: RefineOptions, progress: Progress) -> Progressed:
@@ -196,6 +206,8 @@ def _adjusted(state: Progressed, gathered: Gathered, n_frames: int, options: Ref
     # A camera that most others contradict is off itself: all it saw counts. Else what agrees does.
     doubted = np.nan_to_num(gathered.shares(n)) < _AGREES
     seen, error = gathered.sightings, gathered.error_px
+    if state.adjusted is None:
+        state = replace(state, doubted=tuple(name for name, off in zip(state.rig.names, doubted, strict=True) if off))
     kept = (gathered.used | doubted[seen.view]) & ~held_out(n_frames)[seen.frame][seen.point]
     medians = np.array([_median(error[kept & (seen.view == v)]) for v in range(n)])
     sightings = seen.keep(kept)
@@ -203,7 +215,8 @@ def _adjusted(state: Progressed, gathered: Gathered, n_frames: int, options: Ref
     checks.must_suffice(sightings)
     side = max(max(camera.size_px) for camera in state.rig.cameras)
     start_px = min(float(np.nanmax(medians)), _LARGEST_START * side)
-    done = adjust(state.rig, sightings, _freedom(state, options, sightings), start_px)
+    state = replace(state, covered=np.array([checks.covers(state.rig, seen, v) for v in range(n)]))
+    done = adjust(state.rig, sightings, _freedom(state, options), start_px)
     rig, points = _in_world(state, done, _fixed(state, options))
     done = replace(done, rig=rig, points_m=points, rows=rows_of(rig, sightings, points, done.scale))
     return replace(state, rig=rig, adjusted=done, sightings=sightings)
@@ -217,16 +230,17 @@ def _in_world(state: Progressed, done: Adjusted, fixed: np.ndarray) -> tuple[Cam
     return align(state.before, done.rig, done.points_m, state.trusted)
 
 
-def _freedom(state: Progressed, options: RefineOptions, sightings: Sightings) -> Freedom:
+def _freedom(state: Progressed, options: RefineOptions) -> Freedom:
     """What may change; the lens of a camera located by a board too, where the board was all over its image."""
     fixed = tuple(name for name in options.fix if name in state.rig.names)
     free = Freedom.of(state.rig, options.refine, fixed).free
+    assert state.covered is not None
     if options.refine != "extrinsics":
         moving = [v for v, name in enumerate(state.rig.names) if name not in fixed]
-        checks.must_cover(state.rig, sightings, moving)
+        checks.must_cover(state.rig, state.covered, moving)
     for name in state.located:
         v = state.rig.index(name)
-        if options.rigid and checks.covers(state.rig, sightings, v):
+        if options.rigid and state.covered[v]:
             free[v] = Freedom.of(state.rig.select([name]), "lens").free[0]
     return Freedom(free)
 
@@ -239,17 +253,23 @@ def _hopeless(state: Progressed, options: RefineOptions, *, unfit: bool) -> dict
     """Cameras to leave out: name to why; those that fit badly only where ``unfit``: early on many do."""
     assert state.adjusted is not None
     assert state.sightings is not None
+    # Who agreed with the others as it was given was not given a wrong pose.
     names, movable = state.rig.names, state.trusted & ~_fixed(state, options)
+    movable &= np.array([name in state.doubted for name in names])
     length = np.sqrt(state.adjusted.rows.squared) * state.adjusted.scale[state.sightings.view]
     length = length * state.sightings.sigma_px
     errors = np.array([_median(length[state.sightings.view == v]) for v in range(len(names))])
     why = {
         names[v]: f"adjusted as well as can be, it is still {error:.1f} px off what the others see."
-        for v, error in (checks.unfit(errors) if unfit else {}).items()
+        for v, error in (checks.unfit(state.rig, errors) if unfit else {}).items()
+        if not _fixed(state, options)[v]
     }
     given = checks.worthless(state.before, state.sightings, state.adjusted.points_m)
+    known = _known(state, options) if given else None
+    reach = reach_of(state.rig, state.adjusted.points_m)
     for v, error in given.items():
-        if movable[v]:
+        # Where the points do not tell how the camera stands they do not tell that it stood wrong either.
+        if movable[v] and known is not None and checks.determined(known, v, reach):
             why[names[v]] = (
                 f"its pose in the calibration is {error:.0f} px off what the others see, worse than none: it is not "
                 f"this camera's. --relocate {names[v]} finds its place from scratch."

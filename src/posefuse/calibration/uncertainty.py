@@ -49,6 +49,8 @@ def certainty(adjusted: Adjusted, sightings: Sightings, freedom: Freedom, gauge:
     """
     columns, rows = freedom.columns, adjusted.rows
     size = freedom.free.size
+    if not len(columns):
+        return Certainty(np.zeros((size, size)), None)
     normal = Normal.of(rows, sightings, len(adjusted.rig), rows.curvature)
     reduced = normal.reduced(columns)
     # Radians, metres and parts of a focal length, made alike.
