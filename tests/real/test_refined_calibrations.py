@@ -42,9 +42,7 @@ def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
         with h5py.File(next((folder / name).glob("*.analysis.h5"))) as file:
             views.append(np.asarray(file["tracks"])[0].transpose(2, 1, 0))
             nodes = [node.decode() for node in file["node_names"][:]]
-    mouse = posefuse.Detections.from_dense(Skeleton("mouse", tuple(nodes)), rig.names, np.stack(views, axis=1)).frames(
-        0, 60
-    )
+    mouse = posefuse.Detections.from_dense(Skeleton("mouse", tuple(nodes)), rig.names, np.stack(views, axis=1))
     with pytest.raises(CalibrationError, match="Focal lengths and distortion cannot be told"):
         refine_calibration(rig, mouse, ONE, RefineOptions("focal", relocate=("side",)))
     held = RefineOptions(fix=("back", "mid", "top"), relocate=("side",))
