@@ -13,6 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from posefuse.calibration.options import RefineOptions as RefineOptions
+    from posefuse.calibration.outcome import Refinement as Refinement
     from posefuse.edits import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
     from posefuse.pipeline import calibrate_noise as calibrate_noise
     from posefuse.pipeline import reconstruct as reconstruct
     from posefuse.pipeline import triangulate as triangulate
+    from posefuse.refining import refine_calibration as refine_calibration
     from posefuse.synthetic.crowd_options import CrowdFaults as CrowdFaults
     from posefuse.synthetic.crowd_options import CrowdOptions as CrowdOptions
     from posefuse.synthetic.crowds import crowd_of_points as crowd_of_points
@@ -96,7 +99,10 @@ _PLACES = {
     "model.tracker_options": ("TrackerOptions",),
     "model.tracks": ("TrackState", "Tracks"),
     "model.trajectory_options": ("TrajectoryOptions",),
+    "calibration.options": ("RefineOptions",),
+    "calibration.outcome": ("Refinement",),
     "pipeline": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
+    "refining": ("refine_calibration",),
     "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),

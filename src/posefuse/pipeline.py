@@ -453,6 +453,7 @@ def match_views(
         MatchError: if a view has no camera, or two might be its.
     """
     order = options.camera_order
+    rig, detections, left_out = _without_left_out(rig, detections, options)
     names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
     wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
     for name in (*options.cameras, *options.exclude_camera):
@@ -461,7 +462,7 @@ def match_views(
             raise MatchError(f"Camera {name!r} is calibrated but has no view; the views are of {choices(names)}.")
     if not wanted:
         raise MatchError(f"No camera is left: exclude_camera names all of {choices(names)}.")
-    notes = []
+    notes = [*left_out]
     idle = [name for name in rig.names if name not in names]
     if idle:
         notes.append(f"{len(idle)} calibrated cameras have no view and are left out: {choices(idle)}.")
@@ -472,6 +473,20 @@ def match_views(
         views = [detections.view_names[names.index(name)] for name in wanted]
         detections = detections.views(views)
     return rig.select(wanted), detections, tuple(notes)
+
+
+def _without_left_out(
+    rig: CameraRig, detections: Detections, options: Options
+) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+    """The views but for those of cameras that the calibration does not hold for, and what is to be said of them."""
+    left_out = {plain_name(name) for name in rig.left_out}
+    rig = replace(rig, left_out=())
+    kept = [view for view in detections.view_names if plain_name(view) not in left_out]
+    if options.camera_order or not kept or len(kept) == detections.n_views:
+        return rig, detections, ()
+    gone = [view for view in detections.view_names if view not in kept]
+    note = f"Views not used, whose cameras were left out when the calibration was refined: {choices(gone)}."
+    return rig, detections.views(kept), (note,)
 
 
 def _by_order(rig: CameraRig, detections: Detections, order: tuple[str, ...]) -> tuple[str, ...]:

@@ -37,6 +37,7 @@ COMMANDS = {
     "evaluate": "Compare a result with the truth.",
     "compare": "Compare triangulation methods on one recording.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
+    "refine-calibration": "Refine where cameras stand by what they saw.",
     "explain": "Say of a frame which detection is whose, and why.",
     "edit": "Merge, split, rename, drop or swap people of a result.",
     "report": "Write a result's report, one HTML page.",

@@ -209,6 +209,7 @@ class CameraRig(Rebuilt):
         source: the file it was read from, by name only.
         metres_per_unit: what the file's lengths were multiplied by.
         notes: what a reader found worth saying.
+        left_out: names of cameras that the calibration was found not to hold for; their views are not used.
 
     Raises:
         CameraError: on an empty rig, a repeated name or an unknown axis.
@@ -219,9 +220,11 @@ class CameraRig(Rebuilt):
     source: str = ""
     metres_per_unit: float = 1.0
     notes: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
+        object.__setattr__(self, "left_out", tuple(self.left_out))
         if not self.cameras:
             raise CameraError(f"A rig needs at least one camera; {self.source or 'this one'} has none.")
         repeated = sorted({name for name in self.names if self.names.count(name) > 1})

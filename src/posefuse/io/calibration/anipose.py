@@ -1,8 +1,9 @@
 """Anipose's and FreeMoCap's calibration TOML: tables cam_0, cam_1, ..., the unit of the board, an unknown up axis.
 
 Rotation (Rodrigues vector) and translation are world to camera, the camera OpenCV's; five distortion coefficients, or
-four with ``fisheye = true``. Files written here also say ``unit`` and ``up_axis`` under ``[metadata]``, which other
-programs ignore. Tables are ordered by number: sorting them as text puts cam_10 before cam_2.
+four with ``fisheye = true``. Files written here also say ``unit``, ``up_axis``, ``notes`` and ``left_out`` under
+``[metadata]``, which other programs ignore. Tables are ordered by number: sorting them as text puts cam_10
+before cam_2.
 """
 
 from pathlib import Path
@@ -48,7 +49,16 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         chosen = guessed_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
         notes = (f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",)
     cameras = tuple(camera_from_table(path, key, table, METRES[chosen]) for key, table in tables.items())
-    return CameraRig(cameras, _up_axis(path, metadata), path.name, METRES[chosen], notes)
+    notes = (*_texts(path, metadata, "notes"), *notes)
+    left_out = _texts(path, metadata, "left_out")
+    return CameraRig(cameras, _up_axis(path, metadata), path.name, METRES[chosen], notes, left_out)
+
+
+def _texts(path: Path, metadata: dict[str, Any], key: str) -> tuple[str, ...]:
+    values = metadata.get(key, [])
+    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+        raise FileError(f"{path}: metadata.{key} should be a list of texts, got {values!r}.")
+    return tuple(values)
 
 
 def _up_axis(path: Path, metadata: dict[str, Any]) -> UpAxis | None:
@@ -80,5 +90,9 @@ def write(rig: CameraRig, path: Path) -> None:
         if camera.lens is LensModel.FISHEYE:
             data[f"cam_{i}"]["fisheye"] = True
     data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis else {})
+    if rig.left_out:
+        data["metadata"] |= {"left_out": list(rig.left_out)}
+    if rig.notes:
+        data["metadata"] |= {"notes": list(rig.notes)}
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")

@@ -2,10 +2,11 @@
 
 What the third channel is, the file does not say: ``third_channel`` must. An ``.npz`` holds the array as
 ``keypoints`` (or alone), and may hold ``confidence`` [camera, frame, keypoint], ``names`` (of the cameras) and
-``rate_hz``. NaN is missing.
+``rate_hz``. NaN is missing. An array [camera, frame, 2] is of one point a frame.
 """
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.model.options import ThirdChannel
+from posefuse.model.skeletons import Skeleton
 
 
 def matches(path: Path) -> bool:
@@ -37,6 +39,10 @@ def read(path: Path, request: Request) -> Detections:
         keypoints = content.popitem()[1]
     if keypoints is None:
         raise FileError(f"{path} holds {choices(content)}; the keypoint array must be called 'keypoints' or be alone.")
+    if keypoints.ndim == 3 and keypoints.shape[2] == 2:
+        # One point a frame, [camera, frame, 2]: a wand's, or a subject's that nobody told apart.
+        keypoints = keypoints[:, :, None]
+        request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
     n_cameras = keypoints.shape[0] if keypoints.ndim else 0
     names = [str(name) for name in content.get("names", range(n_cameras))]
     rate = request.rate_hz or _rate(path, content.get("rate_hz"))

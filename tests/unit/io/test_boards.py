@@ -1,0 +1,65 @@
+"""Corners of boards, and calibrations that say which cameras they do not hold for."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from posefuse.errors import FileError, RecordingError
+from posefuse.io.boards import find_board, read_board
+from posefuse.io.calibration import anipose
+from posefuse.io.calibration.read import read_cameras
+from posefuse.model.detections import Detections
+from posefuse.model.options import Options
+from posefuse.model.skeletons import Skeleton
+from posefuse.pipeline import match_views
+from tests.scenes import ring
+
+
+def test_corners_of_sleap_anipose(tmp_path):
+    corners = np.arange(2 * 3 * 4 * 2, dtype=float).reshape(2, 3, 4, 2)
+    corners[1, 2, 3] = np.nan
+    corners[0, 0, 0] = 0.0
+    with h5py.File(tmp_path / "calibration.metadata.h5", "w") as file:
+        file["detected_corners"] = corners
+        file["frames"] = [5, 7, 9]
+    read = read_board(find_board(tmp_path), ("a", "b"))
+    pixels, _ = read.dense()
+    assert read.view_names == ("a", "b")
+    assert read.frame_numbers.tolist() == [5, 7, 9]
+    assert np.array_equal(pixels[2, 0, 1], corners[0, 2, 1])
+    assert np.isnan(pixels[2, 1, 3]).all()
+    assert np.isnan(pixels[0, 0, 0]).all(), "a corner at (0, 0) was not seen"
+    with pytest.raises(FileError, match="corners of 2 cameras"):
+        read_board(tmp_path / "calibration.metadata.h5", ("a", "b", "c"))
+
+
+def test_corners_of_caliscope(tmp_path):
+    header = "sync_index,port,frame_index,frame_time,point_id,img_loc_x,img_loc_y,obj_loc_x,obj_loc_y\n"
+    (tmp_path / "xy.csv").write_text(header + "416,2,1,0.0,1,10.5,20.5,0,0\n417,1,1,0.0,0,30,40,0,0\n")
+    read = read_board(find_board(tmp_path), ())
+    pixels, _ = read.dense()
+    assert read.view_names == ("1", "2")
+    assert pixels[0, 1, 1].tolist() == [10.5, 20.5]
+    assert np.isfinite(pixels[..., 0]).sum() == 2
+
+
+def test_what_is_no_board_is_refused_with_what_to_do(tmp_path):
+    with pytest.raises(RecordingError, match="--keypoints"):
+        find_board(tmp_path)
+    (tmp_path / "xy.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(FileError, match="holds no board corners"):
+        read_board(tmp_path / "xy.csv", ("a",))
+
+
+def test_a_camera_left_out_is_written_read_and_its_view_not_used(tmp_path):
+    rig = ring(4)
+    anipose.write(replace(rig.select(rig.names[:3]), left_out=("cam_3",), notes=("Refined.",)), tmp_path / "r.toml")
+    back = read_cameras(tmp_path / "r.toml")
+    assert back.left_out == ("cam_3",)
+    assert back.notes == ("Refined.",)
+    seen = Detections.from_dense(Skeleton("p", ("p",)), rig.names, np.zeros((2, 4, 1, 2)))
+    matched, views, notes = match_views(back, seen, Options())
+    assert views.view_names == matched.names == rig.names[:3]
+    assert any("cam_3" in note for note in notes)
