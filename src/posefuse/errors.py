@@ -10,6 +10,7 @@
     ├── SkeletonError      keypoint names that do not fit
     ├── MatchError         cameras and views that do not belong together
     ├── OptionsError       an option that does not exist, or a value it cannot take
+    ├── StreamError        a live stream's source cannot be listened to or reached
     ├── EditError          an edit of a result that cannot be done
     └── ResultError        a result that cannot be, or that a format cannot hold
 
@@ -50,6 +51,10 @@ class MatchError(PosefuseError):
 
 class OptionsError(PosefuseError):
     """An option that does not exist, or a value it cannot take."""
+
+
+class StreamError(PosefuseError):
+    """A live stream's source cannot be listened to or reached."""
 
 
 class EditError(PosefuseError):
