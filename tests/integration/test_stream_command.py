@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ import posefuse
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.stream import lines_of
+from posefuse.model.options import Options
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 
@@ -48,16 +50,16 @@ def stream(folder: Path, *more: str) -> list[str]:
     return [*COMMAND, "stream", "--calibration", str(folder / "calibration.toml"), "--skeleton", "body_20", *more]
 
 
-def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, folder, lines, tmp_path):
+def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, folder, lines):
     assert run("replay", folder) == (0, lines.decode(), "")
     done = subprocess.run(
         stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
     )
-    code, _, wrong = run(
-        "reconstruct", folder, "-o", tmp_path / "out", "--smoother", "none", "--people", "many", *FIXED
+    options = Options(
+        people="many", pairs="labels", noise_scale_px=6.0, tracker=replace(Options().tracker, smoother="none")
     )
-    assert (code, wrong) == (0, "")
-    result = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    rig = posefuse.read_cameras(folder / "calibration.toml")
+    result = posefuse.reconstruct(rig, posefuse.read_detections(folder / "keypoints.nc"), options)
     start, *frames, report = [json.loads(line) for line in done.stdout.splitlines()]
     assert (start["type"], start["protocol"], report["type"], report["last"]) == ("start", 1, "report", True)
     assert [frame["frame"] for frame in frames] == list(range(result.n_frames))

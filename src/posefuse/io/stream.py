@@ -181,5 +181,5 @@ def numbers_or_null(values: np.ndarray) -> list[list[float] | None]:
     Args:
         values: shape (row, number).
     """
-    there = np.isfinite(values).all(axis=-1).tolist()
+    there: list[bool] = np.asarray(np.isfinite(values).all(axis=-1)).tolist()
     return [row if known else None for row, known in zip(values.tolist(), there, strict=True)]

@@ -98,6 +98,8 @@ class Grouper:
         self._last_s = -math.inf
         """When anything arrived."""
         self._period_s = options.max_wait_s
+        self._gone_s = -math.inf
+        """Of the last frame that went on, in the stream's time."""
 
     def take(self, seen: SeenView, now_s: float) -> None:
         """A view arrives.
@@ -247,7 +249,7 @@ class Grouper:
 
     def _past_of(self, time_s: float) -> frozenset[int] | None:
         """Who was in the frame of that time, if it has gone on; nobody, if it is of before and there was none."""
-        if not self._past or time_s > self._past[-1][0] + self.options.same_time_s:
+        if time_s + self.shift_s > self._gone_s + self.options.same_time_s:
             return None
         near = [each for each in self._past if abs(each[0] - time_s) <= self.options.same_time_s]
         return min(near, key=lambda each: abs(each[0] - time_s))[1] if near else frozenset()
@@ -313,6 +315,7 @@ class Grouper:
         if self._past and self._past[-1][0] < frame.time_s:
             self._period_s = min(frame.time_s - self._past[-1][0], self.options.max_jump_s)
         self._past.append((frame.time_s, frozenset(frame.views)))
+        self._gone_s = frame.time_s + self.shift_s
         views = tuple(frame.views.get(view) for view in range(len(self.counts)))
         for count, view in zip(self.counts, views, strict=True):
             count.missing += view is None

@@ -1,7 +1,6 @@
 """Keypoints of who is followed, each triangulated from the detections of its own frame."""
 
 from dataclasses import dataclass, replace
-from types import ModuleType
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import settle_min_views
 from posefuse.tracking.records import People
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import Method, load_method
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +41,14 @@ class Measuring:
         skeleton: of the keypoints.
         noise: of the detections.
         options: of the method, settled.
-        method: its module.
+        method: that measures.
     """
 
     rig: CameraRig
     skeleton: Skeleton
     noise: NoiseModel
     options: Options
-    method: ModuleType
+    method: Method
 
     @classmethod
     def of(cls, rig: CameraRig, skeleton: Skeleton, options: Options) -> "Measuring":

@@ -185,7 +185,7 @@ def _frame_of(group: Group, number: int) -> Frame:
     return Frame.of_people(
         [None if view is None else view.keypoints_px for view in views],
         [None if view is None else view.confidence for view in views],
-        np.array([np.nan if view is None else view.time_s + group.shift_s for view in views]),
+        [np.nan if view is None else view.time_s + group.shift_s for view in views],
         [[] if view is None else view.track_ids.tolist() for view in views],
         number,
     )

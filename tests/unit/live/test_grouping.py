@@ -1,8 +1,8 @@
 """Views become frames: by hand, and by law for any order, loss and delay. Nothing here looks at a clock."""
 
-import itertools
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -202,7 +202,7 @@ def test_every_view_is_in_one_frame_or_counted_once(stream, clock):
     grouper = Grouper(cameras, replace(OPTIONS, clock=clock))
     groups = feed(grouper, messages)
     times = stream_times(groups)
-    assert all(later > sooner for sooner, later in itertools.pairwise(times))
+    assert all(later > sooner for sooner, later in pairwise(times))
     for camera, count in enumerate(grouper.counts):
         assert count.received == sum(v == camera for _, v, _ in messages)
         assert count.received == count.used + count.late + count.early + count.duplicate
