@@ -102,9 +102,14 @@ def _write(line: bytes) -> None:
 
 @contextmanager
 def _ended_by_signals(inbox: "Inbox") -> Iterator[None]:
-    """Ctrl-C and the system's request to end are how a stream ends: what has come is still worked on."""
+    """Ctrl-C and the system's request to end are how a stream ends: what has come is still worked on.
+
+    The second time, at once: whoever reads the lines may have stopped, and nothing would ever be worked on.
+    """
 
     def end(*_: Any) -> None:
+        if inbox.closed:
+            raise KeyboardInterrupt
         inbox.close()
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}

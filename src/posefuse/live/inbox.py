@@ -61,6 +61,11 @@ class Inbox:
         self._closed = True
 
     @property
+    def closed(self) -> bool:
+        """Whether nothing more will come."""
+        return self._closed
+
+    @property
     def finished(self) -> bool:
         """Whether all that came was taken, and nothing more will come."""
         return self._closed and not self._lines

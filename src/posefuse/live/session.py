@@ -142,7 +142,7 @@ class Session:
                 "refused": counts.refused,
             },
             "clock_jumps": self.grouper.jumps,
-            "latency_s": {"complete": _shown(counts.complete_s), "incomplete": _shown(counts.incomplete_s)},
+            "latencies_s": {"complete": _shown(counts.complete_s), "incomplete": _shown(counts.incomplete_s)},
             "cameras": {name: asdict(each) for name, each in self.by_camera()},
         }  # fmt: skip
 
