@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.errors import OptionsError
 from posefuse.following import usual_noise
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -59,6 +60,11 @@ class Measuring:
         """
         settled, _ = settle_min_views(options, len(rig))
         method = load_method(options.triangulation.method)
+        if hasattr(method, "settle"):
+            raise OptionsError(
+                f"triangulation.method {options.triangulation.method!r} looks at the whole recording first, and a "
+                "stream has none. Choose another: posefuse methods lists them."
+            )
         return cls(rig, skeleton, usual_noise(rig, options), settled, method)
 
     def points(self, frame: Frame, people: People) -> Measured:

@@ -1,12 +1,13 @@
 """One stream from lines to lines: read, grouped, followed, counted. Told what time it is; reads and writes nothing."""
 
+import warnings
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from posefuse.errors import OptionsError, PosefuseError
+from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, Reader, Refusal, encoded
 from posefuse.live.counts import Latencies, StreamCounts, ViewCounts
 from posefuse.live.grouping import Group, Grouper
@@ -21,6 +22,11 @@ from posefuse.pipeline import Tracker
 from posefuse.tracking.records import People
 
 _TOLD_FAULTS = 5
+_OF_RECORDINGS = (
+    "people", "person", "bodies", "pick", "rate_hz", "third_channel", "camera_order", "start_s", "end_s", "layer",
+    "sides", "pair_search", "side_search", "solve", "trajectory", "postprocess", "subject", "align",
+)  # fmt: skip
+"""Options that do nothing live."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,16 @@ class Fault:
 
     number: int
     why: str
+
+
+def warn_of_idle(options: Options) -> None:
+    """Warn once of all options that do nothing in a stream."""
+    usual = Options()
+    idle = [name for name in _OF_RECORDINGS if getattr(options, name) != getattr(usual, name)]
+    idle += ["pairs"] if options.pairs not in (None, "labels") else []
+    if idle:
+        said = f"These options are of recordings and do nothing in a stream: {', '.join(idle)}. Leave them out."
+        warnings.warn(said, PosefuseWarning, stacklevel=3)
 
 
 class Session:
@@ -48,6 +64,7 @@ class Session:
     def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options, stream: StreamOptions) -> None:
         if len(rig) < 2:
             raise OptionsError(f"People are followed by two cameras or more; this calibration has {len(rig)}.")
+        warn_of_idle(options)
         self.rig, self.skeleton, self.stream = rig, find_skeleton(skeleton), stream
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)

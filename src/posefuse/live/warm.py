@@ -6,7 +6,7 @@ from dataclasses import replace
 from posefuse.errors import PosefuseError
 from posefuse.io.stream import lines_of
 from posefuse.live.session import Session
-from posefuse.model.options import NoiseOptions, Options
+from posefuse.model.options import Options
 from posefuse.model.stream_options import StreamOptions
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
@@ -28,8 +28,9 @@ def warm_up(session: Session, options: Options) -> None:
     except PosefuseError:
         # No human: the kernels are the same.
         scene = simulate_crowd(replace(_SCENE, lens=lens))
+    # What was warned of is not warned of again, and what is of one rig or body is left out.
     tracker = replace(options.tracker, known_m=(), stature_m=None)
-    options = replace(options, noise=NoiseOptions(), tracker=tracker)
+    options = Options(triangulation=options.triangulation, association=options.association, tracker=tracker)
     trial = Session(scene.rig, scene.detections.skeleton, options, StreamOptions(clock="messages"))
     for _, line in lines_of(scene.detections):
         trial.take(line, 0.0)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.errors import OptionsError
+from posefuse.errors import OptionsError, PosefuseWarning
 from posefuse.io.stream import lines_of
 from posefuse.live.session import Session
-from posefuse.model.options import Options
+from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.stream_options import StreamOptions
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
@@ -121,6 +121,14 @@ def test_people_stay_who_they_are_where_clocks_jump(scene, lines):
 def test_one_camera_is_none_to_follow_by(scene):
     with pytest.raises(OptionsError, match="two cameras or more"):
         Session(replace(scene.rig, cameras=scene.rig.cameras[:1]), "body_20", Options(), ARRIVAL)
+
+
+def test_what_needs_a_whole_recording_is_refused_or_said(scene):
+    filtered = Options(triangulation=TriangulationOptions(method="percentile_filter"))
+    with pytest.raises(OptionsError, match="looks at the whole recording"):
+        Session(scene.rig, "body_20", filtered, ARRIVAL)
+    with pytest.warns(PosefuseWarning, match="do nothing in a stream: end_s, solve, pairs"):
+        Session(scene.rig, "body_20", Options(end_s=3.0, solve="trajectory", pairs="enumerate"), ARRIVAL)
 
 
 EXTREMES = [
