@@ -11,6 +11,7 @@
     ├── MatchError         cameras and views that do not belong together
     ├── OptionsError       an option that does not exist, or a value it cannot take
     ├── CalibrationError   cameras that what was seen does not determine
+    ├── StreamError        a live stream's source cannot be listened to or reached
     ├── EditError          an edit of a result that cannot be done
     └── ResultError        a result that cannot be, or that a format cannot hold
 
@@ -55,6 +56,10 @@ class OptionsError(PosefuseError):
 
 class CalibrationError(PosefuseError):
     """Cameras that what was seen does not determine."""
+
+
+class StreamError(PosefuseError):
+    """A live stream's source cannot be listened to or reached."""
 
 
 class EditError(PosefuseError):

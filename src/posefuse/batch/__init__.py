@@ -1,0 +1,1 @@
+"""Many recordings side by side: what is to be done, who does it, what came of it."""

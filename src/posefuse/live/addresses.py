@@ -1,0 +1,105 @@
+"""Where a stream comes from, as an address."""
+
+import ipaddress
+from dataclasses import dataclass
+from typing import Literal
+from urllib.parse import unquote, urlsplit
+
+from posefuse.errors import OptionsError, suggestion
+
+Kind = Literal["stdin", "tcp", "unix", "zmq+pull", "zmq+sub", "nats"]
+LOOPBACK = "127.0.0.1"
+EXAMPLES = {
+    "-": "stdin",
+    "tcp://127.0.0.1:5570": "listens, lines",
+    "unix:/tmp/posefuse.sock": "listens, lines",
+    "zmq+pull://127.0.0.1:5570": "listens, PULL",
+    "zmq+sub://host:5570": "connects, SUB",
+    "nats://host:4222/subject": "connects",
+}
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where lines come from.
+
+    Attributes:
+        kind: how.
+        host: to listen on, or to connect to.
+        port: likewise; 0 lets the system choose where it listens.
+        name: path of a UNIX socket, subject of NATS, prefix of the messages of a ZeroMQ publisher.
+    """
+
+    kind: Kind
+    host: str = LOOPBACK
+    port: int = 0
+    name: str = ""
+
+    @property
+    def listens(self) -> bool:
+        """Whether others connect to us."""
+        return self.kind in ("tcp", "unix", "zmq+pull")
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it listens to other machines."""
+        return self.listens and self.kind != "unix" and not _is_loopback(self.host)
+
+    def __str__(self) -> str:
+        if self.kind == "stdin":
+            return "stdin"
+        if self.kind == "unix":
+            return f"unix:{self.name}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}://{host}:{self.port}" + (f"/{self.name}" if self.name else "")
+
+
+def parse_address(text: str) -> Address:
+    """An address from what a user writes.
+
+    Raises:
+        OptionsError: if it is none, or lacks what it needs.
+    """
+    if text in ("-", "stdin"):
+        return Address("stdin")
+    if text.startswith("unix:"):
+        path = text.removeprefix("unix:").removeprefix("//")
+        if not path:
+            raise OptionsError("--input unix: lacks the path of the socket, such as unix:/tmp/posefuse.sock.")
+        return Address("unix", name=path)
+    kinds: dict[str, Kind] = {"tcp": "tcp", "zmq+pull": "zmq+pull", "zmq+sub": "zmq+sub", "nats": "nats"}
+    kind = text.partition("://")[0]
+    if "://" not in text or kind not in kinds:
+        listed = "".join(f"\n  {example}  ({meaning})" for example, meaning in EXAMPLES.items())
+        near = suggestion(kind, kinds) if "://" in text else "Addresses look like one of these:"
+        raise OptionsError(f"--input: no address {text!r}. {near}{listed if '://' not in text else ''}")
+    return _network(kinds[kind], text)
+
+
+def _network(kind: Kind, text: str) -> Address:
+    try:
+        parts = urlsplit(text)
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise OptionsError(f"--input {text}: {error}.") from None
+    if parts.username is not None or parts.query or parts.fragment:
+        raise OptionsError(f"--input {text}: an address has a host, a port and perhaps a name, nothing else.")
+    name = unquote(parts.path.removeprefix("/"))
+    if kind == "nats":
+        if not name or any(character.isspace() for character in name):
+            raise OptionsError(f"--input {text}: lacks the subject: nats://host:4222/subject.")
+        port = port or 4222
+    if port is None:
+        raise OptionsError(f"--input {text}: lacks the port: {kind}://{host or LOOPBACK}:5570.")
+    if kind in ("tcp", "zmq+pull") and name:
+        raise OptionsError(f"--input {text}: {kind} takes no name after the port, got {name!r}.")
+    return Address(kind, host or LOOPBACK, port, name)
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

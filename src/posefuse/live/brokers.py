@@ -1,0 +1,103 @@
+"""Lines from ZeroMQ and NATS; each message is one line, or several."""
+
+import asyncio
+import socket
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from posefuse.errors import StreamError
+from posefuse.live.addresses import Address
+from posefuse.live.inbox import Inbox
+from posefuse.live.lines import Sender
+from posefuse.model.stream_options import StreamOptions
+
+_LOOK_MS = 100
+_CONNECT_S = 5.0
+_EXTRA = "Install it: pip install 'posefuse[live]'."
+
+
+def open_zeromq(
+    address: Address, inbox: Inbox, options: StreamOptions, stop: threading.Event, limited: bool
+) -> tuple[Address, Callable[[], None]]:
+    """Bind a PULL socket, or connect a SUB socket; where it listens, and what receives until told to stop.
+
+    Raises:
+        StreamError: if pyzmq is not there, or the address cannot be listened on.
+    """
+    try:
+        import zmq
+    except ImportError:
+        raise StreamError(f"{address} needs pyzmq, which is not there. {_EXTRA}") from None
+    pulls = address.kind == "zmq+pull"
+    context = zmq.Context()
+    receiver: Any = context.socket(zmq.PULL if pulls else zmq.SUB)
+    receiver.setsockopt(zmq.LINGER, 0)
+    receiver.setsockopt(zmq.MAXMSGSIZE, options.max_line_bytes)
+    receiver.setsockopt(zmq.RCVHWM, options.queue_messages)
+    try:
+        if pulls:
+            receiver.bind(f"tcp://{address.host}:{address.port or '*'}")
+            address = replace(address, port=int(receiver.getsockopt(zmq.LAST_ENDPOINT).decode().rpartition(":")[2]))
+        else:
+            receiver.setsockopt(zmq.SUBSCRIBE, address.name.encode())
+            receiver.connect(f"tcp://{address.host}:{address.port}")
+    except zmq.ZMQError as error:
+        context.destroy(linger=0)
+        raise StreamError(f"Cannot open {address}: {error.strerror}.") from None
+
+    def work() -> None:
+        sender = Sender(inbox, options, limited=limited)
+        try:
+            while not stop.is_set():
+                if receiver.poll(_LOOK_MS):
+                    # A publisher may put a topic before the message.
+                    sender.feed(receiver.recv_multipart()[-1] + b"\n")
+        finally:
+            context.destroy(linger=0)
+
+    return address, work
+
+
+def open_nats(
+    address: Address, inbox: Inbox, options: StreamOptions, stop: threading.Event, limited: bool
+) -> Callable[[], None]:
+    """What subscribes to a subject and receives until told to stop; lost connections are taken up again.
+
+    Raises:
+        StreamError: if nats-py is not there, or no server is.
+    """
+    try:
+        import nats
+    except ImportError:
+        raise StreamError(f"{address} needs nats-py, which is not there. {_EXTRA}") from None
+
+    server = f"nats://{address.host}:{address.port}"
+    try:
+        socket.create_connection((address.host, address.port), _CONNECT_S).close()
+    except OSError as error:
+        raise StreamError(f"Cannot reach a NATS server at {server}: {error}. Is it running?") from None
+
+    async def receive() -> None:
+        sender = Sender(inbox, options, limited=limited)
+
+        async def take(message: Any) -> None:
+            sender.feed(message.data + b"\n")
+
+        async def ignore(_: Exception) -> None:
+            """It tries again; meanwhile no messages come, which is counted as missing."""
+
+        # Once reached, it is sought again for ever.
+        connecting = nats.connect(server, connect_timeout=_CONNECT_S, max_reconnect_attempts=-1, error_cb=ignore)
+        try:
+            client = await asyncio.wait_for(connecting, 2.0 * _CONNECT_S)
+        except Exception as error:
+            why = str(error) or type(error).__name__
+            raise StreamError(f"No NATS server answers at {server}: {why}. Is it one?") from None
+        await client.subscribe(address.name, cb=take, pending_msgs_limit=options.queue_messages)
+        while not stop.is_set():
+            await asyncio.sleep(_LOOK_MS / 1000.0)
+        await client.close()
+
+    return lambda: asyncio.run(receive())

@@ -1,0 +1,322 @@
+"""Views become frames: grouped by their times, waited for no longer than said, given in the order of time.
+
+A state machine: every call is told what time it is, nothing here looks at a clock, so that the same calls give the
+same frames.
+
+Two times are told apart. A view's own is what its sender says. The stream's goes forward alone and never jumps: it is
+the senders' time, moved where most cameras' clocks jumped alike.
+"""
+
+import math
+from bisect import insort
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Literal
+
+from posefuse.live.counts import ViewCounts
+from posefuse.model.seen import SeenView
+from posefuse.model.stream_options import StreamOptions
+
+Reason = Literal["complete", "overtaken", "waited", "crowded", "ended"]
+"""Why a frame went on: all cameras that are heard have it; a later one is complete; its time was up; too many wait;
+the stream jumped or ended."""
+_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class Group:
+    """The views of one time.
+
+    Attributes:
+        time_s: of the first view that came, by its sender's clock.
+        shift_s: what makes stream time of senders' time.
+        views: by camera, None where it is missing.
+        first_s: when the first view arrived.
+        due_s: from when on nothing more was waited for.
+        reason: why it went on.
+    """
+
+    time_s: float
+    shift_s: float
+    views: tuple[SeenView | None, ...]
+    first_s: float
+    due_s: float
+    reason: Reason
+
+    @property
+    def complete(self) -> bool:
+        """Whether every camera of the rig has it."""
+        return all(view is not None for view in self.views)
+
+
+@dataclass(order=True)
+class _Open:
+    """A frame that waits for its views."""
+
+    time_s: float
+    first_s: float = field(compare=False)
+    last_s: float = field(compare=False)
+    views: dict[int, SeenView] = field(compare=False)
+    reached_s: float | None = field(default=None, compare=False)
+    """When most cameras had come to this time."""
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A message whose time nobody expected, and when it arrived."""
+
+    seen: SeenView
+    now_s: float
+
+
+class Grouper:
+    """Takes views as they arrive, gives frames in the order of their times.
+
+    Args:
+        n_views: how many cameras there are.
+        options: how long is waited, and for what.
+    """
+
+    def __init__(self, n_views: int, options: StreamOptions) -> None:
+        self.options = options
+        self.counts = [ViewCounts() for _ in range(n_views)]
+        self.jumps = 0
+        self.shift_s = 0.0
+        self._by_messages = options.clock == "messages"
+        # Where messages alone tell the time, a camera that is ahead of the others does not make them silent.
+        self._silent_after_s = options.silent_after_s + (options.max_jump_s if self._by_messages else 0.0)
+        self._open: list[_Open] = []
+        self._ready: list[Group] = []
+        self._past: deque[tuple[float, frozenset[int]]] = deque(maxlen=_REMEMBERED)
+        self._heard_s = [-math.inf] * n_views
+        self._newest_s = [-math.inf] * n_views
+        self._held: dict[int, _Held] = {}
+        self._led_s: tuple[float, float] | None = None
+        """The time that most cameras have come to, by their clocks, and when that was."""
+        self._top_s = -math.inf
+        """The newest time that was believed."""
+        self._last_s = -math.inf
+        """When anything arrived."""
+        self._period_s = options.max_wait_s
+        self._gone_s = -math.inf
+        """Of the last frame that went on, in the stream's time."""
+
+    def take(self, seen: SeenView, now_s: float) -> None:
+        """A view arrives.
+
+        Args:
+            seen: the view.
+            now_s: the time, by any clock that goes forward alone.
+        """
+        self.counts[seen.view].received += 1
+        self._hear(seen, now_s)
+        if self._off_clock(seen.time_s, now_s):
+            self._hold(seen, now_s)
+        else:
+            self._let_go(seen.view)
+            self._enter(seen, now_s)
+        self._settle(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Time goes on without a message."""
+        self._lead(now_s)
+        self._settle(now_s)
+
+    def end(self, now_s: float) -> None:
+        """Nothing more will come."""
+        # Whoever is a frame or two ahead of the others is believed now; where too few came to tell, everybody.
+        led_s = self._top_s if self._led_s is None else self._led_s[0] + 2.0 * self._period_s
+        self._led_s = (led_s, now_s)
+        for view in list(self._held):
+            self._let_go(view)
+        self._close_all(now_s)
+
+    def ready(self) -> list[Group]:
+        """The frames that went on since the last call, in the order of their times."""
+        ready, self._ready = self._ready, []
+        return ready
+
+    def wakes_at_s(self) -> float | None:
+        """When the next frame's time is up, if nothing comes; None if none waits for that."""
+        return self._up_s(self._open[0]) if self._open and not self._by_messages else None
+
+    def silent(self, now_s: float) -> list[bool]:
+        """Which cameras are not waited for."""
+        now_s = self._top_s if self._by_messages else now_s
+        return [now_s - heard > self._silent_after_s for heard in self._heard_s]
+
+    def _hear(self, seen: SeenView, now_s: float) -> None:
+        """A camera is there; after a pause of all, those that were there before it are waited for again."""
+        if self._by_messages:
+            return
+        if now_s - self._last_s > self._silent_after_s:
+            self._expect(now_s, self._last_s)
+        self._last_s = self._heard_s[seen.view] = now_s
+
+    def _expect(self, from_s: float, last_s: float) -> None:
+        """Wait for all cameras that were not silent at a time, or for all at first."""
+        first = not math.isfinite(max(self._heard_s))
+        self._heard_s = [
+            from_s if first or last_s - heard <= self._silent_after_s else heard for heard in self._heard_s
+        ]
+
+    # Clocks that jump.
+
+    def _off_clock(self, time_s: float, now_s: float) -> bool:
+        """Whether a time is neither near the newest nor where that should be by now."""
+        if self._led_s is None:
+            return False
+        newest_s, arrived_s = self._led_s
+        gone_s = 0.0 if self._by_messages else now_s - arrived_s
+        most_s = self.options.max_jump_s
+        return not newest_s - most_s <= time_s <= newest_s + gone_s + most_s
+
+    def _hold(self, seen: SeenView, now_s: float) -> None:
+        """Keep the message until it is clear whether its camera's clock is wrong or all others' have jumped too."""
+        self._let_go(seen.view)
+        mine = self._held[seen.view] = _Held(seen, now_s)
+        like = [view for view, held in self._held.items() if self._agree(held, mine)]
+        alive = len(self._heard_s) - sum(self.silent(now_s))
+        if 2 * len(like) > alive:
+            self._jump([self._held.pop(view) for view in sorted(like)], now_s)
+
+    def _agree(self, one: _Held, other: _Held) -> bool:
+        apart_s = one.seen.time_s - other.seen.time_s
+        if not self._by_messages:
+            apart_s -= one.now_s - other.now_s
+        return abs(apart_s) <= self.options.max_jump_s
+
+    def _let_go(self, view: int) -> None:
+        """What was held of a camera is of no use: count it."""
+        held = self._held.pop(view, None)
+        if held is None:
+            return
+        ahead = self._led_s is None or held.seen.time_s > self._led_s[0]
+        self.counts[view].early += ahead
+        self.counts[view].late += not ahead
+
+    def _jump(self, held: list[_Held], now_s: float) -> None:
+        """Go on in the senders' new time; the stream's goes on as if nothing had happened."""
+        assert self._led_s is not None
+        newest_s, arrived_s = self._led_s
+        self._close_all(now_s)
+        newest_s = max(newest_s, self._past[-1][0] if self._past else -math.inf)
+        first = min(held, key=lambda each: each.seen.time_s)
+        # Messages alone tell the time in replays: a gap is one, and what goes back goes on after a frame.
+        ahead_s = first.seen.time_s - newest_s if self._by_messages else first.now_s - arrived_s
+        gone_s = max(ahead_s, self._period_s)
+        self.shift_s += newest_s + gone_s - first.seen.time_s
+        self.jumps += 1
+        self._past.clear()
+        self._newest_s = [-math.inf] * len(self._newest_s)
+        if self._by_messages:
+            self._expect(first.seen.time_s, self._top_s)
+        self._led_s, self._top_s = None, -math.inf
+        for each in sorted(held, key=lambda each: each.seen.time_s):
+            self._enter(each.seen, each.now_s)
+
+    # Grouping.
+
+    def _enter(self, seen: SeenView, now_s: float) -> None:
+        self._top_s = max(self._top_s, seen.time_s)
+        if self._by_messages:
+            if not math.isfinite(max(self._heard_s)):
+                self._expect(seen.time_s, seen.time_s)
+            self._heard_s[seen.view] = max(self._heard_s[seen.view], seen.time_s)
+        count, newest_s = self.counts[seen.view], self._newest_s[seen.view]
+        self._newest_s[seen.view] = seen.time_s
+        self._lead(now_s)
+        place = self._of_time(seen.time_s)
+        if place is None:
+            past = self._past_of(seen.time_s)
+            if past is not None:
+                count.duplicate += seen.view in past
+                count.late += seen.view not in past
+                return
+            place = _Open(seen.time_s, now_s, now_s, {})
+            insort(self._open, place)
+        if seen.view in place.views:
+            count.duplicate += 1
+            return
+        place.views[seen.view], place.last_s = seen, now_s
+        count.used += 1
+        count.out_of_order += seen.time_s < newest_s
+
+    def _of_time(self, time_s: float) -> _Open | None:
+        """The waiting frame of that time."""
+        near = [each for each in self._open if abs(each.time_s - time_s) <= self.options.same_time_s]
+        return min(near, key=lambda each: abs(each.time_s - time_s), default=None)
+
+    def _past_of(self, time_s: float) -> frozenset[int] | None:
+        """Who was in the frame of that time, if it has gone on; nobody, if it is of before and there was none."""
+        if time_s + self.shift_s > self._gone_s + self.options.same_time_s:
+            return None
+        near = [each for each in self._past if abs(each[0] - time_s) <= self.options.same_time_s]
+        return min(near, key=lambda each: abs(each[0] - time_s))[1] if near else frozenset()
+
+    def _settle(self, now_s: float) -> None:
+        """Let frames go on that have waited long enough."""
+        while self._open:
+            head, silent = self._open[0], self.silent(now_s)
+            if self._has_all(head, silent):
+                self._close(head, head.last_s, "complete")
+            elif any(self._has_all(each, silent) for each in self._open[1:]):
+                self._close(head, min(now_s, self._up_s(head)), "overtaken")
+            elif self._waited(head, now_s):
+                self._close(head, self._up_s(head), "waited")
+            elif len(self._open) > self.options.open_frames:
+                self._close(head, now_s, "crowded")
+            else:
+                return
+
+    def _lead(self, now_s: float) -> None:
+        """Find the time that half of the cameras that are heard have come to, and two at least."""
+        times_s = sorted(at for at, quiet in zip(self._newest_s, self.silent(now_s), strict=True) if not quiet)
+        most = min(max(2, (len(times_s) + 1) // 2), len(times_s))
+        agreed_s = times_s[-most] if most else -math.inf
+        if agreed_s > (-math.inf if self._led_s is None else self._led_s[0]):
+            self._led_s = (agreed_s, now_s)
+
+    def _waited(self, head: _Open, now_s: float) -> bool:
+        """Whether a frame's time is up, and it is no time that one camera alone has come to, whose clock is ahead."""
+        if self._by_messages:
+            return self._led_s is not None and self._led_s[0] >= head.time_s + self.options.max_wait_s
+        if head.reached_s is None and self._reached(head):
+            head.reached_s = now_s
+        return head.reached_s is not None and now_s >= self._up_s(head)
+
+    def _up_s(self, frame: _Open) -> float:
+        """When a frame's time is up: counted from its first view, but from when most came to it if that was later."""
+        wait_s = self.options.max_wait_s
+        reached_s = frame.first_s if frame.reached_s is None else frame.reached_s
+        return (reached_s if reached_s > frame.first_s + wait_s else frame.first_s) + wait_s
+
+    def _reached(self, frame: _Open) -> bool:
+        return self._led_s is not None and self._led_s[0] >= frame.time_s - self.options.same_time_s
+
+    def _has_all(self, frame: _Open, silent: list[bool]) -> bool:
+        if len(frame.views) + sum(silent) < len(silent):
+            return False
+        return all(view in frame.views or quiet for view, quiet in enumerate(silent))
+
+    def _close_all(self, now_s: float) -> None:
+        """Whatever waits goes on, but for times that one camera alone has come to."""
+        for frame in list(self._open):
+            if self._reached(frame):
+                self._close(frame, now_s, "ended")
+        for frame in self._open:
+            for view in frame.views:
+                self.counts[view].early += 1
+                self.counts[view].used -= 1
+        self._open.clear()
+
+    def _close(self, frame: _Open, due_s: float, reason: Reason) -> None:
+        self._open.remove(frame)
+        if self._past and self._past[-1][0] < frame.time_s:
+            self._period_s = min(frame.time_s - self._past[-1][0], self.options.max_jump_s)
+        self._past.append((frame.time_s, frozenset(frame.views)))
+        self._gone_s = frame.time_s + self.shift_s
+        views = tuple(frame.views.get(view) for view in range(len(self.counts)))
+        for count, view in zip(self.counts, views, strict=True):
+            count.missing += view is None
+        self._ready.append(Group(frame.time_s, self.shift_s, views, frame.first_s, due_s, reason))

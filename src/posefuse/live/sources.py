@@ -1,0 +1,184 @@
+"""Lines from stdin and from sockets, each in a thread of its own; see :mod:`posefuse.live.brokers` for the others."""
+
+import contextlib
+import os
+import select
+import selectors
+import socket
+import stat
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from posefuse.errors import PosefuseError, StreamError
+from posefuse.live.addresses import Address
+from posefuse.live.inbox import Inbox
+from posefuse.live.lines import Sender
+from posefuse.model.stream_options import StreamOptions
+
+_BLOCK = 1 << 16
+_LOOK_S = 0.1
+TURNED_AWAY = "more senders than max_connections"
+
+
+class Source:
+    """Receives lines until it is told to stop.
+
+    Args:
+        address: where from.
+        inbox: where to.
+        options: of the stream.
+    """
+
+    def __init__(self, address: Address, inbox: Inbox, options: StreamOptions) -> None:
+        self.address, self.inbox, self.options = address, inbox, options
+        self.stop = threading.Event()
+        self.limited = options.when_behind == "drop"
+        self._thread = threading.Thread(target=self._receive, name=f"posefuse {address.kind}", daemon=True)
+
+    def start(self) -> Address:
+        """Begin; where it listens, with the port that the system chose if it was to.
+
+        Raises:
+            StreamError: if the address cannot be listened on or reached.
+        """
+        receive = {
+            "stdin": self._stdin,
+            "tcp": self._listen,
+            "unix": self._listen,
+            "zmq+pull": self._zeromq,
+            "zmq+sub": self._zeromq,
+            "nats": self._nats,
+        }[self.address.kind]
+        self._work = receive()
+        self._thread.start()
+        return self.address
+
+    def close(self) -> None:
+        """Stop receiving, and wait until that is done."""
+        self.stop.set()
+        self.inbox.close()
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+
+    def _receive(self) -> None:
+        try:
+            self._work()
+            self.inbox.close()
+        except PosefuseError as error:
+            self.inbox.close(error)
+        except Exception as error:
+            self.inbox.close(StreamError(f"{self.address}: receiving ended: {type(error).__name__}: {error}"))
+
+    def _zeromq(self) -> Callable[[], None]:
+        from posefuse.live.brokers import open_zeromq
+
+        self.address, work = open_zeromq(self.address, self.inbox, self.options, self.stop, self.limited)
+        return work
+
+    def _nats(self) -> Callable[[], None]:
+        from posefuse.live.brokers import open_nats
+
+        return open_nats(self.address, self.inbox, self.options, self.stop, self.limited)
+
+    def _stdin(self) -> Callable[[], None]:
+        descriptor = sys.stdin.fileno()
+
+        def work() -> None:
+            sender = Sender(self.inbox, self.options, limited=self.limited)
+            while not self.stop.is_set():
+                if select.select([descriptor], [], [], _LOOK_S)[0]:
+                    data = os.read(descriptor, _BLOCK)
+                    if not data:
+                        break
+                    sender.feed(data)
+            sender.end()
+
+        return work
+
+    def _listen(self) -> Callable[[], None]:
+        listener = _unix(self.address) if self.address.kind == "unix" else _tcp(self.address)
+        if self.address.kind == "tcp":
+            self.address = replace(self.address, port=listener.getsockname()[1])
+
+        def work() -> None:
+            with listener, selectors.DefaultSelector() as selector:
+                listener.setblocking(False)
+                selector.register(listener, selectors.EVENT_READ, None)
+                while not self.stop.is_set():
+                    for key, _ in selector.select(_LOOK_S):
+                        if key.data is None:
+                            self._accept(listener, selector)
+                        else:
+                            self._read(key, selector)
+                for key in list(selector.get_map().values()):
+                    if key.data is not None:
+                        _hang_up(key, selector)
+            if self.address.kind == "unix":
+                Path(self.address.name).unlink(missing_ok=True)
+
+        return work
+
+    def _accept(self, listener: socket.socket, selector: selectors.BaseSelector) -> None:
+        with contextlib.suppress(OSError):
+            connection, _ = listener.accept()
+            if len(selector.get_map()) > self.options.max_connections:
+                self.inbox.lose(TURNED_AWAY)
+                connection.close()
+                return
+            connection.setblocking(False)
+            selector.register(connection, selectors.EVENT_READ, Sender(self.inbox, self.options, limited=self.limited))
+
+    def _read(self, key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
+        connection: socket.socket = key.fileobj  # type: ignore[assignment]
+        try:
+            data = connection.recv(_BLOCK)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            key.data.feed(data)
+        else:
+            _hang_up(key, selector)
+
+
+def _hang_up(key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
+    key.data.end()
+    selector.unregister(key.fileobj)
+    key.fileobj.close()  # type: ignore[union-attr]
+
+
+def _tcp(address: Address) -> socket.socket:
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    try:
+        return socket.create_server((address.host, address.port), family=family)
+    except (OSError, OverflowError) as error:
+        raise StreamError(f"Cannot listen on {address}: {error}. Choose another port, or 0 for a free one.") from None
+
+
+def _unix(address: Address) -> socket.socket:
+    path = Path(address.name)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        if path.exists() and stat.S_ISSOCK(path.stat().st_mode) and not _answers(path):
+            path.unlink()
+        listener.bind(str(path))
+        path.chmod(0o600)
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise StreamError(f"Cannot listen on {address}: {error.strerror or error}. Choose another path.") from None
+    return listener
+
+
+def _answers(path: Path) -> bool:
+    """Whether somebody listens on a socket's file."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+        try:
+            other.connect(str(path))
+        except OSError:
+            return False
+    return True

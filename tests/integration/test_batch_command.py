@@ -1,0 +1,145 @@
+"""``posefuse batch`` from folders to folders."""
+
+import csv
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+
+FAST = ("--solve", "frame", "--pairs", "labels")
+
+
+def _cut_short(folder: Path) -> None:
+    path = folder / "keypoints.nc"
+    path.write_bytes(path.read_bytes()[:3000])
+
+
+def _other_cameras(folder: Path) -> None:
+    path = folder / "calibration.toml"
+    path.write_text(path.read_text().replace('name = "', 'name = "other_'))
+
+
+BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no calibration": (lambda folder: (folder / "calibration.toml").unlink(), "No calibrations in"),
+    "cut short": (_cut_short, "Was it cut short?"),
+    "other cameras": (_other_cameras, "has no camera of its name"),
+    "no keypoints": (lambda folder: (folder / "keypoints.nc").unlink(), "No sets of 2D keypoints in"),
+    "two calibrations": (
+        lambda folder: shutil.copy(folder / "calibration.toml", folder / "another.toml"), "has 2 calibrations",
+    ),
+}  # fmt: skip
+
+
+def recordings(root: Path, n: int, broken: dict[int, str]) -> list[Path]:
+    """So many recordings of a few frames, some of them broken."""
+    folders = []
+    for i in range(n):
+        made = simulate(SceneOptions(duration_s=0.2, cameras=3, detector=CLEAN, seed=i))
+        folder = root / f"rec_{i:03d}"
+        folder.mkdir(parents=True)
+        anipose.write(made.rig, folder / "calibration.toml")
+        native.write(made.detections, folder / "keypoints.nc")
+        if i in broken:
+            BREAK[broken[i]][0](folder)
+        folders.append(folder)
+    return folders
+
+
+def rows_of(output: Path) -> dict[str, dict[str, str]]:
+    with (output / "batch.csv").open(newline="") as file:
+        return {row["recording"]: row for row in csv.DictReader(file)}
+
+
+def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str]) -> Path:
+    """Everything but what is broken is there; what is broken is named with its reason."""
+    folders, output = recordings(tmp_path / "recs", n, broken), tmp_path / "out"
+    code, said, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
+    assert code == 1
+    assert f"{n} recordings: {n - len(broken)} done, 0 kept (nothing changed), {len(broken)} failed" in said
+    assert all(len(line) <= 80 for line in said.splitlines() if str(output) not in line)
+    rows = rows_of(output)
+    assert {name for name, row in rows.items() if row["outcome"] == "failed"} == {f"rec_{i:03d}" for i in broken}
+    for i, kind in broken.items():
+        assert BREAK[kind][1] in rows[f"rec_{i:03d}"]["why"]
+        assert f"failed: rec_{i:03d}: " in wrong
+        assert not (output / f"rec_{i:03d}").exists()
+    for name, row in rows.items():
+        assert (output / name / "report.html").exists() == (row["outcome"] == "reconstructed")
+    for name in ("batch.csv", "batch.html"):
+        assert str(tmp_path) not in (output / name).read_text()
+    return output
+
+
+def test_twelve_recordings_of_which_three_are_broken(run, tmp_path):
+    output = check_batch(run, tmp_path, 12, {2: "no calibration", 5: "cut short", 6: "other cameras"})
+    page, table = (output / "batch.html").read_bytes(), (output / "batch.csv").read_bytes()
+    result = (output / "rec_001" / "reconstruction.nc").read_bytes()
+    # Mended, and another lost: these two are done, the others kept.
+    shutil.copy(tmp_path / "recs" / "rec_003" / "calibration.toml", tmp_path / "recs" / "rec_002")
+    (output / "rec_001" / "reconstruction.nc").unlink()
+    folders = sorted((tmp_path / "recs").iterdir())[:4]
+    code, said, _ = run("batch", *folders, "-o", output, "--jobs", "1", *FAST)
+    assert code == 0
+    assert "4 recordings: 2 done, 2 kept (nothing changed), 0 failed" in said
+    assert (output / "rec_001" / "reconstruction.nc").read_bytes() == result
+    assert (output / "batch.html").read_bytes() != page
+    assert (output / "batch.csv").read_bytes() != table
+
+
+@pytest.mark.long
+def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
+    check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)))
+
+
+@pytest.mark.long
+def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    folders = recordings(tmp_path / "recs", 6, {1: "cut short"})
+    assert run("batch", *folders, "-o", tmp_path / "here", "--jobs", "1", *FAST)[0] == 1
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        from posefuse.batch import cluster as module
+
+        usual = module.on_cluster
+
+        def killing(work, jobs, address):
+            for i, outcome in enumerate(usual(work, jobs, address)):
+                if i == 1:
+                    os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
+                yield outcome
+
+        monkeypatch.setattr(module, "on_cluster", killing)
+        code, said, _ = run(
+            "batch", *folders, "-o", tmp_path / "there", "--scheduler", cluster.scheduler_address, *FAST
+        )
+    assert code == 1
+    assert "6 recordings: 5 done, 0 kept (nothing changed), 1 failed" in said
+    here, there = (
+        {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+        for root in (tmp_path / "here", tmp_path / "there")
+    )
+    assert here == there
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "said"),
+    [
+        ((), 2, "No recording is given"),
+        (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
+        (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs is for this machine"),
+        (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
+    ],
+)
+def test_wrong_calls_are_answered(run, tmp_path, more, code, said):
+    found = run("batch", *more, "-o", tmp_path / "out")
+    assert (found[0], found[1]) == (code, "")
+    assert said in found[2]

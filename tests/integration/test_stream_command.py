@@ -1,0 +1,156 @@
+"""``posefuse stream`` as a user runs it: a process, lines in, lines out."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.io.calibration import anipose
+from posefuse.io.keypoints import native
+from posefuse.io.stream import lines_of
+from posefuse.model.options import Options
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-W", "error::RuntimeWarning", "-m", "posefuse"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "COLUMNS": "80"}
+FIXED = ("--noise-scale-px", "6", "--pairs", "labels")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of two people for two seconds, with a view that drops frames."""
+    made = simulate_crowd(CrowdOptions(people=2, cameras=4, duration_s=2.0, seed=3))
+    path = tmp_path_factory.mktemp("crowd")
+    native.write(made.detections, path / "keypoints.nc")
+    anipose.write(made.rig, path / "calibration.toml")
+    return path
+
+
+@pytest.fixture(scope="module")
+def lines(folder: Path) -> bytes:
+    rig = posefuse.read_cameras(folder / "calibration.toml")
+    return b"".join(line for _, line in lines_of(posefuse.read_detections(folder / "keypoints.nc"), rig.names))
+
+
+def stream(folder: Path, *more: str) -> list[str]:
+    return [*COMMAND, "stream", "--calibration", str(folder / "calibration.toml"), "--skeleton", "body_20", *more]
+
+
+def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, folder, lines):
+    assert run("replay", folder) == (0, lines.decode(), "")
+    done = subprocess.run(
+        stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
+    )
+    options = Options(
+        people="many", pairs="labels", noise_scale_px=6.0, tracker=replace(Options().tracker, smoother="none")
+    )
+    rig = posefuse.read_cameras(folder / "calibration.toml")
+    result = posefuse.reconstruct(rig, posefuse.read_detections(folder / "keypoints.nc"), options)
+    start, *frames, report = [json.loads(line) for line in done.stdout.splitlines()]
+    assert (start["type"], start["protocol"], report["type"], report["last"]) == ("start", 1, "report", True)
+    assert [frame["frame"] for frame in frames] == list(range(result.n_frames))
+    compared = 0
+    for f, frame in enumerate(frames):
+        for person in frame["people"]:
+            if person["status"] != "active":
+                continue
+            p = result.person_ids.index(person["id"])
+            for layer, points, covariance in (
+                ("model", "model_m", "model_covariance_m2"), ("measured", "keypoints_m", "covariance_m2"),
+            ):  # fmt: skip
+                known = result.layers[layer]
+                assert_same(person[points], np.asarray(known.points_m)[f, p])
+                assert_same(person[covariance], np.asarray(known.covariance_m2)[f, p])
+            compared += 1
+    assert compared > 60
+    assert all(len(line) <= 80 for line in done.stderr.decode().splitlines())
+
+
+def assert_same(rows: list, expected: np.ndarray) -> None:
+    told = np.array([[np.nan] * expected.shape[1] if row is None else row for row in rows])
+    # Of hardly known points not even the covariance is given where the point is not.
+    np.testing.assert_allclose(told, np.where(np.isnan(told), np.nan, expected), rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(np.isnan(told[:, 0]), np.isnan(expected[:, 0]))
+
+
+def test_over_tcp_until_it_is_told_to_end(folder, lines):
+    with subprocess.Popen(
+        stream(folder, "--input", "tcp://:0", "--max-jump-s", "5"), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env=ENVIRONMENT,
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        ready = process.stderr.readline().decode()
+        address = re.search(r"listening on tcp://127\.0\.0\.1:(\d+)", ready)
+        assert address, ready + process.stderr.read().decode()
+        told: list[dict] = []
+        reading = threading.Thread(
+            target=lambda: told.extend(json.loads(line) for line in _lines(process)), daemon=True
+        )
+        reading.start()
+        count = 40
+        with socket.create_connection(("127.0.0.1", int(address[1]))) as sender:
+            sender.sendall(b"nonsense\n")
+            for i in range(0, 4 * count, 4):
+                sender.sendall(b"".join(line + b"\n" for line in lines.splitlines()[i : i + 4]))
+                time.sleep(0.04)
+            time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        reading.join(60)
+        said = process.stderr.read().decode()
+        assert process.wait(60) == 0
+    frames = [line for line in told if line["type"] == "frame"]
+    report = told[-1]
+    assert report["last"] is True
+    assert report["malformed"] == {"not JSON": 1}
+    assert len(frames) + report["frames"]["dropped"] == count
+    assert all(frame["latency_s"] >= 0.0 for frame in frames)
+    assert "warning: line 1: " in said
+    assert "malformed: 1 line, not JSON" in said
+    assert "latency of complete frames" in said
+
+
+def _lines(process: subprocess.Popen) -> Iterator[bytes]:
+    assert process.stdout is not None
+    return iter(process.stdout.readline, b"")
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "said"),
+    [
+        ((), 2, "Add --skeleton"),
+        (("--skeleton", "body_20", "--input", "tcp://"), 2, "lacks the port"),
+        (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number of more than 0"),
+        (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
+    ],
+)
+def test_wrong_calls_are_answered(run, folder, more, code, said):
+    found = run("stream", "--calibration", folder / "calibration.toml", *more)
+    assert found[0] == code
+    assert said in found[2]
+    assert found[1] == ""
+
+
+def test_replay_refuses_what_has_no_times(run, tmp_path):
+    path = tmp_path / "rec"
+    path.mkdir()
+    made = posefuse.simulate_crowd(CrowdOptions(people=1, cameras=3, duration_s=1.0))
+    anipose.write(made.rig, path / "calibration.toml")
+    tracks = np.zeros((3, 4, 20, 3))
+    np.savez(path / "keypoints.npz", keypoints=tracks[..., :2], confidence=tracks[..., 2], names=made.rig.names)
+    code, out, wrong = run("replay", path, "--skeleton", "body_20")
+    assert (code, out) == (1, "")
+    assert "--rate-hz" in wrong

@@ -1,0 +1,115 @@
+"""Many recordings: names, processes that die, workers of a cluster that do, what is kept, the page over all."""
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from posefuse.batch.cluster import on_cluster
+from posefuse.batch.jobs import jobs_of
+from posefuse.batch.marks import kept, key_of, remove_mark, write_mark
+from posefuse.batch.pool import in_processes
+from posefuse.errors import OptionsError, StreamError
+from posefuse.model.batch import Job, Numbers, Outcome
+from posefuse.model.options import Options
+from posefuse.report.batch import batch_csv, batch_page
+from tests.unit.batch.works import do
+
+NUMBERS = Numbers(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
+
+
+def jobs(folder: Path, *names: str) -> list[Job]:
+    return [Job(name, Path(name), folder, None, Options()) for name in names]
+
+
+def test_results_are_called_after_folders(tmp_path):
+    one, other = tmp_path / "a" / "rec", tmp_path / "b" / "rec"
+    found = jobs_of([one, tmp_path / "c", one, other, tmp_path / "out"], tmp_path / "out", None, Options())
+    assert [job.name for job in found] == ["a-rec", "c", "b-rec"]
+    assert [job.output for job in found] == [tmp_path / "out" / job.name for job in found]
+    assert all(job.folder.is_absolute() for job in found)
+
+
+def test_names_that_cannot_be_told_apart_are_refused(tmp_path):
+    with pytest.raises(OptionsError, match="cannot be told apart"):
+        jobs_of([tmp_path / "x" / "a" / "rec", tmp_path / "y" / "a" / "rec"], tmp_path / "out", None, Options())
+    with pytest.raises(OptionsError, match="cannot be told apart"):
+        jobs_of([Path("/")], tmp_path / "out", None, Options())
+    with pytest.raises(OptionsError, match="No recording"):
+        jobs_of([tmp_path / "out"], tmp_path / "out", None, Options())
+
+
+def test_a_process_that_dies_takes_nobody_along(tmp_path):
+    todo = jobs(tmp_path, "dies", "a", "diesonce", "b", "c")
+    found = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
+    assert {name: outcome.state for name, outcome in found.items()} == {
+        "dies": "failed", "a": "done", "diesonce": "done", "b": "done", "c": "done",
+    }  # fmt: skip
+    assert "SIGKILL" in found["dies"].why
+    assert "--jobs 1" in found["dies"].why
+    assert [name for name in os.environ if name == "NUMBA_NUM_THREADS"] == []
+
+
+def test_a_worker_of_a_cluster_that_dies_has_its_work_done_by_another(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    names = [f"slow_{i}" for i in range(6)]
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        found = {}
+        for outcome in on_cluster(do, jobs(tmp_path, *names), cluster.scheduler_address):
+            if not found:
+                os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
+            found[outcome.name] = outcome
+    assert {name: outcome.state for name, outcome in found.items()} == dict.fromkeys(names, "done")
+
+
+def test_no_cluster_is_said():
+    pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    with pytest.raises(StreamError, match="No Dask scheduler answers at nowhere"):
+        list(on_cluster(do, [], "nowhere"))
+
+
+def test_a_result_is_kept_until_anything_changes(tmp_path):
+    def digest(path: Path) -> str:
+        return path.read_text()
+
+    (tmp_path / "reconstruction.nc").write_text("bytes")
+    (tmp_path / "report.html").write_text("page")
+    key = key_of({"keypoints.nc": "1"}, Options())
+    outcome = Outcome("rec", "done", "", NUMBERS, ("a warning",))
+    assert kept("rec", tmp_path, key, digest) is None
+    write_mark(tmp_path, key, outcome, digest)
+    assert kept("rec", tmp_path, key, digest) == replace(outcome, state="kept")
+    assert kept("rec", tmp_path, key_of({"keypoints.nc": "2"}, Options()), digest) is None
+    assert kept("rec", tmp_path, key_of({"keypoints.nc": "1"}, Options(people="many")), digest) is None
+    assert kept("rec", tmp_path, key_of({"keypoints.nc": "1"}, Options(), "own skeleton"), digest) is None
+    (tmp_path / "reconstruction.nc").write_text("others")
+    assert kept("rec", tmp_path, key, digest) is None
+    (tmp_path / "reconstruction.nc").write_text("bytes")
+    (tmp_path / "batch.json").write_text("{}")
+    assert kept("rec", tmp_path, key, digest) is None
+    write_mark(tmp_path, key, outcome, digest)
+    (tmp_path / "report.html").unlink()
+    assert kept("rec", tmp_path, key, digest) is None
+    remove_mark(tmp_path)
+    remove_mark(tmp_path)
+    assert not (tmp_path / "batch.json").exists()
+
+
+def test_the_page_runs_nothing_that_names_hold():
+    evil = '<script>alert("x")</script>'
+    page = batch_page([Outcome(evil, "failed", evil), Outcome("../" + evil, "done", "", NUMBERS, (evil,))])
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") == 5
+    assert "98.0 %" in page
+    table = batch_csv([Outcome('a,"b"\n', "failed", "why"), Outcome("c", "kept", "", NUMBERS)])
+    assert table.splitlines()[0].startswith("recording,outcome,frames,seconds,cameras,people,points_share")
+    assert table.endswith("c,reconstructed,30,1.0,4,2,0.98,12.0,24.0,,,\n")
+
+
+def test_what_was_done_before_is_written_as_what_is_done_now():
+    done, before = (Outcome("c", state, "", NUMBERS) for state in ("done", "kept"))
+    assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))

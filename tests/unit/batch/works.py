@@ -1,0 +1,20 @@
+"""Jobs' work for tests, importable by other processes."""
+
+import os
+import signal
+import time
+
+from posefuse.model.batch import Job, Numbers, Outcome
+
+
+def do(job: Job) -> Outcome:
+    """Succeed, or as the folder's name says: die, or die the first time."""
+    word = job.folder.name.partition("_")[0]
+    mark = job.output / job.name
+    first = not mark.exists()
+    mark.touch()
+    if word == "dies" or (word == "diesonce" and first):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if word == "slow":
+        time.sleep(0.5)
+    return Outcome(job.name, "done", numbers=Numbers(len(job.name), None, 2, 1, None, None, None, None))

@@ -1,0 +1,104 @@
+"""The stream's protocol: what is written is read, and no bytes raise anything."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posefuse.io.stream import Reader, Refusal, line_of
+from posefuse.model.seen import SeenView
+from tests.laws import examples
+
+CAMERAS = ("left", "right\n", "mitte ü")
+READER = Reader(CAMERAS, 3, 4)
+GOOD = {"camera": "left", "time_s": 0.5, "people": [{"keypoints": [[1, 2, 0.5], [3.5, 4], None], "track_id": 7}]}
+
+
+def refused(**changes: object) -> Refusal:
+    found = READER.read(json.dumps(GOOD | changes).encode())
+    assert isinstance(found, Refusal)
+    return found
+
+
+def person(*keypoints: object, **more: object) -> list[dict[str, object]]:
+    return [{"keypoints": list(keypoints), **more}]
+
+
+def test_a_line_by_hand():
+    seen = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
+    assert isinstance(seen, SeenView)
+    assert (seen.view, seen.time_s, seen.track_ids.tolist()) == (0, 0.5, [7])
+    nan = np.nan
+    np.testing.assert_array_equal(seen.keypoints_px, [[[1, 2], [3.5, 4], [nan, nan]]])
+    np.testing.assert_array_equal(seen.confidence, [[0.5, nan, nan]])
+
+
+def test_nobody_is_somebody_who_was_looked_for():
+    seen = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
+    assert isinstance(seen, SeenView)
+    assert seen.keypoints_px.shape == (0, 3, 2)
+
+
+def test_half_a_place_is_none():
+    seen = READER.read(json.dumps(GOOD | {"people": person([1, None, 0.9], [None, None, None], [1, 2, None])}).encode())
+    assert isinstance(seen, SeenView)
+    assert np.isnan(seen.keypoints_px[0, :2]).all()
+    assert np.isnan(seen.confidence[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault", "said"),
+    [
+        ({"camera": "lft"}, "unknown camera", "Did you mean 'left'?"),
+        ({"camera": 3}, "wrong shape", "Expected `str`, got `int` - at `$.camera`"),
+        ({"time_s": "now"}, "wrong shape", "Expected `float`"),
+        ({"time_s": 1.7e12}, "impossible number", "in seconds"),
+        ({"people": [{}]}, "wrong shape", "missing required field `keypoints`"),
+        ({"people": person([1, 2], [3, 4])}, "wrong shape", "people[0] has 2 keypoints; this stream has 3"),
+        ({"people": person([1], [3, 4], None)}, "wrong shape", "[x, y], [x, y, confidence] or null"),
+        ({"people": person([], [3, 4], None)}, "wrong shape", "[x, y], [x, y, confidence] or null"),
+        ({"people": person([1, 2, 3, 4], [3, 4], None)}, "wrong shape", "4 numbers"),
+        ({"people": person([1e7, 2], None, None)}, "impossible number", "1e+06 px"),
+        ({"people": person([1, 2, -0.5], None, None)}, "impossible number", "negative"),
+        ({"people": person(None, None, None, track_id=-7)}, "impossible number", "track_id is -7"),
+        ({"people": person(None, None, None) * 5}, "too many people", "at most 4"),
+    ],
+)
+def test_what_is_wrong_is_said(changes, fault, said):
+    found = refused(**changes)
+    assert found.fault == fault
+    assert said in found.why
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"null", b"[]", b"{", b"\xff\xfe", b"[" * 100_000, b'{"camera": NaN}', b"1e999", b"\x00"]
+)
+def test_bytes_that_are_no_message(line):
+    assert isinstance(READER.read(line), Refusal)
+
+
+def test_nan_gets_a_hint():
+    found = READER.read(b'{"camera": "left", "time_s": NaN, "people": []}')
+    assert isinstance(found, Refusal)
+    assert "null" in found.why
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4))
+@examples(60)
+def test_what_is_written_is_read(seed, people):
+    rng = np.random.default_rng(seed)
+    pixels = rng.normal(size=(people, 3, 2)) * 10.0 ** rng.integers(-9, 5)
+    confidence = rng.random((people, 3))
+    confidence[rng.random((people, 3)) < 0.3] = np.nan
+    gone = rng.random((people, 3)) < 0.3
+    pixels[gone], confidence[gone] = np.nan, np.nan
+    view = SeenView(int(rng.integers(3)), rng.normal() * 1e6, pixels, confidence, rng.integers(-1, 99, people))
+    line = line_of(CAMERAS[view.view], view)
+    assert line.count(b"\n") == 1
+    seen = READER.read(line)
+    assert isinstance(seen, SeenView)
+    assert (seen.view, seen.time_s) == (view.view, view.time_s)
+    for name in ("keypoints_px", "confidence", "track_ids"):
+        np.testing.assert_array_equal(getattr(seen, name), getattr(view, name))

@@ -1,0 +1,135 @@
+"""Bytes to lines to the inbox: bounded whatever comes."""
+
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posefuse.errors import OptionsError
+from posefuse.live.addresses import parse_address
+from posefuse.live.counts import Latencies
+from posefuse.live.inbox import Inbox
+from posefuse.live.lines import Allowance, LineSplitter, Sender
+from posefuse.model.stream_options import StreamOptions
+from tests.laws import examples
+
+
+@given(st.lists(st.binary(max_size=30), max_size=12), st.lists(st.integers(1, 9), min_size=1, max_size=9))
+@examples(150)
+def test_lines_do_not_depend_on_how_bytes_come(pieces, sizes):
+    whole = b"\n".join(pieces)
+    splitter, lines, at = LineSplitter(10), [], 0
+    for i in range(len(whole)):
+        size = sizes[i % len(sizes)]
+        lines += splitter.feed(whole[at : at + size])
+        at += size
+        assert len(splitter._begun) <= 10
+    lines += splitter.end()
+    expected = [line for line in whole.split(b"\n") if line.strip()]
+    assert lines == [line for line in expected if len(line) <= 10]
+    assert splitter.too_long == sum(len(line) > 10 for line in whole.split(b"\n"))
+
+
+def test_a_line_without_end_takes_no_memory():
+    splitter = LineSplitter(1000)
+    for _ in range(100):
+        assert splitter.feed(b"x" * 900) == []
+        assert len(splitter._begun) <= 1000
+    assert splitter.feed(b"\nnext\n") == [b"next"]
+    assert splitter.too_long == 1
+
+
+def test_so_many_a_second_and_those_of_one_at_once():
+    allowance = Allowance(10.0, 0.0)
+    assert [allowance.spend(0.0) for _ in range(12)].count(True) == 10
+    assert sum(allowance.spend(1.0 + 0.01 * i) for i in range(1000)) == pytest.approx(10 + 100, abs=1)
+
+
+def test_a_flood_is_counted():
+    inbox = Inbox(1000, waits=False, clock=lambda: 0.0)
+    sender = Sender(inbox, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
+    sender.feed(b"a\n" * 7 + b"much too long\n")
+    assert [each.line for each in inbox.take(0.0)[0]] == [b"a"] * 5
+    assert inbox.lost == {"more than max_messages_hz": 2, "longer than max_line_bytes": 1}
+
+
+def test_the_oldest_are_dropped_and_counted():
+    inbox = Inbox(3, waits=False)
+    for i in range(5):
+        inbox.put(b"%d" % i)
+    assert [each.line for each in inbox.take(0.0)[0]] == [b"2", b"3", b"4"]
+    assert inbox.lost == {"too many waited": 2}
+
+
+def test_the_sender_waits_where_it_is_to():
+    inbox = Inbox(3, waits=True)
+    thread = threading.Thread(target=lambda: [inbox.put(b"%d" % i) for i in range(50)])
+    thread.start()
+    taken = []
+    while len(taken) < 50:
+        lines, _ = inbox.take(1.0, 1)
+        taken += [int(each.line) for each in lines]
+    thread.join()
+    assert taken == list(range(50))
+    assert not inbox.lost
+
+
+def test_nothing_waits_for_ever_for_a_closed_inbox():
+    inbox = Inbox(1, waits=True)
+    inbox.put(b"a")
+    inbox.close()
+    inbox.put(b"b")
+    assert not inbox.finished
+    assert len(inbox.take(60.0)[0]) == 2
+    assert inbox.finished
+    assert inbox.take(60.0)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "shown", "is_open"),
+    [
+        ("-", "stdin", False),
+        ("tcp://:5570", "tcp://127.0.0.1:5570", False),
+        ("tcp://localhost:0", "tcp://localhost:0", False),
+        ("tcp://0.0.0.0:5570", "tcp://0.0.0.0:5570", True),
+        ("tcp://[::1]:5570", "tcp://[::1]:5570", False),
+        ("tcp://[::]:5570", "tcp://[::]:5570", True),
+        ("zmq+pull://somewhere:5570", "zmq+pull://somewhere:5570", True),
+        ("zmq+sub://somewhere:5570/pose", "zmq+sub://somewhere:5570/pose", False),
+        ("nats://somewhere/pose.left", "nats://somewhere:4222/pose.left", False),
+        ("unix:/tmp/s", "unix:/tmp/s", False),
+        ("unix:///tmp/s", "unix:/tmp/s", False),
+    ],
+)
+def test_addresses(text, shown, is_open):
+    address = parse_address(text)
+    assert (str(address), address.is_open) == (shown, is_open)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("5570", "Addresses look like"),
+        ("tpc://x:1", "Did you mean 'tcp'?"),
+        ("tcp://x", "lacks the port"),
+        ("tcp://x:99999", "Port out of range"),
+        ("tcp://x:1/y", "takes no name"),
+        ("nats://x", "lacks the subject"),
+        ("unix:", "lacks the path"),
+        ("tcp://me:secret@x:1", "nothing else"),
+    ],
+)
+def test_addresses_that_are_none(text, said):
+    with pytest.raises(OptionsError, match=said.replace("?", r"\?")):
+        parse_address(text)
+
+
+@given(st.lists(st.floats(1e-5, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
+@examples(60)
+def test_quantiles_are_right_to_six_percent(values, share):
+    latencies = Latencies()
+    for value in values:
+        latencies.add(value)
+    exact = sorted(values)[max(0, -(-int(share * 1e9) * len(values) // 10**9) - 1)]
+    assert exact * 0.999 <= latencies.quantile_s(share) <= exact * 1.061
