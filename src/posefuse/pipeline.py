@@ -22,12 +22,14 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
+from posefuse.model.names import plain_name
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
+from posefuse.model.timeline import align_views
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks
 from posefuse.postprocess.bones import usual_bones
@@ -146,6 +148,7 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
         raise DetectionsError("The recording is empty: it has no frames.")
     if options.rate_hz is not None and detections.rate_hz is None:
         detections = detections.with_rate(options.rate_hz)
+    detections = align_views(detections, options.reference_view)
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     options = settle_people(options, detections, len(rig))
@@ -442,14 +445,6 @@ def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
         views = [view for view, name in zip(detections.view_names, names, strict=True) if name == repeated]
         raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use --camera-order.")
     return tuple(names)
-
-
-def plain_name(name: str) -> str:
-    """A camera or view name without case, punctuation and the endings that keypoint folders add."""
-    plain = "".join(character for character in name.lower() if character.isalnum())
-    for ending in ("keypoints", "json", "keypoints"):
-        plain = plain.removesuffix(ending)
-    return plain
 
 
 def cut_time(detections: Detections, options: Options) -> Detections:

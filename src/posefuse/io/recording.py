@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, RecordingError
+from posefuse.io import timestamps
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.files import must_exist, natural_key
 from posefuse.io.keypoints import openpose
@@ -80,6 +81,21 @@ def choose_keypoints(recording: Recording) -> Path:
         RecordingError: if there are none, or more than one.
     """
     return _choose(recording.keypoints, recording, "sets of 2D keypoints", "--keypoints")
+
+
+def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
+    """The timestamps in a recording's folder or beside its keypoints, or None where there are none.
+
+    Raises:
+        RecordingError: if there are several.
+    """
+    places = dict.fromkeys(path.resolve() for path in (keypoints, keypoints.parent, folder))
+    inside = [place for place in places if place.is_relative_to(folder.resolve())]
+    found = timestamps.find(inside)
+    if len(found) > 1:
+        listed = "".join(f"\n  --timestamps {path}" for path in found)
+        raise RecordingError(f"{folder} has {len(found)} sets of timestamps. Choose one:{listed}")
+    return found[0] if found else None
 
 
 def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str) -> Path:
