@@ -1,5 +1,6 @@
 """From what files and users say of when views took their frames to views on one line of frames."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -81,6 +82,7 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
             f"{stamps.source} has no times of {choices(lacking)}; it has those of {choices(stamps.of_view)}. Give the "
             "times of every view, or do without: --rate-hz."
         )
+    begin_s = math.floor(min(float(each.time_s.min()) for each in of_view.values()))
     times = np.full((detections.n_frames, detections.n_views), np.nan)
     for v, each in of_view.items():
         recorded = detections.recorded[:, v]
@@ -89,7 +91,9 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
         )
     said = f"Times are those of {stamps.source}" + (f"; it has more views: {choices(others)}." if others else ".")
     notes = (*detections.notes, *stamps.notes, said)
-    return replace(detections, time_s=times, rate_hz=None, notes=notes)
+    if begin_s:
+        notes = (*notes, f"Times count from its second {begin_s}.")
+    return replace(detections, time_s=times - begin_s, rate_hz=None, notes=notes)
 
 
 def _times_of(numbers: np.ndarray, given: ViewTimes, where: str) -> np.ndarray:
