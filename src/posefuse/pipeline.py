@@ -22,7 +22,7 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
-from posefuse.model.names import plain_name
+from posefuse.model.names import has_name, plain_name
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.postprocess_options import PostprocessOptions
@@ -387,7 +387,8 @@ def match_views(
     """Give every view its camera: by name, or by ``options.camera_order``; never silently by position.
 
     Names match when they are equal, or equal once case, punctuation and the endings that keypoint folders add
-    (``_json``, ``_keypoints``) are left out, and no other name is.
+    (``_json``, ``_keypoints``) are left out, and no other name is; or when a camera's name is a word of the view's, with
+    or without ``cam`` before it, and no other camera's is (``trial1-camA`` is camera A's).
 
     Returns:
         The cameras in the views' order, the chosen views, and what is worth saying.
@@ -431,7 +432,7 @@ def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
     for view in detections.view_names:
         exact = [name for name in rig.names if name == view]
         near = [name for name in rig.names if plain_name(name) == plain_name(view)]
-        found = exact or near
+        found = exact or near or [name for name in rig.names if has_name(view, name)]
         if len(found) != 1:
             problem = "has no camera of its name" if not found else f"could be any of {choices(found)}"
             raise MatchError(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from posefuse.errors import DetectionsError
 from posefuse.io.calibration.read import read_cameras
+from posefuse.io.files import files_at
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.recording import choose_calibration, choose_keypoints, choose_timestamps, find_recording
@@ -96,10 +97,10 @@ def must_have_rate(detections: Detections) -> None:
 def digest(path: Path) -> str:
     """SHA-256 of a file, or of the names and contents of a folder's files."""
     total = hashlib.sha256()
-    files = [path] if path.is_file() else sorted(entry for entry in path.rglob("*") if entry.is_file())
+    files = files_at(path) if not path.is_dir() else sorted(entry for entry in path.rglob("*") if entry.is_file())
     for file in files:
-        if path.is_dir():
-            total.update(file.relative_to(path).as_posix().encode())
+        if len(files) > 1 or path.is_dir():
+            total.update(file.relative_to(path if path.is_dir() else path.parent).as_posix().encode())
         with file.open("rb") as stream:
             while block := stream.read(1 << 20):
                 total.update(block)
