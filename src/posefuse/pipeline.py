@@ -387,8 +387,8 @@ def match_views(
     """Give every view its camera: by name, or by ``options.camera_order``; never silently by position.
 
     Names match when they are equal, or equal once case, punctuation and the endings that keypoint folders add
-    (``_json``, ``_keypoints``) are left out, and no other name is; or when a camera's name is a word of the view's, with
-    or without ``cam`` before it, and no other camera's is (``trial1-camA`` is camera A's).
+    (``_json``, ``_keypoints``) are left out, and no other name is; or when a camera's name is a word of the view's,
+    with or without ``cam`` before it, and no other camera's is (``trial1-camA`` is camera A's).
 
     Returns:
         The cameras in the views' order, the chosen views, and what is worth saying.
