@@ -82,7 +82,7 @@ def _detections(
 
 def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
     """The view of each of the result's cameras."""
-    from posefuse.pipeline import plain_name
+    from posefuse.model.names import plain_name
 
     views = detections.view_names
     if result.options.camera_order:

@@ -171,7 +171,7 @@ def _missing_shares(detections: Detections) -> np.ndarray:
 
 def _say_matches(read: _Read, options: Options) -> None:
     """Which keypoints and calibrations belong together; of several, the flags that choose them."""
-    from posefuse.pipeline import match_views
+    from posefuse.model.matching import match_views
 
     single = len(read.rigs) == 1 and len(read.detections) == 1
     said, refused = [], []

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
@@ -176,6 +177,12 @@ def read_json(path: Path) -> Any:
     text = small_text(path)
     if not text:
         return None
+    try:
+        return msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        pass  # Some programs write NaN, which is not JSON but is clear enough.
+    except RecursionError as error:
+        raise FileError(f"{path} is not whole JSON: {error}. Was it cut short?") from None
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
