@@ -240,10 +240,11 @@ def _used(item: Found) -> list[Path]:
     if not item.path.is_dir():
         return files_at(item.path)
     form = by_name(KEYPOINTS, item.format)
-    files_of = None if form is None else getattr(form.load(), "files_of", None)
+    files_of = None if form is None else getattr(form.load(), "files_of", getattr(form.load(), "arrays_in", None))
     if files_of is not None:
         return files_of(item.path)
-    return [item.path, *(entry for entry in item.path.rglob("*") if entry.suffix in _CALIBRATION_SUFFIXES)]
+    beside = [entry for entry in item.path.rglob("*") if entry.suffix in (*_CALIBRATION_SUFFIXES[:-3], ".pickle")]
+    return [item.path, *beside] if form is not None else beside
 
 
 def _is_keypoint_array(path: Path) -> bool:

@@ -95,6 +95,17 @@ def _period(times: np.ndarray) -> float:
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else float("nan")
 
 
+def rate_of(period_s: float) -> float:
+    """The nominal rate of frames so far apart, in five digits: more are not in clocks' times."""
+    return float(f"{1.0 / period_s:.5g}")
+
+
+def slowest_rate_hz(detections: Detections) -> float | None:
+    """The nominal rate of the slowest view by its times; None where no view has two frames with times."""
+    periods = _periods(detections, detections.recorded & np.isfinite(detections.time_s))
+    return rate_of(float(np.nanmax(periods))) if np.isfinite(periods).any() else None
+
+
 def _periods(detections: Detections, known: np.ndarray) -> np.ndarray:
     return np.array([_period(detections.time_s[known[:, v], v]) for v in range(detections.n_views)])
 
@@ -208,7 +219,7 @@ def _gathered(detections: Detections, line: _Line, known: np.ndarray) -> Detecti
         for each in fields(Detections)
         if each.name not in _INDEX and hasattr(value := getattr(everything, each.name), "shape")
     }
-    rate = 1.0 / line.period_s
+    rate = rate_of(line.period_s)
     told = detections.rate_hz
     return replace(
         everything,
@@ -216,7 +227,7 @@ def _gathered(detections: Detections, line: _Line, known: np.ndarray) -> Detecti
         time_s=np.where(has, detections.time_s.ravel()[cells], np.nan),
         offsets=offsets,
         recorded=has,
-        rate_hz=told if told is not None and abs(told / rate - 1.0) < _SAME_RATE else float(f"{rate:.6g}"),
+        rate_hz=told if told is not None and abs(told / rate - 1.0) < _SAME_RATE else rate,
         notes=(*detections.notes, *_notes(detections, line, known, periods)),
         **parts,
     )

@@ -29,9 +29,12 @@ def view_names(files: Sequence[Path]) -> list[str]:
     if len(stems) == 1:
         return stems
     start = _at_separator(_common_start(stems))
+    # Of cam_1 and cam_2 the names are not 1 and 2.
+    word = re.search(r"(cam|camera|view)[_. ]$", stems[0][:start], re.IGNORECASE)
+    start = word.start() if word and not any(stem[start:].lower().startswith("cam") for stem in stems) else start
     end = _at_separator(_common_start([stem[start:][::-1] for stem in stems]))
     names = [stem[start : len(stem) - end] for stem in stems]
-    if any(not name or set(_SEPARATORS) & set(name) for name in names):
+    if any(not name or set(_SEPARATORS) & set(name[word.end() - word.start() if word else 0 :]) for name in names):
         several = "".join(f"\n  --keypoints '{files[0].parent / pattern}'" for pattern in recordings_in(files))
         raise FileError(
             f"{files[0].parent} holds files whose names differ in more than the camera: {choices(stems)}. "

@@ -11,7 +11,7 @@ from posefuse.io.keypoints.request import Request
 from posefuse.io.timestamps import Timestamps, ViewTimes
 from posefuse.model.detections import Detections
 from posefuse.model.names import plain_name
-from posefuse.model.timeline import align_views, uneven_lengths
+from posefuse.model.timeline import align_views, slowest_rate_hz, uneven_lengths
 
 
 def on_one_line(detections: Detections, request: Request) -> Detections:
@@ -59,7 +59,7 @@ def with_rates(detections: Detections, rates_hz: Mapping[str, float], rate_hz: f
         raise DetectionsError(f"view_rates_hz says nothing of {choices(unknown)}; --rate-hz is for all that it leaves.")
     numbers = detections.frame_numbers - detections.frame_numbers[0]
     times = numbers[:, None] / rates
-    return replace(detections, time_s=np.where(detections.recorded, times, np.nan), rate_hz=None)
+    return _rated(replace(detections, time_s=np.where(detections.recorded, times, np.nan)))
 
 
 def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
@@ -93,7 +93,11 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     notes = (*detections.notes, *stamps.notes, said)
     if begin_s:
         notes = (*notes, f"Times count from its second {begin_s}.")
-    return replace(detections, time_s=times - begin_s, rate_hz=None, notes=notes)
+    return _rated(replace(detections, time_s=times - begin_s, notes=notes))
+
+
+def _rated(detections: Detections) -> Detections:
+    return replace(detections, rate_hz=slowest_rate_hz(detections))
 
 
 def _times_of(numbers: np.ndarray, given: ViewTimes, where: str) -> np.ndarray:
