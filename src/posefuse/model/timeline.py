@@ -95,15 +95,25 @@ def _period(times: np.ndarray) -> float:
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else float("nan")
 
 
-def rate_of(period_s: float) -> float:
-    """The nominal rate of frames so far apart, in five digits: more are not in clocks' times."""
+def nominal_rate_hz(frame_numbers: np.ndarray, time_s: np.ndarray) -> float | None:
+    """The rate of frames by their numbers and times, in five digits: more are not in clocks' times.
+
+    Args:
+        frame_numbers: shape (frame,), increasing.
+        time_s: shape (frame,), NaN where unknown.
+
+    Returns:
+        Over the whole time, where that is as over the median step: single times may be rounded, and clocks may stop
+        for a while. None where fewer than two times are known.
+    """
+    known = np.flatnonzero(np.isfinite(time_s))
+    numbers, times = np.asarray(frame_numbers)[known], time_s[known]
+    if len(known) < 2 or not times[-1] > times[0]:
+        return None
+    whole = (times[-1] - times[0]) / (numbers[-1] - numbers[0])
+    usual = float(np.median(np.diff(times) / np.diff(numbers)))
+    period_s = whole if abs(whole - usual) <= _SAME_RATE * whole or usual <= 0 else usual
     return float(f"{1.0 / period_s:.5g}")
-
-
-def slowest_rate_hz(detections: Detections) -> float | None:
-    """The nominal rate of the slowest view by its times; None where no view has two frames with times."""
-    periods = _periods(detections, detections.recorded & np.isfinite(detections.time_s))
-    return rate_of(float(np.nanmax(periods))) if np.isfinite(periods).any() else None
 
 
 def _periods(detections: Detections, known: np.ndarray) -> np.ndarray:
@@ -219,11 +229,12 @@ def _gathered(detections: Detections, line: _Line, known: np.ndarray) -> Detecti
         for each in fields(Detections)
         if each.name not in _INDEX and hasattr(value := getattr(everything, each.name), "shape")
     }
-    rate = rate_of(line.period_s)
+    numbers = _numbers(detections, line, periods)
+    rate = nominal_rate_hz(numbers, line.time_s) or 1.0 / line.period_s
     told = detections.rate_hz
     return replace(
         everything,
-        frame_numbers=_numbers(detections, line, periods),
+        frame_numbers=numbers,
         time_s=np.where(has, detections.time_s.ravel()[cells], np.nan),
         offsets=offsets,
         recorded=has,
@@ -263,6 +274,8 @@ def _span(detections: Detections, known: np.ndarray, view: int) -> str:
 
 def uneven_lengths(detections: Detections) -> str | None:
     """What there is to say of views of unequal length that no times tell how to put together, or None."""
+    if not _by_number(detections):
+        return None
     counts = detections.recorded.sum(axis=0)
     if len(set(counts.tolist())) == 1:
         return None
@@ -271,3 +284,12 @@ def uneven_lengths(detections: Detections) -> str | None:
         f"Views have unequal numbers of frames ({listed}), and no times: they are put together by frame number. "
         "--timestamps, or --view-rates-hz, says when frames were taken."
     )
+
+
+def _by_number(detections: Detections) -> bool:
+    """Whether all that is known of times is the frames' numbers and a rate."""
+    known = np.isfinite(detections.time_s)
+    if detections.rate_hz is None or not known.any():
+        return not known.any()
+    times = np.repeat(detections.frame_numbers[:, None] / detections.rate_hz, detections.n_views, axis=1)
+    return bool(np.allclose(detections.time_s[known], times[known], rtol=0.0, atol=1e-9))

@@ -191,6 +191,26 @@ def test_a_recording_of_mixed_rates_is_that_of_the_frames_it_has(recording):
     np.testing.assert_allclose(np.asarray(mixed.layers["measured"].points_m)[5:], everywhere, atol=1e-12)
 
 
+def test_numbers_that_agree_with_times_are_left_alone(tmp_path):
+    """A view that has every other frame, as numbered: nothing is thrown away, and the rate is that of the frames."""
+    first, second = two_views().view_names
+    some = two_views(12)
+    recorded = np.array(some.recorded)
+    recorded[1::2, 1] = False
+    kept = np.repeat(recorded.ravel(), some.people_counts.ravel())
+    counts = np.where(recorded, some.people_counts, 0)
+    holed = replace(
+        some, recorded=recorded, offsets=np.concatenate([[0], np.cumsum(counts)]), time_s=np.full((12, 2), np.nan),
+        rate_hz=None, keypoints_px=some.keypoints_px[kept], confidence=some.confidence[kept],
+        track_ids=some.track_ids[kept],
+    )  # fmt: skip
+    rows = [(name, f, f / 60) for v, name in enumerate((first, second)) for f in range(0, 12, 1 + v)]
+    found = on_one_line(holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows))))
+    assert (found.n_frames, found.rate_hz) == (12, 60.0)
+    np.testing.assert_array_equal(found.recorded, recorded)
+    assert found.notes[-1] == "Times are those of times.csv."
+
+
 def test_several_timestamps_are_not_chosen_between(recording, capsys):
     other = table(recording / "mixed" / "other.csv")
     with pytest.raises(RecordingError, match=r"has 2 sets of timestamps. Choose one:\s+--timestamps .*other.csv"):

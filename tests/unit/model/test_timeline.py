@@ -11,6 +11,7 @@ from posefuse import align_views
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
+from posefuse.model.timeline import nominal_rate_hz
 from tests.laws import examples
 
 DOTS = Skeleton("dots", ("a", "b"))
@@ -135,6 +136,16 @@ def test_each_frame_is_used_once_within_half_an_interval_and_again_changes_nothi
         assert np.isin(used, each).all()
     pixels = found.dense()[0]
     np.testing.assert_allclose(pixels[found.recorded][:, 0, 0], 100.0 * found.time_s[found.recorded])
+
+
+def test_the_rate_is_that_of_the_numbers():
+    """Times rounded to a tenth of a millisecond, and a view that has every other frame only."""
+    times = np.round(np.arange(100) / 60, 4)
+    assert nominal_rate_hz(np.arange(100), times) == pytest.approx(60, rel=1e-4)
+    assert nominal_rate_hz(np.arange(0, 100, 2), times[::2]) == pytest.approx(60, rel=1e-4)
+    stopped = np.where(np.arange(100) < 50, times, times + 7.0)
+    assert nominal_rate_hz(np.arange(100), stopped) == pytest.approx(60, rel=0.01)
+    assert nominal_rate_hz(np.arange(3), np.array([np.nan, 1.0, np.nan])) is None
 
 
 def test_what_times_cannot_be():

@@ -11,7 +11,7 @@ from posefuse.io.keypoints.request import Request
 from posefuse.io.timestamps import Timestamps, ViewTimes
 from posefuse.model.detections import Detections
 from posefuse.model.names import plain_name
-from posefuse.model.timeline import align_views, slowest_rate_hz, uneven_lengths
+from posefuse.model.timeline import align_views, nominal_rate_hz, uneven_lengths
 
 
 def on_one_line(detections: Detections, request: Request) -> Detections:
@@ -28,6 +28,10 @@ def on_one_line(detections: Detections, request: Request) -> Detections:
     elif request.view_rates_hz:
         detections = with_rates(detections, request.view_rates_hz, request.rate_hz or detections.rate_hz)
     aligned = align_views(detections, request.reference_view)
+    timed = request.timestamps is not None or request.nearby is not None or bool(request.view_rates_hz)
+    if timed and aligned.rate_hz is None:
+        first_s = np.fmin.reduce(aligned.time_s, axis=1)
+        return replace(aligned, rate_hz=nominal_rate_hz(aligned.frame_numbers, first_s))
     said = uneven_lengths(aligned) if aligned is detections else None
     return aligned if said is None else replace(aligned, notes=(*aligned.notes, said))
 
@@ -59,7 +63,7 @@ def with_rates(detections: Detections, rates_hz: Mapping[str, float], rate_hz: f
         raise DetectionsError(f"view_rates_hz says nothing of {choices(unknown)}; --rate-hz is for all that it leaves.")
     numbers = detections.frame_numbers - detections.frame_numbers[0]
     times = numbers[:, None] / rates
-    return _rated(replace(detections, time_s=np.where(detections.recorded, times, np.nan)))
+    return replace(detections, time_s=np.where(detections.recorded, times, np.nan), rate_hz=None)
 
 
 def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
@@ -93,11 +97,7 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     notes = (*detections.notes, *stamps.notes, said)
     if begin_s:
         notes = (*notes, f"Times count from its second {begin_s}.")
-    return _rated(replace(detections, time_s=times - begin_s, notes=notes))
-
-
-def _rated(detections: Detections) -> Detections:
-    return replace(detections, rate_hz=slowest_rate_hz(detections))
+    return replace(detections, time_s=times - begin_s, notes=notes, rate_hz=None)
 
 
 def _times_of(numbers: np.ndarray, given: ViewTimes, where: str) -> np.ndarray:
