@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from posefuse.model.status import ViewStatus as ViewStatus
     from posefuse.model.stored_points import StoredPoints as StoredPoints
     from posefuse.model.subject_options import SubjectOptions as SubjectOptions
+    from posefuse.model.timeline import align_views as align_views
     from posefuse.model.tracker_options import TrackerOptions as TrackerOptions
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
@@ -96,6 +97,7 @@ _PLACES = {
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),
     "model.subject_options": ("SubjectOptions",),
+    "model.timeline": ("align_views",),
     "model.tracker_options": ("TrackerOptions",),
     "model.tracks": ("TrackState", "Tracks"),
     "model.trajectory_options": ("TrajectoryOptions",),

@@ -8,9 +8,10 @@ import pytest
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.names import plain_name
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.pipeline import match_views, plain_name, reconstruct, triangulate
+from posefuse.pipeline import match_views, reconstruct, triangulate
 from tests.scenes import body_points, ring, seen, skeleton_of
 
 

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say, table
 from posefuse.cli.reading import read_inputs
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.model.options import Options
 
 
@@ -17,6 +17,7 @@ def calibrate_noise(
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="TOML file to write.")] = Path("noise.toml"),
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    timestamps: TimestampsPath = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Find how a detector errs, by leaving views out, and write it for reconstruct --options FILE.
@@ -29,7 +30,7 @@ def calibrate_noise(
     from posefuse.pipeline import match_views
 
     progress = Bars()
-    inputs = read_inputs(recording, calibration, keypoints, options, progress)
+    inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)
     rig, _, _ = match_views(inputs.rig, inputs.detections, options)
     noise = calibrate(inputs.rig, inputs.detections, options, progress=progress)
     table(

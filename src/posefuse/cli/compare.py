@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, wrote
 from posefuse.cli.reading import read_inputs
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.options import METHODS, Options
 
@@ -27,6 +27,7 @@ def compare(
     ] = (),
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    timestamps: TimestampsPath = None,
     truth: Annotated[
         Path | None, Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
     ] = None,
@@ -49,7 +50,7 @@ def compare(
 
     truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()
-    inputs = read_inputs(recording, calibration, keypoints, options, progress)
+    inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
         found = compare_methods(
             inputs.rig, inputs.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress

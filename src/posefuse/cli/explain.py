@@ -1,6 +1,7 @@
 """``posefuse explain``."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, warn
+from posefuse.cli.types import TimestampsPath
 from posefuse.errors import MatchError, choices
 from posefuse.explain import AROUND_S, FrameAccount, PersonAccount, Sighting, ViewAccount
 from posefuse.model.detections import Detections
@@ -28,6 +30,7 @@ def explain(
     keypoints: Annotated[
         Path | None, Parameter(help="File or folder of the 2D keypoints; by default those in the recording.")
     ] = None,
+    timestamps: TimestampsPath = None,
 ) -> None:
     """Say of a frame which detection is whose and why, and how everybody's keypoints came out.
 
@@ -39,7 +42,7 @@ def explain(
     _, opened = open_result(result)
     detections = None
     if recording is not None or keypoints is not None:
-        detections = _detections(opened, recording, keypoints)
+        detections = _detections(opened, recording, keypoints, timestamps)
     told = explaining.explain(opened, frame, detections, person)
     at = f", {told.time_s:.3f} s" if np.isfinite(told.time_s) else ""
     say(f"frame {told.number}{at}")
@@ -56,18 +59,21 @@ def explain(
         _say_view(view, tuple(opened.layers))
 
 
-def _detections(result: Reconstruction, recording: Path | None, keypoints: Path | None) -> Detections:
+def _detections(
+    result: Reconstruction, recording: Path | None, keypoints: Path | None, timestamps: Path | None
+) -> Detections:
     """The 2D keypoints, their views in the order of the result's cameras."""
-    from posefuse.cli.reading import digest
+    from posefuse.cli.reading import digest, request_of
     from posefuse.io.keypoints.read import read_keypoints
-    from posefuse.io.keypoints.request import Request
     from posefuse.io.recording import choose_keypoints, find_recording
 
     if keypoints is None:
         assert recording is not None
         keypoints = choose_keypoints(find_recording(recording))
-    options = result.options
-    detections = read_keypoints(keypoints, Request(result.skeleton, options.rate_hz, options.third_channel, Bars()))
+    # Where the skeleton's file lay is nobody's business, and the result holds the skeleton.
+    options = replace(result.options, skeleton=None)
+    request, _ = request_of(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
+    detections = read_keypoints(keypoints, replace(request, skeleton=result.skeleton))
     known = result.provenance.inputs.get(keypoints.name)
     if known is not None and known != digest(keypoints):
         warn(f"{keypoints.name} has changed since the result was made; what is said of detections may be wrong.")
@@ -76,7 +82,7 @@ def _detections(result: Reconstruction, recording: Path | None, keypoints: Path 
 
 def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
     """The view of each of the result's cameras."""
-    from posefuse.pipeline import plain_name
+    from posefuse.model.names import plain_name
 
     views = detections.view_names
     if result.options.camera_order:

@@ -1,14 +1,29 @@
 """``posefuse inspect``."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 
-from posefuse.cli.console import Bars, percent, say, table
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
-from posefuse.errors import PosefuseError, RecordingError
-from posefuse.io.recording import Found, find_recording
+from posefuse.cli.console import Bars, note, percent, say, table, warn
+from posefuse.cli.reading import request_of
+from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
+from posefuse.errors import PosefuseError, RecordingError, choices
+from posefuse.io.recording import Found, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options import Options
+
+_MOST_CAMERAS = 24
+_MOST_NAMES = 4
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What could be read of what was found: with its path, cameras or detections."""
+
+    rigs: list[tuple[Path, CameraRig]]
+    detections: list[tuple[Path, Detections]]
 
 
 def inspect(
@@ -16,74 +31,130 @@ def inspect(
     *,
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    timestamps: TimestampsPath = None,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Say what is in a folder: calibrations, keypoints, and whether they belong together."""
+    """Say what is in a folder: calibrations, keypoints, why they are taken for that, and whether they fit together."""
     found = find_recording(recording)
-    calibrations = found.calibrations if calibration is None else (Found(calibration, ""),)
-    keypoint_sets = found.keypoints if keypoints is None else (Found(keypoints, ""),)
+    calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)
+    keypoint_sets = found.keypoints if keypoints is None else (_given(keypoints, calibration=False),)
     if not calibrations and not keypoint_sets:
         raise RecordingError(
             f"Nothing in {recording} is a calibration or 2D keypoints in a known format; posefuse formats lists them."
         )
-    rigs = [rig for item in calibrations if (rig := _calibration(item, options)) is not None]
-    detections = [seen for item in keypoint_sets if (seen := _keypoints(item, options)) is not None]
-    if len(rigs) == 1 and len(detections) == 1:
-        _match(rigs[0], detections[0], options)
+    rigs = [(item.path, rig) for item in calibrations if (rig := _calibration(item, options)) is not None]
+    seen = [
+        (item.path, one)
+        for item in keypoint_sets
+        if (one := _keypoints(item, recording, timestamps, options)) is not None
+    ]
+    if not keypoint_sets:
+        say("no 2D keypoints")
+    if not calibrations:
+        say("no calibration")
+    ignored = ignored_in(found)
+    if ignored:
+        say("not read:")
+    for item in ignored:
+        note(f"  {choices(item.names, _MOST_NAMES)}: {item.why}")
+    _say_matches(_Read(rigs, seen), options)
+
+
+def _given(path: Path, *, calibration: bool) -> Found:
+    """What the user names, with the format that it is in."""
+    from posefuse.io.calibration.read import find_format as calibration_format
+    from posefuse.io.evidence import known_by
+    from posefuse.io.keypoints.read import find_format as keypoint_format
+
+    form = (calibration_format if calibration else keypoint_format)(path)
+    return Found(path, "unknown") if form is None else Found(path, form.name, known_by(form))
 
 
 def _calibration(item: Found, options: Options) -> CameraRig | None:
-    from posefuse.io.calibration.read import find_format, read_cameras
+    from posefuse.io.calibration.read import read_cameras
 
-    form = item.format or getattr(find_format(item.path), "name", "unknown")
-    say(f"calibration {item.path} ({form})")
+    say(f"calibration {item.path} ({item.format})")
+    if item.why:
+        note(f"  known by: {item.why}")
     try:
         rig = read_cameras(item.path, length_unit=options.length_unit, up=options.up)
     except PosefuseError as error:
-        say(f"  cannot be read: {error}")
+        note(f"  cannot be read: {error}")
         return None
-    say(f"  up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to metres")
-    for note in rig.notes:
-        say(f"  note: {note}")
+    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to metres")
+    for remark in rig.notes:
+        note(f"  note: {remark}")
     rows = []
-    for camera in rig.cameras:
+    for camera in rig.cameras[:_MOST_CAMERAS]:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
         at = " ".join(f"{value:.2f}" for value in camera.centre_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
     table(None, ["  camera", "size px", "focal px", "lens", "at m"], rows)
+    if len(rig) > _MOST_CAMERAS:
+        say(f"  and {len(rig) - _MOST_CAMERAS} more, up to {rig.names[-1]}")
     return rig
 
 
-def _keypoints(item: Found, options: Options) -> Detections | None:
-    from posefuse.io.keypoints.read import find_format, read_keypoints
-    from posefuse.io.keypoints.request import Request
+def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: Options) -> Detections | None:
+    from posefuse.io.keypoints.read import read_keypoints
 
-    form = item.format or getattr(find_format(item.path), "name", "unknown")
-    say(f"keypoints {item.path} ({form})")
+    say(f"keypoints {item.path} ({item.format})")
+    if item.why:
+        note(f"  known by: {item.why}")
     try:
-        detections = read_keypoints(item.path, Request.of(options, Bars()))
+        request, _ = request_of(recording, item.path, options, Bars(), timestamps)
+        detections = read_keypoints(item.path, request)
     except PosefuseError as error:
-        say(f"  cannot be read: {error}")
+        note(f"  cannot be read: {error}")
         return None
     rate = "unknown (--rate-hz)" if detections.rate_hz is None else f"{detections.rate_hz:g} Hz"
     first, last = detections.frame_numbers[[0, -1]]
     say(f"  skeleton {detections.skeleton.name}, {len(detections.skeleton)} keypoints; rate {rate}")
-    say(f"  frames {first} to {last}")
-    for note in detections.notes:
-        say(f"  note: {note}")
+    say(f"  frames {first} to {last}{_span(detections)}")
+    for remark in detections.notes:
+        note(f"  note: {remark}")
+    _views_table(detections)
+    return detections
+
+
+def _span(detections: Detections) -> str:
+    """From when to when, where that is known."""
+    times = detections.time_s[np.isfinite(detections.time_s)]
+    return f", {times.min():.3f} to {times.max():.3f} s" if len(times) else ""
+
+
+def _views_table(detections: Detections) -> None:
     counts = detections.people_counts
     missing = _missing_shares(detections)
-    rows = [
-        [
-            f"  {name}",
-            str(int(detections.recorded[:, v].sum())),
-            f"{counts[:, v].min()} to {counts[:, v].max()}",
-            percent(missing[v]),
-        ]
-        for v, name in enumerate(detections.view_names)
-    ]
-    table(None, ["  view", "frames", "people", "keypoints missing"], rows)
-    return detections
+    rows = []
+    for v, name in enumerate(detections.view_names[:_MOST_CAMERAS]):
+        recorded = detections.recorded[:, v]
+        people = counts[recorded, v] if recorded.any() else np.zeros(1, dtype=np.int64)
+        rate = _rate_hz(detections, v)
+        rows.append(
+            [
+                f"  {name}",
+                str(int(recorded.sum())),
+                str(int((~recorded).sum())),
+                "-" if rate is None else f"{rate:.4g}",
+                f"{people.min()} to {people.max()}",
+                percent(missing[v]),
+            ]
+        )
+    table(None, ["  view", "frames", "lacking", "Hz", "people", "keypoints missing"], rows)
+    if detections.n_views > _MOST_CAMERAS:
+        say(f"  and {detections.n_views - _MOST_CAMERAS} more, up to {detections.view_names[-1]}")
+
+
+def _rate_hz(detections: Detections, view: int) -> float | None:
+    """How often a view takes a frame, by its own times; None where it has none."""
+    times = detections.time_s[:, view]
+    known = np.flatnonzero(np.isfinite(times))
+    if len(known) < 2:
+        return None
+    numbers = detections.frame_numbers[known]
+    step_s = float(np.median(np.diff(times[known]) / np.diff(numbers)))
+    return 1.0 / step_s if step_s > 0 else None
 
 
 def _missing_shares(detections: Detections) -> np.ndarray:
@@ -98,14 +169,28 @@ def _missing_shares(detections: Detections) -> np.ndarray:
     return missing / np.maximum(total, 1)
 
 
-def _match(rig: CameraRig, detections: Detections, options: Options) -> None:
-    from posefuse.pipeline import match_views
+def _say_matches(read: _Read, options: Options) -> None:
+    """Which keypoints and calibrations belong together; of several, the flags that choose them."""
+    from posefuse.model.matching import match_views
 
-    try:
-        matched, chosen, notes = match_views(rig, detections, options)
-    except PosefuseError as error:
-        say(f"views and cameras do not match: {error}")
-        return
-    for note in notes:
-        say(f"note: {note}")
-    say(f"{chosen.n_views} views match {len(matched)} cameras; posefuse reconstruct can take this folder")
+    single = len(read.rigs) == 1 and len(read.detections) == 1
+    said, refused = [], []
+    for path, detections in read.detections:
+        for where, rig in read.rigs:
+            try:
+                matched, chosen, notes = match_views(rig, detections, options)
+            except PosefuseError as error:
+                refused.append(str(error))
+                continue
+            words = f"{chosen.n_views} views match {len(matched)} cameras"
+            said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", notes))
+    if refused and not said:
+        warn(f"views and cameras do not match: {refused[0]}")
+    for words, flags, notes in said:
+        for remark in notes:
+            note(f"note: {remark}")
+        say(
+            f"{words}; posefuse reconstruct can take this folder"
+            if single
+            else f"{words}; to reconstruct, add\n{flags}"
+        )

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from posefuse.errors import DetectionsError
 from posefuse.io.calibration.read import read_cameras
+from posefuse.io.files import files_at
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
-from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
+from posefuse.io.recording import choose_calibration, choose_keypoints, choose_timestamps, find_recording
+from posefuse.io.timestamps import read_timestamps
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options import Options
@@ -31,9 +33,14 @@ class Inputs:
 
 
 def read_inputs(
-    folder: Path, calibration: Path | None, keypoints: Path | None, options: Options, progress: Progress
+    folder: Path,
+    calibration: Path | None,
+    keypoints: Path | None,
+    options: Options,
+    progress: Progress,
+    timestamps: Path | None = None,
 ) -> Inputs:
-    """Read a recording's calibration and keypoints, found in its folder unless given.
+    """Read a recording's calibration, keypoints and timestamps, found in its folder unless given.
 
     Raises:
         PosefuseError: with what is missing, ambiguous or broken.
@@ -45,9 +52,33 @@ def read_inputs(
     assert calibration is not None
     assert keypoints is not None
     rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
-    detections = read_keypoints(keypoints, Request.of(options, progress))
-    digests = {calibration.name: digest(calibration), keypoints.name: digest(keypoints)}
-    return Inputs(rig, detections, digests)
+    request, stamps = request_of(folder, keypoints, options, progress, timestamps)
+    detections = read_keypoints(keypoints, request)
+    files = (calibration, keypoints) if stamps is None else (calibration, keypoints, stamps)
+    return Inputs(rig, detections, {file.name: digest(file) for file in files})
+
+
+def request_of(
+    folder: Path, keypoints: Path, options: Options, progress: Progress, timestamps: Path | None = None
+) -> tuple[Request, Path | None]:
+    """What to tell the reader of a recording's keypoints, and where its timestamps are from.
+
+    Args:
+        folder: the recording's.
+        keypoints: in it.
+        options: as given.
+        progress: told how far the reading is.
+        timestamps: as given; otherwise those beside the keypoints count where nothing else tells times.
+
+    Raises:
+        PosefuseError: if there are several, or they are broken.
+    """
+    if timestamps is not None:
+        return Request.of(options, progress, read_timestamps(timestamps)), timestamps
+    told = options.rate_hz is not None or bool(options.view_rates_hz)
+    found = None if told else choose_timestamps(folder, keypoints)
+    nearby = None if found is None else read_timestamps(found)
+    return Request.of(options, progress, nearby=nearby), found
 
 
 def must_have_rate(detections: Detections) -> None:
@@ -66,10 +97,10 @@ def must_have_rate(detections: Detections) -> None:
 def digest(path: Path) -> str:
     """SHA-256 of a file, or of the names and contents of a folder's files."""
     total = hashlib.sha256()
-    files = [path] if path.is_file() else sorted(entry for entry in path.rglob("*") if entry.is_file())
+    files = files_at(path) if not path.is_dir() else sorted(entry for entry in path.rglob("*") if entry.is_file())
     for file in files:
-        if path.is_dir():
-            total.update(file.relative_to(path).as_posix().encode())
+        if len(files) > 1 or path.is_dir():
+            total.update(file.relative_to(path if path.is_dir() else path.parent).as_posix().encode())
         with file.open("rb") as stream:
             while block := stream.read(1 << 20):
                 total.update(block)

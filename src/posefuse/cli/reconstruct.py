@@ -11,7 +11,16 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import must_have_rate, read_inputs
-from posefuse.cli.types import Also, CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.cli.types import (
+    Also,
+    CalibrationPath,
+    EditsPath,
+    KeypointsPath,
+    OptionFlags,
+    Output,
+    Recording,
+    TimestampsPath,
+)
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracker_options import Smoother
@@ -28,6 +37,7 @@ def reconstruct(
     output: Output,
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    timestamps: TimestampsPath = None,
     edits: EditsPath = None,
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
@@ -49,7 +59,7 @@ def reconstruct(
     if align == "floor":
         options = replace(options, align=replace(options.align, floor="feet"))
     with replacing_folder(output) as staging:
-        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
+        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits, timestamps)
         more, remarks = also_into(staging, also)
     single = "TRC, C3D and the other formats" if more else "TRC and C3D"
     wrote([*files, *more], output, f"{single} hold the layer {layer}.")
@@ -64,6 +74,7 @@ def reconstruct_into(
     keypoints: Path | None,
     options: Options,
     edits: Path | None = None,
+    timestamps: Path | None = None,
 ) -> tuple[list[str], str]:
     """Read, reconstruct, write into an existing folder, and say what came out.
 
@@ -71,7 +82,7 @@ def reconstruct_into(
         The names of what was written, and the layer that TRC and C3D hold.
     """
     progress = Bars()
-    inputs = read_inputs(recording, calibration, keypoints, options, progress)
+    inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)
     must_have_rate(inputs.detections)
     if options.skeleton is not None:
         # The result holds the whole skeleton; where its file lay is nobody's business.

@@ -14,6 +14,10 @@ CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by de
 KeypointsPath = Annotated[
     Path | None, Parameter(help="File or folder of 2D keypoints; by default those in the recording.")
 ]
+TimestampsPath = Annotated[
+    Path | None,
+    Parameter(help="Table (camera, frame, time_s) or folder of when frames were taken; by default in the recording."),
+]
 EditsPath = Annotated[
     Path | None, Parameter(help="TOML file of edits to do to the result, as posefuse edit takes them.")
 ]

@@ -5,12 +5,18 @@ import os
 import re
 import shutil
 import tomllib
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
 from posefuse.errors import FileError, PosefuseError, choices
+
+_LARGE_BYTES = 256_000_000
+_MOST_UNFOLDED = 200
 
 
 def must_exist(path: Path, what: str) -> Path:
@@ -19,7 +25,7 @@ def must_exist(path: Path, what: str) -> Path:
     Raises:
         FileError: if not, naming what is in the nearest folder that does exist.
     """
-    if path.exists():
+    if path.exists() or (is_pattern(path) and files_at(path)):
         return path
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
     seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
@@ -81,6 +87,69 @@ def reading(path: Path, what: str) -> Iterator[None]:
     except Exception as error:
         said = " ".join(str(error).split())[:160] or type(error).__name__
         raise FileError(f"{path} is not a whole {what}: {said}. Was it cut short?") from None
+
+
+def must_unfold(path: Path, n_bytes: int) -> None:
+    """Refuse what is small packed and enormous unpacked.
+
+    Args:
+        path: the packed file.
+        n_bytes: of what is in it, unpacked.
+
+    Raises:
+        FileError: if it is a bomb: more than 256 MB, and two hundred times the file.
+    """
+    if n_bytes > _LARGE_BYTES and n_bytes > _MOST_UNFOLDED * path.stat().st_size:
+        raise FileError(f"{path} ({path.stat().st_size} bytes) would unfold to {n_bytes} bytes; it is not read.")
+
+
+def read_npz(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+    """The named arrays of an ``.npz``, those that are there; without any names all, with nothing in them.
+
+    Raises:
+        FileError: if it is cut short, unfolds to something enormous, or an array holds objects.
+    """
+    with reading(path, "NumPy array file"), zipfile.ZipFile(path) as packed:
+        members = [member for member in packed.infolist() if member.filename.endswith(".npy")]
+        held = {member.filename.removesuffix(".npy"): member for member in members}
+        if not names:
+            return {name: np.empty(0) for name in held}
+        wanted = {name: member for name, member in held.items() if name in names}
+        must_unfold(path, sum(member.file_size for member in wanted.values()))
+        arrays = {}
+        for name, member in wanted.items():
+            with packed.open(member) as content:
+                arrays[name] = np.lib.format.read_array(content, allow_pickle=False)
+        return arrays
+
+
+def read_npy(path: Path) -> np.ndarray:
+    """The array of an ``.npy``.
+
+    Raises:
+        FileError: if it is cut short, or holds objects.
+    """
+    with reading(path, "NumPy array file"):
+        array = np.load(path, allow_pickle=False)
+        if not isinstance(array, np.ndarray):
+            raise TypeError("it is an archive")
+        return array
+
+
+def files_at(path: Path) -> list[Path]:
+    """The file; the files of a folder; or those that a pattern such as ``trial_*_dlc.csv`` in place of a name means."""
+    if path.is_dir():
+        found = list(path.iterdir())
+    elif is_pattern(path):
+        found = list(path.parent.glob(path.name))
+    else:
+        found = [path]
+    return sorted((file for file in found if file.is_file()), key=lambda file: natural_key(file.name))
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether a path stands for several files of a folder."""
+    return "*" in path.name and path.parent.is_dir() and not path.exists()
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

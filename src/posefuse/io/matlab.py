@@ -122,7 +122,8 @@ def _head(body: memoryview, order: str) -> tuple[int, tuple[int, ...], str, Iter
     """Class, shape and name of a matrix, and the elements that follow."""
     rest = _elements(body, order)
     flags = _numbers(next(rest, (0, memoryview(b""))), order)
-    shape = tuple(_numbers(next(rest, (0, memoryview(b""))), order).tolist())
+    sizes = _numbers(next(rest, (0, memoryview(b""))), order)
+    shape = tuple(sizes.tolist()) if sizes.dtype.kind in "iu" else ()
     name = bytes(next(rest, (0, memoryview(b"")))[1]).decode("latin1")
     if not len(flags) or not shape or min(shape) < 0:
         raise _Broken("a variable without class or shape")

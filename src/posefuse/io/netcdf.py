@@ -59,7 +59,8 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
         if path.suffix != ".nc":
             raise FileError(f"{path} is no {kind} file of posefuse's, which end in .nc.") from None
         raise FileError(f"{path} is not a netCDF-4 file that can be read: {error}. Was it cut short?") from None
-    found = file.attrs.get("posefuse_kind")
+    with reading(path, "netCDF-4 file"):
+        found = file.attrs.get("posefuse_kind")
     if found != kind:
         file.close()
         raise FileError(f"{path} is a netCDF file, but not {kind} of posefuse's (posefuse_kind is {found!r}).")

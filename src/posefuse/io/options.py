@@ -157,6 +157,8 @@ def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
         return "3"
     if name == "known_m":
         return '["left_knee=0.43"]'
+    if name == "view_rates_hz":
+        return '["cam_2=60"]'
     if str in kinds:
         return '["cam_1", "cam_2"]' if get_origin(hint) is tuple else '"coco_17"'
     raise AssertionError(f"no example for {name}: {hint}")

@@ -1,21 +1,28 @@
 """What is in this folder? Calibrations and keypoints, found by looking, never guessed between."""
 
+import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, RecordingError
+from posefuse.io import timestamps
 from posefuse.io.calibration.read import find_format as calibration_format
-from posefuse.io.files import must_exist, natural_key
-from posefuse.io.keypoints import openpose
+from posefuse.io.calibration.read import read_cameras
+from posefuse.io.evidence import known_by
+from posefuse.io.files import files_at, must_exist, natural_key, read_npz
+from posefuse.io.ignored import Ignored, find_ignored
+from posefuse.io.keypoints import deepfly, openpose
+from posefuse.io.keypoints.names import recordings_in, view_names
 from posefuse.io.keypoints.openpose import camera_folders
 from posefuse.io.keypoints.read import find_format as keypoint_format
+from posefuse.io.registry import KEYPOINTS, Format, by_name
 
-_DEPTH = 3
+_DEPTH = 4
 _CALIBRATION_SUFFIXES = (
-    ".toml", ".txt", ".xml", ".xcp", ".yml", ".yaml", ".json", ".mat", ".parquet", ".calib", ".pickle", ".npy",
+    ".toml", ".txt", ".xml", ".xcp", ".yml", ".yaml", ".json", ".mat", ".parquet", ".calib", ".pickle", ".npy", ".npz",
 )  # fmt: skip
 _MOST_JSON_FILES = 50
 _SETTINGS = ("Config.toml", "pyproject.toml")
@@ -23,10 +30,17 @@ _SETTINGS = ("Config.toml", "pyproject.toml")
 
 @dataclass(frozen=True)
 class Found:
-    """A file or folder in a known format."""
+    """A file or folder in a known format.
+
+    Attributes:
+        path: where; several files of a folder by a pattern of their names.
+        format: its name.
+        why: what it was recognised by.
+    """
 
     path: Path
     format: str
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,7 +59,7 @@ class Recording:
 
 
 def find_recording(folder: Path) -> Recording:
-    """Look for calibrations and keypoints in a folder, three levels deep.
+    """Look for calibrations and keypoints in a folder, four levels deep.
 
     Raises:
         FileError: if there is no such folder.
@@ -58,9 +72,9 @@ def find_recording(folder: Path) -> Recording:
                 f"{folder} is a file, but no keypoints in a known format, or was cut short. Give the recording's "
                 "folder."
             )
-        return Recording(folder, _calibrations_above(folder), (Found(folder, form.name),))
-    keypoints = tuple(_find_keypoints(folder, _DEPTH))
+        return Recording(folder, _calibrations_above(folder), (Found(folder, form.name, known_by(form)),))
     calibrations = tuple(_find_calibrations(folder, _DEPTH)) or _calibrations_above(folder)
+    keypoints = tuple(part for item in _find_keypoints(folder, _DEPTH) for part in _recordings_of(item, calibrations))
     return Recording(folder, calibrations, keypoints)
 
 
@@ -80,6 +94,21 @@ def choose_keypoints(recording: Recording) -> Path:
         RecordingError: if there are none, or more than one.
     """
     return _choose(recording.keypoints, recording, "sets of 2D keypoints", "--keypoints")
+
+
+def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
+    """The timestamps in a recording's folder or beside its keypoints, or None where there are none.
+
+    Raises:
+        RecordingError: if there are several.
+    """
+    places = dict.fromkeys(path.resolve() for path in (keypoints, keypoints.parent, folder))
+    inside = [place for place in places if place.is_relative_to(folder.resolve())]
+    found = timestamps.find(inside)
+    if len(found) > 1:
+        listed = "".join(f"\n  --timestamps {path}" for path in found)
+        raise RecordingError(f"{folder} has {len(found)} sets of timestamps. Choose one:{listed}")
+    return found[0] if found else None
 
 
 def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str) -> Path:
@@ -111,7 +140,7 @@ def _entries(folder: Path) -> list[Path]:
 def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
     form = _try_format(folder)
     if form is not None:
-        yield Found(folder, form)
+        yield Found(folder, form.name, known_by(form))
         return
     for entry in _entries(folder):
         if entry.is_dir():
@@ -122,7 +151,7 @@ def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
             continue
         form = _try_format(entry)
         if form is not None:
-            yield Found(entry, form)
+            yield Found(entry, form.name, known_by(form))
 
 
 def camera_like(folder: Path) -> bool:
@@ -137,7 +166,7 @@ def _find_calibrations(folder: Path, depth: int, known: frozenset[str] = frozens
     entries = _entries(folder)
     whole = calibration_format(folder)
     if whole is not None and whole.name not in known:
-        yield Found(folder, whole.name)
+        yield Found(folder, whole.name, known_by(whole))
         known |= {whole.name}
     # More than a few are the frames of a recording.
     too_many = sum(entry.suffix == ".json" for entry in entries) > _MOST_JSON_FILES
@@ -148,7 +177,7 @@ def _find_calibrations(folder: Path, depth: int, known: frozenset[str] = frozens
         elif entry.suffix in _CALIBRATION_SUFFIXES and entry.name not in _SETTINGS:
             form = None if too_many and entry.suffix == ".json" else calibration_format(entry)
             if form is not None and form.name not in known:
-                yield Found(entry, form.name)
+                yield Found(entry, form.name, known_by(form))
 
 
 def _calibrations_above(folder: Path) -> tuple[Found, ...]:
@@ -165,19 +194,65 @@ def _calibrations_above(folder: Path) -> tuple[Found, ...]:
     return ()
 
 
-def _try_format(path: Path) -> str | None:
+def _try_format(path: Path) -> Format | None:
     try:
-        form = keypoint_format(path)
+        return keypoint_format(path)
     except (PosefuseError, OSError):
         return None
-    return None if form is None else form.name
+
+
+def _recordings_of(found: Found, calibrations: tuple[Found, ...]) -> list[Found]:
+    """The recordings of a folder of a file a camera: usually one; several are told by the files' names."""
+    form = by_name(KEYPOINTS, found.format)
+    files_of = None if form is None else getattr(form.load(), "files_of", None)
+    files = files_of(found.path) if files_of is not None and found.path.is_dir() else []
+    if len({file.parent for file in files}) != 1:
+        return [found]
+    try:
+        view_names(files)
+    except FileError:
+        patterns = recordings_in(files, _camera_names(calibrations))
+        return [replace(found, path=files[0].parent / pattern) for pattern in patterns] or [found]
+    return [found]
+
+
+def _camera_names(calibrations: tuple[Found, ...]) -> set[str]:
+    """Of the calibrations that can be read."""
+    names: set[str] = set()
+    for item in calibrations:
+        with contextlib.suppress(PosefuseError):
+            names.update(read_cameras(item.path).names)
+    return names
+
+
+def ignored_in(recording: Recording) -> tuple[Ignored, ...]:
+    """What is in the folder and is not read, and why."""
+    if recording.folder.is_file():
+        return ()
+    used = {path for item in (*recording.calibrations, *recording.keypoints) for path in _used(item)}
+    for keypoints in recording.keypoints:
+        used.update(timestamps.find([keypoints.path, keypoints.path.parent, recording.folder]))
+    return find_ignored(recording.folder, used, _DEPTH)
+
+
+def _used(item: Found) -> list[Path]:
+    """The files that are read, or whole folders of them."""
+    if not item.path.is_dir():
+        return files_at(item.path)
+    form = by_name(KEYPOINTS, item.format)
+    files_of = None if form is None else getattr(form.load(), "files_of", getattr(form.load(), "arrays_in", None))
+    if files_of is not None:
+        return files_of(item.path)
+    beside = [entry for entry in item.path.rglob("*") if entry.suffix in (*_CALIBRATION_SUFFIXES[:-3], ".pickle")]
+    return [item.path, *beside] if form is not None else beside
 
 
 def _is_keypoint_array(path: Path) -> bool:
-    if path.suffix == ".npz":
-        return True
     try:
+        if path.suffix == ".npz":
+            names = read_npz(path, ())
+            return "keypoints" in names or len(names) == 1 or deepfly.matches(path)
         shape = np.load(path, mmap_mode="r", allow_pickle=False).shape
-    except (ValueError, EOFError, OSError):
+    except Exception:  # a broken header raises whatever its bytes lead to
         return False
     return len(shape) == 4 and shape[-1] in (2, 3)

@@ -156,6 +156,22 @@ CALIBRATIONS = (
         conventions="metres, R T or rvec world to camera; up unknown: --up",
     ),
     Format(
+        "mvor",
+        "posefuse.io.calibration.mvor",
+        reads=True,
+        writes=False,
+        files="camma_mvor_2018.json",
+        conventions="mm, camera to first camera; rectified images, stored distortion not used; up unknown: --up",
+    ),
+    Format(
+        "arrays",
+        "posefuse.io.calibration.arrays",
+        reads=True,
+        writes=False,
+        files="*.npz with K, R, t (or tvec), dist (also DeepFly3D)",
+        conventions="world to camera; --length-unit; up unknown: --up",
+    ),
+    Format(
         "opencv",
         "posefuse.io.calibration.opencv",
         reads=True,
@@ -255,6 +271,14 @@ KEYPOINTS = (
         conventions="px, x y score; frames without people are not in it; --rate-hz",
     ),
     Format(
+        "mvor",
+        "posefuse.io.keypoints.mvor",
+        reads=True,
+        writes=False,
+        files="openpose_kps.json beside camma_mvor_2018.json, or the latter",
+        conventions="px; frames are triplets of images, 75 s apart; annotations have person ids; --rate-hz",
+    ),
+    Format(
         "coco",
         "posefuse.io.keypoints.coco",
         reads=True,
@@ -309,6 +333,14 @@ KEYPOINTS = (
         writes=False,
         files="*.slp, one of all cameras or one a camera",
         conventions="px, views are videos, tracks are identities; no frame rate: --rate-hz; extra: posefuse[sleap]",
+    ),
+    Format(
+        "deepfly",
+        "posefuse.io.keypoints.deepfly",
+        reads=True,
+        writes=False,
+        files="*.npz with points2d_px (camera, frame, 38, 2)",
+        conventions="px, 0 0 is missing, fly_38; cameras by place; no frame rate: --rate-hz",
     ),
     Format(
         "arrays",

@@ -378,9 +378,11 @@ def _check_pose(name: str, pose: np.ndarray) -> None:
             f"Camera {name!r}: camera_from_world must be finite with a last row 0 0 0 1, got {pose.tolist()}."
         )
     rotation = pose[:3, :3]
-    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    determinant = float(np.linalg.det(rotation))
-    if off > _ROTATION_TOLERANCE or determinant < 0:
+    # Numbers that make no rotation may overflow on the way to being told so.
+    with np.errstate(all="ignore"):
+        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        determinant = float(np.linalg.det(rotation))
+    if not off <= _ROTATION_TOLERANCE or determinant < 0:
         raise CameraError(
             f"Camera {name!r}: the rotation is not one: R R^T differs from the identity by {off:.2g} (at most "
             f"{_ROTATION_TOLERANCE:g}) and its determinant is {determinant:.4f} (expected 1). A matrix that was "

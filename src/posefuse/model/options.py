@@ -3,6 +3,7 @@
 The text of each attribute is the help a user reads, in ``--help`` and in the file that ``posefuse init`` writes.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -223,6 +224,10 @@ class Options:
         skeleton: What the keypoints are, a shipped name or a TOML file; by default the one the files name or
             their number of keypoints allows.
         rate_hz: Frames per second, for files that do not say.
+        view_rates_hz: Frames per second of views that began together, each as view=rate, such as cam_2=60; `rate_hz` is
+            of the others.
+        reference_view: The view that frames are put together by, where times say that views differ in length or rate;
+            by default the slowest, and of the slowest the longest.
         third_channel: What the third number of a keypoint array is.
         image_size: Width and height of the images in px, for keypoints that are shares of them.
         length_unit: The unit of the calibration's lengths, for formats that do not say.
@@ -260,6 +265,8 @@ class Options:
     pick: Pick | None = None
     skeleton: str | None = None
     rate_hz: float | None = None
+    view_rates_hz: tuple[str, ...] = ()
+    reference_view: str | None = None
     third_channel: ThirdChannel | None = None
     image_size: tuple[int, ...] = ()
     length_unit: LengthUnit | None = None
@@ -295,7 +302,7 @@ class Options:
             raise OptionsError(f"image_size is two numbers, width and height in px, got {self.image_size}.")
         if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
             raise OptionsError(f"end_s ({self.end_s}) must come after start_s ({self.start_s}).")
-        for name in ("cameras", "exclude_camera", "camera_order", "person"):
+        for name in ("cameras", "exclude_camera", "camera_order", "person", "view_rates_hz"):
             value = getattr(self, name)
             if isinstance(value, str) or not all(isinstance(one, str) for one in value):
                 raise OptionsError(f"{name} is a tuple of names, got {value!r}.")
@@ -313,6 +320,25 @@ class Options:
             value = getattr(self, name)
             if value is not None and value not in allowed:
                 raise OptionsError(f"{name}: no {value!r}. {suggestion(str(value), allowed)}")
+        for name, rate_hz in self.rates_hz.items():
+            if not (name and 0.0 < rate_hz < math.inf):
+                raise OptionsError(f"view_rates_hz holds view=rate, rates above 0, got {name}={rate_hz}.")
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:
             raise OptionsError(f"cameras and exclude_camera both name {choices(both)}.")
+
+    @property
+    def rates_hz(self) -> dict[str, float]:
+        """By view, the rates that ``view_rates_hz`` holds.
+
+        Raises:
+            OptionsError: if an entry is not view=rate.
+        """
+        found = {}
+        for entry in self.view_rates_hz:
+            name, _, number = entry.rpartition("=")
+            try:
+                found[name.strip()] = float(number)
+            except ValueError:
+                raise OptionsError(f"view_rates_hz holds view=rate, such as cam_2=60; got {entry!r}.") from None
+        return found

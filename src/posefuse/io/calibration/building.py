@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
-from posefuse.io.calibration.tables import METRES, guessed_unit
+from posefuse.io.calibration.tables import BEYOND_REASON, METRES, guessed_unit
 from posefuse.io.files import read_text
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
 from posefuse.model.options import LengthUnit
@@ -18,7 +19,6 @@ LARGEST_BYTES = 8_000_000
 """No calibration is larger; what is, is something else, or a trap."""
 
 _MOST_NUMBERS = 1_000_000
-_BEYOND_REASON = 1e15
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
         numbers = given.astype(np.float64).ravel()
     except (TypeError, ValueError, OverflowError):
         raise FileError(f"{where} should be made of numbers, got {_short(values)}.") from None
-    if not np.all(np.abs(numbers) < _BEYOND_REASON):
+    if not np.all(np.abs(numbers) < BEYOND_REASON):
         raise FileError(f"{where} holds numbers that no camera has: {_short(numbers.tolist())}.")
     return numbers
 
@@ -176,6 +176,12 @@ def read_json(path: Path) -> Any:
     text = small_text(path)
     if not text:
         return None
+    try:
+        return msgspec.json.decode(text)
+    except msgspec.DecodeError:
+        pass  # Some programs write NaN, which is not JSON but is clear enough.
+    except RecursionError as error:
+        raise FileError(f"{path} is not whole JSON: {error}. Was it cut short?") from None
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:

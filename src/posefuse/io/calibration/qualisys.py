@@ -5,13 +5,14 @@ so ``camera_from_world`` has the rotation diag(1, -1, -1) [r_ij] and the centre 
 count from the corner of the video's field of view. Distortion coefficients are without dimension and read as written.
 """
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
 from posefuse.errors import CameraError, FileError
-from posefuse.io.calibration.tables import METRES
+from posefuse.io.calibration.tables import BEYOND_REASON, METRES
 from posefuse.io.files import parse_xml, read_text
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.options import LengthUnit
@@ -51,9 +52,12 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
         if text is None and default is not None:
             return default
         try:
-            return float(text)  # type: ignore[arg-type]
+            value = float(text)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            raise FileError(f"{path}, camera {name!r}: {child}@{attribute} should be a number, got {text!r}.") from None
+            value = math.inf
+        if not abs(value) < BEYOND_REASON:
+            raise FileError(f"{path}, camera {name!r}: {child}@{attribute} should be a number, got {text!r}.")
+        return value
 
     left, top = number("fov_video", "left"), number("fov_video", "top")
     size = number("fov_video", "right") - left + 1, number("fov_video", "bottom") - top + 1

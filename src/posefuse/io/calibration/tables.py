@@ -13,6 +13,9 @@ from posefuse.model.options import LengthUnit
 
 METRES: dict[LengthUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
+BEYOND_REASON = 1e15
+"""No number of a camera is as large."""
+
 # Cameras do not stand a few millimetres apart: numbers this small are metres.
 _METRES_BELOW = 30.0
 
@@ -49,6 +52,9 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
         numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
     except (TypeError, ValueError):
         raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.") from None
+    wild = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= BEYOND_REASON)]
+    if wild:
+        raise FileError(f"{path}, table [{key}]: {wild[0]} holds numbers that no camera has: {table[wild[0]]}.")
     for field, sizes in {"matrix": (9,), "rotation": (3, 9), "translation": (3,), "size": (2,)}.items():
         got = numbers[field].size
         if got not in sizes:
@@ -83,6 +89,8 @@ def guessed_unit(poses: Iterable[tuple[Any, Any]]) -> LengthUnit:
     for rotation, translation in poses:
         try:
             turn = np.asarray(rotation, dtype=np.float64)
+            if np.any(np.abs([*turn.ravel(), *np.ravel(translation)]) >= BEYOND_REASON):
+                return "mm"
             matrix = rotation_from_vector(turn.ravel()) if turn.size == 3 else turn.reshape(3, 3)
             centres.append(-matrix.T @ np.asarray(translation, dtype=np.float64).reshape(3))
         except (TypeError, ValueError):

@@ -2,10 +2,9 @@
 
 What the third channel is, the file does not say: ``third_channel`` must. An ``.npz`` holds the array as
 ``keypoints`` (or alone), and may hold ``confidence`` [camera, frame, keypoint], ``names`` (of the cameras) and
-``rate_hz``. NaN is missing. An array [camera, frame, 2] is of one point a frame.
+``rate_hz``. NaN is missing. [camera, frame, 2] is one point a frame, of no body.
 """
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import DetectionsError, FileError, choices
+from posefuse.io.files import read_npy, read_npz
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -63,6 +63,10 @@ def from_array(
         FileError: if the shape is another.
         DetectionsError: if there is a third channel and nobody said what it is.
     """
+    if keypoints.ndim == 3 and keypoints.shape[-1] == 2:
+        # Points that are of no body, each seen by some of the cameras.
+        keypoints = keypoints[:, :, None]
+        request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
     if keypoints.ndim != 4 or keypoints.shape[-1] not in (2, 3) or keypoints.dtype.kind not in "fiu":
         raise FileError(
             f"{path}: expected numbers [camera, frame, keypoint, 2 or 3], got {keypoints.dtype} of shape "
@@ -121,11 +125,6 @@ def _rate(path: Path, value: np.ndarray | None) -> float | None:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return {"keypoints": loaded}
-        with loaded:
-            return {name: loaded[name] for name in loaded.files}
-    except (ValueError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path} is not a NumPy array file that can be read: {error}. Was it cut short?") from None
+    if path.suffix == ".npy":
+        return {"keypoints": read_npy(path)}
+    return read_npz(path, read_npz(path, ()))

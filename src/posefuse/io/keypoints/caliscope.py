@@ -1,7 +1,8 @@
 """Caliscope's tracked points: ``xy_*.csv``, a row a point, of all cameras of a recording, one person.
 
-Columns ``sync_index, port, frame_index, frame_time, point_id, img_loc_x, img_loc_y``; frames are the sync indices,
-views are named ``cam_<port>`` as in its ``config.toml``. Pixels of the image as it was stored, no confidence. Points 0
+Columns ``sync_index, port, frame_index, frame_time, point_id, img_loc_x, img_loc_y``, in newer files ``cam_id`` and
+``keypoint_id``; frames are the sync indices, ``frame_time`` is when a camera truly took its frame, seconds. Views are
+named ``cam_<port>`` as in its ``config.toml``. Pixels of the image as it was stored, no confidence. Points 0
 to 32 are MediaPipe's body; those of hands and face, from 100 on, are left out with a note.
 """
 
@@ -12,12 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.columns import ViewColumns, assemble, counted_from_start
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import find_skeleton
 
 _COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
+_NEWER = {"port": "cam_id", "point_id": "keypoint_id"}
 _WHOLE = (0, 1, 4)
 _SKELETON = "mediapipe_33"
 
@@ -35,7 +37,13 @@ def files_of(path: Path) -> list[Path]:
 
 def _is_one(file: Path) -> bool:
     with file.open(encoding="utf-8-sig", errors="replace") as lines:
-        return lines.readline().strip().split(",")[: len(_COLUMNS)] == list(_COLUMNS)
+        return _places(lines.readline(10_000).strip().split(",")) is not None
+
+
+def _places(header: list[str]) -> list[int] | None:
+    """Where in a line each of the columns is, or None where one is lacking."""
+    names = [_NEWER.get(name, name) if _NEWER.get(name, name) in header else name for name in _COLUMNS]
+    return [header.index(name) for name in names] if all(name in header for name in names) else None
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -53,10 +61,13 @@ def read(path: Path, request: Request) -> Detections:
     skeleton = request.skeleton or find_skeleton(_SKELETON)
     table = _read_table(file)
     body = table[:, 4] < len(skeleton)
-    views = [_view(table, body, port, len(skeleton)) for port in np.unique(table[:, 1])]
-    notes = ()
+    views = [_view(table, body, port, len(skeleton), request) for port in np.unique(table[:, 1])]
+    notes: tuple[str, ...] = ()
     if not body.all():
         notes = (f"{int((~body).sum())} observations of hands and face are left out; {skeleton.name} has none.",)
+    views, begin_s = counted_from_start(views)
+    if begin_s:
+        notes = (*notes, f"Times count from second {begin_s} of {file.name}.")
     rate_hz = request.rate_hz or _rate_hz(table)
     return assemble(path, views, skeleton, rate_hz, notes)
 
@@ -65,10 +76,10 @@ def _read_table(file: Path) -> np.ndarray:
     """Shape (row, 7)."""
     with file.open(newline="", encoding="utf-8-sig") as lines:
         rows = (row for row in csv.reader(lines) if row)
-        next(rows)
+        places = _places(next(rows)) or []
         table = []
         for number, row in enumerate(rows, start=2):
-            values = _numbers(row)
+            values = _numbers(row, places)
             if values is None:
                 raise FileError(
                     f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), whole ones for "
@@ -80,29 +91,30 @@ def _read_table(file: Path) -> np.ndarray:
     return np.array(table)
 
 
-def _numbers(row: list[str]) -> list[float] | None:
+def _numbers(row: list[str], places: list[int]) -> list[float] | None:
     """The numbers of a line, or None where it does not hold them."""
     try:
-        values = [float(cell) for cell in row[: len(_COLUMNS)]]
-    except ValueError:
+        values = [float(row[place]) for place in places]
+    except (ValueError, IndexError):
         return None
-    whole = len(values) == len(_COLUMNS) and all(values[i] >= 0.0 and values[i].is_integer() for i in _WHOLE)
+    whole = all(values[i] >= 0.0 and values[i].is_integer() for i in _WHOLE)
     return values if whole and all(math.isfinite(value) for value in values) else None
 
 
-def _view(table: np.ndarray, body: np.ndarray, port: float, n_keypoints: int) -> ViewColumns:
+def _view(table: np.ndarray, body: np.ndarray, port: float, n_keypoints: int, request: Request) -> ViewColumns:
     mine = table[:, 1] == port
-    recorded = np.unique(table[mine, 0]).astype(np.int64)
+    recorded, first = np.unique(table[mine, 0], return_index=True)
     rows = table[mine & body]
     frames, row = np.unique(rows[:, 0], return_inverse=True)
     keypoints = np.full((len(frames), n_keypoints, 3), np.nan)
     keypoints[row, rows[:, 4].astype(np.int64), :2] = rows[:, 5:7]
     return ViewColumns(
         name=f"cam_{int(port)}",
-        recorded=recorded,
+        recorded=recorded.astype(np.int64),
         frame_of_row=frames.astype(np.int64),
         keypoints=keypoints,
         track_ids=np.full(len(frames), -1, dtype=np.int64),
+        time_s=None if request.rate_hz else table[mine, 3][first],
     )
 
 

@@ -62,12 +62,17 @@ def _files(path: Path) -> list[Path]:
 def _is_results(file: Path) -> bool:
     start = beginning(file)
     numbered = b'"image_id":' in start and b'"image_id":"' not in start
-    return start.startswith(b"[{") and numbered and b'"keypoints":' in start
+    mvor = b'"coco_keypoints":' in start
+    return start.startswith(b"[{") and numbered and b'"keypoints":' in start and not mvor
 
 
 def _is_annotations(file: Path) -> bool:
     start = beginning(file, 200_000)
-    if not start.startswith(b"{") or not (b'"images":' in start or b'"annotations":' in start):
+    if (
+        not start.startswith(b"{")
+        or b'"multiview_images":' in start
+        or not (b'"images":' in start or b'"annotations":' in start)
+    ):
         return False
     try:
         return any(category.keypoints for category in decode(file, _Annotations).categories)

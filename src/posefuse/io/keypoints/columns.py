@@ -1,7 +1,8 @@
 """From what each view's files hold to one :class:`Detections`."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ class ViewColumns:
         track_ids: shape (row,), int64, -1 where there is none.
         sigma_px: shape (row, keypoint): the detector's own standard deviations, or None.
         depth: shape (row, keypoint): the detector's own depths, or None.
-        time_s: shape (n,): when the view took each of ``recorded``; None where frames are a rate apart.
+        time_s: shape (n,): when it took the recorded frames, or None where the files do not say.
     """
 
     name: str
@@ -36,10 +37,35 @@ class ViewColumns:
     time_s: np.ndarray | None = None
 
 
+def counted_from_start(views: Sequence[ViewColumns]) -> tuple[list[ViewColumns], int]:
+    """The views with times from the whole second before the first frame on, and that second: 0 where it is the first.
+
+    Clocks of computers count from when they started, or from 1970.
+    """
+    times = [view.time_s for view in views if view.time_s is not None and len(view.time_s)]
+    begin_s = math.floor(min(float(each.min()) for each in times)) if times else 0
+    moved = [view if view.time_s is None else replace(view, time_s=view.time_s - begin_s) for view in views]
+    return moved, begin_s
+
+
 def assemble(
-    path: Path, views: Sequence[ViewColumns], skeleton: Skeleton, rate_hz: float | None, notes: tuple[str, ...] = ()
+    path: Path,
+    views: Sequence[ViewColumns],
+    skeleton: Skeleton,
+    rate_hz: float | None,
+    notes: tuple[str, ...] = (),
+    *,
+    sparse: bool = False,
 ) -> Detections:
     """Put views together, frame by frame, over every frame number from the first to the last.
+
+    Args:
+        path: for messages.
+        views: in order.
+        skeleton: of the keypoints.
+        rate_hz: frames per second, or None.
+        notes: what is worth saying.
+        sparse: whether frames lie far apart, as labels by hand do: then only those that some view has are kept.
 
     Raises:
         FileError: if there is no frame, or the numbers make no recording.
@@ -48,15 +74,15 @@ def assemble(
     numbers = np.unique(np.concatenate([view.recorded for view in views]))
     if not len(numbers):
         raise FileError(f"{path} is an empty recording: its views have no frames.")
-    span = int(numbers[-1] - numbers[0]) + 1
+    span = len(numbers) if sparse else int(numbers[-1] - numbers[0]) + 1
     if span > 4 * len(numbers) + 1000:
         raise FileError(
             f"{path}: frame numbers run from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. "
             "Are files of another recording among them?"
         )
-    frame_numbers = np.arange(numbers[0], numbers[-1] + 1)
+    frame_numbers = numbers if sparse else np.arange(numbers[0], numbers[-1] + 1)
     recorded = np.stack([np.isin(frame_numbers, view.recorded) for view in views], axis=1)
-    frame = np.concatenate([view.frame_of_row for view in views]) - frame_numbers[0]
+    frame = np.searchsorted(frame_numbers, np.concatenate([view.frame_of_row for view in views]))
     view_of_row = np.repeat(np.arange(len(views)), [len(view.frame_of_row) for view in views])
     order = np.lexsort((view_of_row, frame))
     cells = frame * len(views) + view_of_row
@@ -65,7 +91,7 @@ def assemble(
     times = frame_times(frame_numbers, len(views), rate_hz)
     for v, view in enumerate(views):
         if view.time_s is not None:
-            times[view.recorded - frame_numbers[0], v] = view.time_s
+            times[np.searchsorted(frame_numbers, view.recorded), v] = view.time_s
     rate_hz = rate_hz or rate_of_frames(times)
     try:
         return Detections(

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import natural_key, reading
+from posefuse.io.files import files_at, reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
@@ -62,9 +62,9 @@ def files_of(path: Path) -> list[Path]:
 
     Where every prediction is there as CSV and as h5, those of one kind.
     """
-    found = sorted(path.iterdir(), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
-    texts = [file for file in found if file.suffix == ".csv" and file.is_file() and _is_text(file)]
-    return texts or [file for file in found if file.suffix == ".h5" and file.is_file() and _h5_table(file)]
+    found = files_at(path)
+    texts = [file for file in found if file.suffix == ".csv" and _is_text(file)]
+    return texts or [file for file in found if file.suffix == ".h5" and _h5_table(file)]
 
 
 def _is_text(file: Path) -> bool:

@@ -7,6 +7,7 @@ cased names in ``synchronized_videos``; without those, views are called ``camera
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
+from posefuse.io.files import read_npy
 from posefuse.io.keypoints.arrays import from_array
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -30,17 +31,12 @@ def read(path: Path, request: Request) -> Detections:
     Raises:
         FileError: if there are several arrays, or videos do not fit the array.
     """
-    import numpy as np
-
     arrays = arrays_in(path)
     if len(arrays) != 1:
         raise FileError(
             f"{path} has {len(arrays)} 2D arrays ({choices(a.name for a in arrays)}). Give one: --keypoints FILE."
         )
-    try:
-        keypoints = np.load(arrays[0], allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise FileError(f"{arrays[0]} is not a NumPy array file that can be read: {error}. Was it cut short?") from None
+    keypoints = read_npy(arrays[0])
     names = view_names(path)
     if names and len(names) != len(keypoints):
         raise FileError(f"{path}: {len(names)} videos, but {len(keypoints)} cameras in {arrays[0].name}.")

@@ -57,6 +57,8 @@ def mean_bone_share(skeleton: Skeleton, keypoints_px: np.ndarray) -> float:
     points = points[seen.sum(axis=1) >= 0.5 * points.shape[1]]
     if not len(points):
         return float("inf")
+    # Coordinates beyond all reason are as far apart as can be, and tell nothing.
+    points = np.clip(points, -1e100, 1e100)
     edges = skeleton.edge_indices
     lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
     extent = np.linalg.norm(np.nanmax(points, axis=1) - np.nanmin(points, axis=1), axis=-1)

@@ -37,7 +37,7 @@ def read(path: Path, request: Request) -> Detections:
     if len(names) != len(cells):
         names = [f"Camera{i}" for i in range(1, len(cells) + 1)]
     views = [_view(path, name, cell) for name, cell in zip(names, cells, strict=True)]
-    return detections_of(path, views, _with_skeleton(request, views))
+    return detections_of(path, views, _with_skeleton(request, views), sparse=True)
 
 
 def _view(path: Path, name: str, cell: Any) -> ViewColumns:

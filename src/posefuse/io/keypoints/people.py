@@ -11,13 +11,14 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import natural_key
+from posefuse.io.files import files_at, natural_key
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
 _LARGEST_FRAME = 2**40
+_MOST_FRAMES = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,21 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
     frames = np.array([person.frame for person in ordered], dtype=np.int64)
     tracks = np.array([person.track for person in ordered], dtype=np.int64)
     if recorded is None:
-        recorded = range(min(0, int(frames[0])), int(frames[-1]) + 1) if len(frames) else ()
+        recorded = _all_frames(frames, where)
     seen = np.isfinite(keypoints[..., 0]).any(axis=1)
     return ViewColumns(name, np.array(sorted(recorded), dtype=np.int64), frames[seen], keypoints[seen], tracks[seen])
+
+
+def _all_frames(frames: np.ndarray, where: str) -> np.ndarray:
+    if not len(frames):
+        return frames
+    first, last = min(0, int(frames[0])), int(frames[-1])
+    if last - first > _MOST_FRAMES:
+        raise FileError(
+            f"{where}: frames are numbered up to {last}, more than any recording has. Are they numbers of images in a "
+            "data set, or is a file of another recording among them?"
+        )
+    return np.arange(first, last + 1)
 
 
 def _rows(person: Person, where: str) -> np.ndarray:
@@ -133,7 +146,7 @@ def last_number(name: str, where: str) -> int:
 
 
 def detections_of(
-    path: Path, views: Sequence[ViewColumns], request: Request, notes: tuple[str, ...] = ()
+    path: Path, views: Sequence[ViewColumns], request: Request, notes: tuple[str, ...] = (), *, sparse: bool = False
 ) -> Detections:
     """The detections of a recording's views.
 
@@ -142,6 +155,7 @@ def detections_of(
         views: in order.
         request: what the user said.
         notes: what is worth saying.
+        sparse: whether only frames that some view has count, far apart as they may be.
 
     Raises:
         FileError: if views have different keypoints, or nobody was detected and nothing tells the skeleton.
@@ -165,7 +179,7 @@ def detections_of(
             "--skeleton, or leave it out to have it told from the files."
         )
     filled = [view if len(view.keypoints) else _nobody(view, len(skeleton)) for view in views]
-    return assemble(path, filled, skeleton, request.rate_hz, notes)
+    return assemble(path, filled, skeleton, request.rate_hz, notes, sparse=sparse)
 
 
 def _nobody(view: ViewColumns, count: int) -> ViewColumns:
@@ -175,8 +189,8 @@ def _nobody(view: ViewColumns, count: int) -> ViewColumns:
 
 def camera_files(path: Path, suffix: str, is_one: Any) -> list[Path]:
     """Files of one format, one a camera: in a folder, or in folders in it, in the order that counts; or the file."""
-    if path.is_file():
-        return [path] if path.suffix == suffix and is_one(path) else []
+    if not path.is_dir():
+        return [file for file in files_at(path) if file.suffix == suffix and is_one(file)]
     found = [file for pattern in (f"*{suffix}", f"*/*{suffix}") for file in _at_most(path, pattern)]
     ordered = sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
     return [file for file in ordered if file.is_file() and is_one(file)]

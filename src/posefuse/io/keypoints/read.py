@@ -5,6 +5,7 @@ from pathlib import Path
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
 from posefuse.io.keypoints.request import Request
+from posefuse.io.keypoints.timing import on_one_line
 from posefuse.io.registry import KEYPOINTS, Format
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton, find_skeleton
@@ -16,17 +17,18 @@ def find_format(path: Path) -> Format | None:
 
 
 def read_keypoints(path: Path, request: Request) -> Detections:
-    """Read keypoints, whatever their format.
+    """Read keypoints, whatever their format, their views put together by time where times are known.
 
     Raises:
         FileError: if there is nothing there, or no reader knows it.
+        PosefuseError: what the format's reader raises, and what times that do not fit do.
     """
     must_exist(path, "keypoints")
     form = find_format(path)
     if form is None:
         known = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
         raise FileError(f"{path} holds no keypoints in a known format. Known: {known}.")
-    return form.load().read(path, request)
+    return on_one_line(form.load().read(path, request), request)
 
 
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:

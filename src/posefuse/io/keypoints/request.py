@@ -1,9 +1,11 @@
 """What a reader of keypoints is told besides the path."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from posefuse.errors import choices
+from posefuse.io.timestamps import Timestamps
 from posefuse.model.detections import Detections
 from posefuse.model.options import Options, ThirdChannel
 from posefuse.model.skeletons import Skeleton, find_skeleton
@@ -20,6 +22,10 @@ class Request:
         third_channel: what the third number of an array is, or None if nobody said.
         progress: told how far the reading is.
         image_size_px: width and height of the images, or None if nobody said.
+        timestamps: when views took their frames, or None to tell from the files and rates.
+        nearby: the same, found beside the files: it counts where neither the files nor the user say times or a rate.
+        view_rates_hz: frames per second by view, of views that began together.
+        reference_view: the view whose frames the others are put to, or None for the slowest.
     """
 
     skeleton: Skeleton | None = None
@@ -27,13 +33,26 @@ class Request:
     third_channel: ThirdChannel | None = None
     progress: Progress = field(default_factory=Silent)
     image_size_px: tuple[int, int] | None = None
+    timestamps: Timestamps | None = None
+    nearby: Timestamps | None = None
+    view_rates_hz: Mapping[str, float] = field(default_factory=dict)
+    reference_view: str | None = None
 
     @classmethod
-    def of(cls, options: Options, progress: Progress | None = None) -> "Request":
+    def of(
+        cls,
+        options: Options,
+        progress: Progress | None = None,
+        timestamps: Timestamps | None = None,
+        nearby: Timestamps | None = None,
+    ) -> "Request":
         """The request that options make."""
         skeleton = None if options.skeleton is None else find_skeleton(options.skeleton)
         size = (options.image_size[0], options.image_size[1]) if options.image_size else None
-        return cls(skeleton, options.rate_hz, options.third_channel, progress or Silent(), image_size_px=size)
+        return cls(
+            skeleton, options.rate_hz, options.third_channel, progress or Silent(), size, timestamps, nearby,
+            options.rates_hz, options.reference_view,
+        )  # fmt: skip
 
 
 def asked_of(detections: Detections, request: Request, path: Path) -> Detections:

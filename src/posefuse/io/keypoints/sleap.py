@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import natural_key, reading
+from posefuse.io.files import files_at, natural_key, reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
@@ -25,8 +25,8 @@ def matches(path: Path) -> bool:
 
 def files_of(path: Path) -> list[Path]:
     """The files, in the order of their names; broken ones too, for a camera must not go missing unsaid."""
-    if path.is_file():
-        return [path] if path.suffix == ".h5" else []
+    if not path.is_dir():
+        return [file for file in files_at(path) if file.suffix == ".h5" and _is_one(file) is not False]
     found = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file) is not False]
     return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from posefuse.arrays import ArraySource
 from posefuse.errors import FileError
-from posefuse.io.files import must_exist, replacing
+from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import (
     StoredArray,
     add_variable,
@@ -86,6 +86,11 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
         FileError: if there is no such file, or it is cut short or another.
     """
     path = must_exist(Path(path), "reconstruction")
+    with reading(path, "reconstruction"):
+        return _read(path)
+
+
+def _read(path: Path) -> Reconstruction:
     with open_file(path, KIND) as file:
         found = int(number_of(file, "format_version"))
         if found > FORMAT_VERSION:

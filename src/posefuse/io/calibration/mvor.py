@@ -1,0 +1,59 @@
+"""MVOR's ``camma_mvor_2018.json``: mm, the world is the first camera, poses lead from each camera to it.
+
+Its images are rectified: the distortion that it holds is of the sensors and is not used.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options import LengthUnit
+
+_LENS = ("focallength", "principalpoint", "imagesize")
+
+
+def matches(path: Path) -> bool:
+    """Whether the file is one."""
+    parameters = _parameters(json_matches(path))
+    return bool(dict_list(parameters, "intrinsics")) and isinstance(parameters.get("extrinsics"), list)
+
+
+def _parameters(data: Any) -> dict[str, Any]:
+    info = data.get("cameras_info") if isinstance(data, dict) else None
+    parameters = info.get("camParams") if isinstance(info, dict) else None
+    return parameters if isinstance(parameters, dict) else {}
+
+
+def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
+    """Read the cameras, in the file's order: ``camera_1``, ``camera_2``, ...
+
+    Raises:
+        FileError: if the file is not what its format says.
+        CameraError: if a camera's numbers cannot be.
+    """
+    parameters = _parameters(read_json(path))
+    lenses, poses = dict_list(parameters, "intrinsics"), parameters.get("extrinsics")
+    if not isinstance(poses, list) or len(poses) != len(lenses):
+        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics should hold a pose for each.")
+    found = [_camera(path, f"camera_{v}", *each) for v, each in enumerate(zip(lenses, poses, strict=True), start=1)]
+    return build_rig(path, found, unit, "mm", notes=("Its images are rectified; the stored distortion is not used.",))
+
+
+def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> Found:
+    where = f"{path}, camera {name!r}"
+    numbers = [as_numbers(lens.get(key, ()), f"{where}: {key}") for key in _LENS]
+    if any(each.size != 2 for each in numbers):
+        raise FileError(f"{where}: {', '.join(_LENS)} should hold 2 numbers each.")
+    first_from_camera = as_numbers(pose, f"{where}: extrinsics")
+    if first_from_camera.size != 16:
+        raise FileError(f"{where}: extrinsics should hold 16 numbers, got {first_from_camera.size}.")
+    first_from_camera = first_from_camera.reshape(4, 4)
+    rotation = first_from_camera[:3, :3].T
+    (fx, fy), (cx, cy), size = numbers
+    skew = as_numbers(lens.get("skew_value", 0.0), f"{where}: skew_value").sum()
+    matrix = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return Found(name, matrix, rotation, -rotation @ first_from_camera[:3, 3], (), size.tolist())
