@@ -18,6 +18,8 @@ from posefuse.health.system import System, block_of, linearise
 
 THRESHOLD = 25.0
 _STEPS = 3
+_FINAL_STEPS = 8
+_STILL = 0.1
 _CLOSE = 0.6
 _MOST_RIVALS = 3
 _LARGE = 40.0
@@ -102,6 +104,8 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
             break
         found, now = chosen
         effect = min(effect, usual_effect(now.system, (), evidence.n_views))
+    if found:
+        found, now = looker.settle(now, found, _FINAL_STEPS)
     return Fine(first, now, tuple(_with_sds(now.system, found)), effect)
 
 
@@ -155,14 +159,18 @@ class _Looker:
 
     def fit(self, now: Looked, found: list[Found], verdict: Verdict) -> tuple[list[Found], Looked]:
         """Everything accepted and one thing more, fitted together in a few steps."""
-        items = [*found, Found(verdict, np.zeros(len(verdict.values)), verdict.sds)]
-        for _ in range(_STEPS):
+        return self.settle(now, [*found, Found(verdict, np.zeros(len(verdict.values)), verdict.sds)], _STEPS)
+
+    def settle(self, now: Looked, items: list[Found], steps: int) -> tuple[list[Found], Looked]:
+        """Everything accepted fitted together, until it stays."""
+        sds = np.concatenate([item.sds for item in items])
+        for _ in range(steps):
             unknowns = [unknown for item in items for unknown in item.hypothesis.unknowns]
             values = _within(unknowns, solve(now.system, unknowns)[0])
             now = self.look(now.state.corrected(_changes(now.state, self.blocks, unknowns, values)), now.points)
             parts = np.split(values, np.cumsum([len(item.values) for item in items])[:-1])
             items = [replace(item, values=item.values + part) for item, part in zip(items, parts, strict=True)]
-            if np.abs(values / _scale_of(unknowns)).max() < 0.02:
+            if (np.abs(values) < _STILL * sds).all():
                 break
         return items, now
 
