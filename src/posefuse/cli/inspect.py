@@ -1,8 +1,11 @@
 """``posefuse inspect``."""
 
-import numpy as np
+from typing import Annotated
 
-from posefuse.cli.console import Bars, percent, say, table
+import numpy as np
+from cyclopts import Parameter
+
+from posefuse.cli.console import Bars, count, percent, say, table
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
 from posefuse.errors import PosefuseError, RecordingError
 from posefuse.io.recording import Found, find_recording
@@ -16,9 +19,13 @@ def inspect(
     *,
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
+    deep: Annotated[bool, Parameter(negative="", help="Look for what is wrong, from the detections.")] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Say what is in a folder: calibrations, keypoints, and whether they belong together."""
+    """Say what is in a folder: calibrations, keypoints, and whether they belong together.
+
+    With --deep also what is wrong with them: cameras that moved, views out of step, images turned, and more.
+    """
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (Found(calibration, ""),)
     keypoint_sets = found.keypoints if keypoints is None else (Found(keypoints, ""),)
@@ -29,7 +36,27 @@ def inspect(
     rigs = [rig for item in calibrations if (rig := _calibration(item, options)) is not None]
     detections = [seen for item in keypoint_sets if (seen := _keypoints(item, options)) is not None]
     if len(rigs) == 1 and len(detections) == 1:
-        _match(rigs[0], detections[0], options)
+        matched = _match(rigs[0], detections[0], options)
+        if deep and matched:
+            _examine(rigs[0], detections[0], options)
+    elif deep:
+        raise RecordingError(
+            "--deep looks at one calibration and one set of keypoints. Say which: --calibration FILE, --keypoints PATH."
+        )
+
+
+def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
+    """Say what is wrong, the worst first."""
+    from posefuse.pipeline import inspect_health
+
+    found = inspect_health(rig, detections, options, progress=Bars())
+    if not found:
+        say("health: nothing wrong was found")
+        return
+    say(f"health: {count(len(found), 'finding')}, the worst first")
+    for number, finding in enumerate(found, 1):
+        say(f"{number}. {finding.kind}: {finding.sentence}")
+        say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
 
 
 def _calibration(item: Found, options: Options) -> CameraRig | None:
@@ -98,14 +125,15 @@ def _missing_shares(detections: Detections) -> np.ndarray:
     return missing / np.maximum(total, 1)
 
 
-def _match(rig: CameraRig, detections: Detections, options: Options) -> None:
+def _match(rig: CameraRig, detections: Detections, options: Options) -> bool:
     from posefuse.pipeline import match_views
 
     try:
         matched, chosen, notes = match_views(rig, detections, options)
     except PosefuseError as error:
         say(f"views and cameras do not match: {error}")
-        return
+        return False
     for note in notes:
         say(f"note: {note}")
     say(f"{chosen.n_views} views match {len(matched)} cameras; posefuse reconstruct can take this folder")
+    return True

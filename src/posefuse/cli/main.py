@@ -36,6 +36,7 @@ COMMANDS = {
     "convert": "Write keypoints, a calibration or a result in another format.",
     "evaluate": "Compare a result with the truth.",
     "compare": "Compare triangulation methods on one recording.",
+    "sync": "Measure how late views are, for reconstruct --sync FILE.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
     "explain": "Say of a frame which detection is whose, and why.",
     "edit": "Merge, split, rename, drop or swap people of a result.",

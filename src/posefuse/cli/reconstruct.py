@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import must_have_rate, read_inputs
-from posefuse.cli.types import Also, CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording
+from posefuse.cli.types import Also, CalibrationPath, EditsPath, KeypointsPath, OptionFlags, Output, Recording, SyncPath
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracker_options import Smoother
@@ -29,6 +29,7 @@ def reconstruct(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     edits: EditsPath = None,
+    sync: SyncPath = None,
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
     align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
@@ -48,6 +49,10 @@ def reconstruct(
     options = replace(options, tracker=replace(options.tracker, **short))
     if align == "floor":
         options = replace(options, align=replace(options.align, floor="feet"))
+    if sync is not None:
+        from posefuse.io.options import read_sync
+
+        options = replace(options, sync=read_sync(sync))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits)
         more, remarks = also_into(staging, also)
@@ -79,11 +84,11 @@ def reconstruct_into(
 
     from posefuse.cli.edit import Done, write_edited
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks
+    from posefuse.pipeline import prepare, reconstruct_chunks, with_findings
 
     done = None if edits is None else Done.read(edits)
 
-    plan = prepare(inputs.rig, inputs.detections, options, progress)
+    plan = with_findings(prepare(inputs.rig, inputs.detections, options, progress))
     plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
     path = folder / "reconstruction.nc"
     netcdf.write(reconstruct_chunks(plan, progress), path)

@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from posefuse.health.findings import Finding, Kind
+from posefuse.health.points import Points
+from posefuse.health.state import State, look
 
 if TYPE_CHECKING:
     from posefuse.health.examine import Examination
 
-_FEWEST, _LEAST_RELATION, _INDEPENDENT = 500, 0.08, 8.0
+_FEWEST, _LEAST_RELATION, _INDEPENDENT = 500, 0.1, 8.0
 _LEAST_SPREAD = 0.02
 
 
@@ -19,7 +21,7 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
         return ()
     names = examination.evidence.rig.names
     told = relations(examination)
-    mute = [v for v, (r, sd) in enumerate(told) if r > -_LEAST_RELATION and r - 2.0 * sd > -_LEAST_RELATION - 0.07]
+    mute = [v for v, (r, sd) in enumerate(told) if r > -_LEAST_RELATION]
     known = [v for v, (r, _) in enumerate(told) if np.isfinite(r)]
     remedy = "Do not weigh by them: --triangulation.confidence-exponent 0; posefuse calibrate-noise measures their law."
     if mute and mute == known:
@@ -39,22 +41,39 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
 
 def relations(examination: "Examination") -> list[tuple[float, float]]:
     """For each view the rank correlation of errors in px with confidence, and its standard deviation."""
-    from posefuse.health.state import look
-
     points, state = examination.points, examination.fine.last.state  # type: ignore[union-attr]
     assert points is not None
     sight = look(examination.evidence, state)
+    left_out = _left_out(points, state)
     out = []
     for v in range(examination.evidence.n_views):
         good = (points.weight[..., v] > 0) & ((points.weight > 0).sum(axis=-1) > 2)
         trust = sight.confidence[..., v][good]
         noise = (points.sigma[..., v] / sight.per_px[..., v])[good]
-        error = np.linalg.norm(points.residual[..., v, :][good], axis=-1) * noise
+        error = left_out[..., v][good] * noise
         if len(error) < _FEWEST or np.std(trust) < _LEAST_SPREAD:
             out.append((np.nan, np.nan))
             continue
         out.append((_rank_correlation(error, trust), float(np.sqrt(_INDEPENDENT / len(error)))))
     return out
+
+
+def _left_out(points: Points, state: State) -> np.ndarray:
+    """Shape (sample, column, view): how far each view is from the point of the others, in units of the noise.
+
+    From the point of all it is nearer the more it is trusted, which would look as if confidence told of errors.
+    """
+    shape = points.weight.shape
+    rows = (points.jacobian @ state.rotation[:, None]) * np.sqrt(points.weight)[..., None, None]
+    flat = rows.reshape(*shape[:2], -1, 3)
+    normal = np.swapaxes(flat, -1, -2) @ flat
+    trace = np.trace(normal, axis1=-2, axis2=-1)
+    good = np.isfinite(trace) & (trace > 0)
+    normal = np.where(good[..., None, None], normal, np.eye(3)) + 1e-6 * trace[..., None, None] * np.eye(3)
+    normal = np.where(good[..., None, None], normal, np.eye(3))
+    lever = rows @ np.linalg.inv(normal)[:, :, None] @ np.swapaxes(rows, -1, -2)
+    rest = np.eye(2) - np.minimum(lever, 1e6) + 1e-3 * np.eye(2)
+    return np.linalg.norm(np.linalg.solve(rest, points.residual[..., None])[..., 0], axis=-1)
 
 
 def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:

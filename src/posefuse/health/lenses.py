@@ -40,7 +40,7 @@ def _by_themselves(rig: CameraRig) -> tuple[Finding, ...]:
 
 
 def _by_agreement(examination: "Examination") -> tuple[Finding, ...]:
-    if examination.coarse is None:
+    if examination.coarse is None or not examination.coarse.agreed:
         return ()
     names = examination.evidence.rig.names
     coarse = {g.view: 400.0 * (g.before - g.after) for g in examination.coarse.guesses if g.kind == "focal"}

@@ -16,7 +16,7 @@ from posefuse.health.points import Points, solve_points
 from posefuse.health.state import N_COLUMNS, State, look
 from posefuse.health.system import System, block_of, linearise
 
-THRESHOLD = 25.0
+THRESHOLD = 15.0
 _STEPS = 3
 _FINAL_STEPS = 8
 _STILL = 0.1
