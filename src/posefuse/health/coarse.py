@@ -23,6 +23,7 @@ AGREES = 0.4
 _SUSPECT = 0.04
 _LEAST_GAIN = 0.05
 _SAME = 0.02
+_FAR, _FAR_AT_LEAST = 0.1, 0.32
 _SIZES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_SIZES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCALS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
@@ -143,7 +144,8 @@ class _Asked:
         if not _core(table):
             return _choose(list(self._together(state, table)), level)
         if views > 2:
-            return _choose([guess for v in suspects for guess in self._posed(state, table, v)], level)
+            far = [v for v in suspects if rows[v] > max(level + _FAR, _FAR_AT_LEAST)]
+            return _choose([guess for v in far for guess in self._posed(state, table, v)], level)
         return _choose(list(self._simple(state, table, 1)), level)
 
     def _judged(self, kind: str, view: int, state: State, table: np.ndarray, others: list[Look]) -> Guess:

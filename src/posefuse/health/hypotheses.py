@@ -12,6 +12,7 @@ _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 """How far off each unknown is at most believed to be, one standard deviation; keeps what nothing tells at 0."""
 _LEAST_BLOCKS = 3
 _POOLED = 40.0
+_FREEDOM = 10.0
 _PENALTY_PER_UNKNOWN = 3.0
 _PENALTY_OF_A_MOMENT = 10.0
 
@@ -148,11 +149,21 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     n = len(accepted)
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
-    return Verdict(hypothesis, (gain - before) / effect, values[n:], sds, effect)
+    # The scatter is known from so many clusters only: a likelihood ratio of unknown variance grows more slowly.
+    freedom = _FREEDOM + clusters_of(system) - 1
+    return Verdict(hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect)
+
+
+def clusters_of(system: System) -> int:
+    """How many clusters of observations there are: of blocks and columns the fewer."""
+    return min(len(system.blocks.right), len(system.columns.right))
 
 
 def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual: float) -> float:
-    """How many observations count as one: by the scatter of blocks of time and of columns about the answer."""
+    """How many observations count as one: by the scatter of blocks of time and of columns about the answer.
+
+    Where columns scatter more than is usual, keypoints have habits of their own and the scatter is taken as it is.
+    """
     normal, right = reduced(system.blocks, hypothesis.unknowns)
     by_time, freedom = _scatter(normal, right, values)
     plain = {unknown.column: unknown for unknown in hypothesis.unknowns}
@@ -162,7 +173,7 @@ def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual:
     )
     time_effect = (by_time * freedom + usual * _POOLED) / (freedom + _POOLED)
     column_effect = (by_column * more + usual * _POOLED) / (more + _POOLED)
-    return max(time_effect, column_effect, 1.0)
+    return max(time_effect, column_effect, by_column, 1.0)
 
 
 def _scatter(normal: np.ndarray, right: np.ndarray, values: np.ndarray | None) -> tuple[float, float]:
