@@ -17,13 +17,13 @@ from posefuse.health.points import TAILS, Points, noise_of_one, solve_points, us
 from posefuse.health.state import Image, Sight, State, look, look_one
 from posefuse.model.cameras import rotation_from_vector
 
-_SCALES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+_SCALES = (0.7, 1.0, 1.4, 2.0, 2.8)
 _HEALTHY = 0.26
 AGREES = 0.4
 _SUSPECT = 0.04
 _LEAST_GAIN = 0.05
 _SAME = 0.02
-_FAR, _FAR_AT_LEAST = 0.1, 0.32
+_FAR, _FAR_AT_LEAST = 0.15, 0.45
 _SIZES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_SIZES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCALS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
@@ -171,7 +171,8 @@ class _Asked:
         yield self._best_of(
             judged, "image", [state.with_image(v, replace(was, scale=was.scale * s)) for s in _COMMON_SIZES]
         )
-        yield self._best_of(judged, "focal", [state.with_focal(v, f) for f in _FOCALS])
+        rough = self._best_of(judged, "focal", [state.with_focal(v, f) for f in _FOCALS])
+        yield self._best_of(judged, "focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
         step = max(self.evidence.period_s, 0.04)
         reach = int(self.reach_s / step)
         tried = [state.with_late(v, step * k) for k in range(-reach, reach + 1) if k]

@@ -11,7 +11,7 @@ from posefuse.health.state import State, look
 if TYPE_CHECKING:
     from posefuse.health.examine import Examination
 
-_FEWEST, _LEAST_RELATION, _INDEPENDENT = 500, 0.1, 8.0
+_FEWEST, _LEAST_RELATION, _INDEPENDENT = 500, 0.055, 8.0
 _LEAST_SPREAD = 0.02
 
 
@@ -21,7 +21,8 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
         return ()
     names = examination.evidence.rig.names
     told = relations(examination)
-    mute = [v for v, (r, sd) in enumerate(told) if r > -_LEAST_RELATION]
+    # A short recording tells little: then nothing is said.
+    mute = [v for v, (r, sd) in enumerate(told) if r > -_LEAST_RELATION and sd < _LEAST_RELATION]
     known = [v for v, (r, _) in enumerate(told) if np.isfinite(r)]
     remedy = "Do not weigh by them: --triangulation.confidence-exponent 0; posefuse calibrate-noise measures their law."
     if mute and mute == known:
@@ -82,5 +83,6 @@ def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _finding(cameras: tuple[str, ...], size: float, sd: float, sentence: str, remedy: str) -> Finding:
-    certainty = float(np.clip(1.0 - 0.5 * np.exp((-_LEAST_RELATION - 0.05 - size) / max(sd, 0.02)), 0.5, 0.95))
+    # Where confidence tells, the correlation is -0.1 or stronger: half way between that and none is a toss-up.
+    certainty = float(np.clip(1.0 / (1.0 + np.exp(-(size + _LEAST_RELATION) / max(0.5 * sd, 0.01))), 0.5, 0.95))
     return Finding(Kind.CONFIDENCE, cameras, None, size, "rank correlation", sd, certainty, 5.0, sentence, remedy)

@@ -12,7 +12,7 @@ _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 """How far off each unknown is at most believed to be, one standard deviation; keeps what nothing tells at 0."""
 _LEAST_BLOCKS = 3
 _POOLED = 40.0
-_FREEDOM = 10.0
+_LEAST_FREEDOM = 0.5
 _PENALTY_PER_UNKNOWN = 3.0
 _PENALTY_OF_A_MOMENT = 10.0
 
@@ -150,13 +150,13 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
     # The scatter is known from so many clusters only: a likelihood ratio of unknown variance grows more slowly.
-    freedom = _FREEDOM + clusters_of(system) - 1
+    freedom = max(independent(system) - 1.0, _LEAST_FREEDOM)
     return Verdict(hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect)
 
 
-def clusters_of(system: System) -> int:
-    """How many clusters of observations there are: of blocks and columns the fewer."""
-    return min(len(system.blocks.right), len(system.columns.right))
+def independent(system: System) -> float:
+    """How many independent looks there are: columns or seconds, which are fewer; errors last for about a second."""
+    return min(float(len(system.columns.right)), system.lasts_s)
 
 
 def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual: float) -> float:

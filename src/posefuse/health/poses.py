@@ -30,12 +30,18 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
     if examination.coarse is None or examination.fine is None:
         return ()
     moved = {g.view: 400.0 * (g.before - g.after) for g in examination.coarse.guesses if g.kind == "pose"}
-    items = [item for item in examination.fine.found if is_pose(item)]
+    zoomed = {guess.view for guess in examination.coarse.guesses if guess.kind == "focal"}
+    items = [i for i in examination.fine.found if is_pose(i) and not _of_the_focal(i, zoomed)]
     views = sorted(({item.hypothesis.view for item in items} | set(moved)) - set(copies_of(examination)))
     return tuple(
         _finding(examination, v, [item for item in items if item.hypothesis.view == v], moved.get(v, 0.0))
         for v in views
     )
+
+
+def _of_the_focal(item: Found, zoomed: set[int]) -> bool:
+    """Whether this is what is left of a focal length that was found to be far off."""
+    return item.hypothesis.view in zoomed and item.hypothesis.kind in ("along", "focal")
 
 
 def difference(examination: "Examination", view: int, sample: int) -> tuple[float, np.ndarray]:

@@ -40,6 +40,7 @@ class System:
         block_of: shape (sample,), int.
         time_s: shape (block,): of the middle of each block.
         seen: shape (view,): observations that other views check.
+        lasts_s: how much time was looked at.
     """
 
     blocks: Sums
@@ -47,6 +48,7 @@ class System:
     block_of: np.ndarray
     time_s: np.ndarray
     seen: np.ndarray
+    lasts_s: float
 
 
 def block_of(time_s: np.ndarray, runs: np.ndarray, block_s: float) -> np.ndarray:
@@ -83,8 +85,14 @@ def linearise(evidence: Evidence, state: State, points: Points, block: np.ndarra
         columns=_sums(*(np.swapaxes(each, 0, 1) for each in (straight, cross, right)), np.arange(n_columns), n_columns),
         block_of=block,
         time_s=np.array([time_s[block == b].mean() for b in range(n_blocks)]),
+        lasts_s=_lasts(time_s, block),
         seen=(points.weight > 0)[(points.weight > 0).sum(axis=-1) >= 2].sum(axis=0),
     )
+
+
+def _lasts(time_s: np.ndarray, block: np.ndarray) -> float:
+    step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    return sum(float(np.ptp(time_s[block == b])) + step for b in np.unique(block))
 
 
 def _sums(straight: np.ndarray, cross: np.ndarray, right: np.ndarray, of: np.ndarray, n: int) -> Sums:
