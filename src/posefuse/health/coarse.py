@@ -23,6 +23,9 @@ AGREES = 0.4
 _SUSPECT = 0.04
 _LEAST_GAIN = 0.05
 _SAME = 0.02
+_LEAST_ZOOM = 0.08
+_GROSS = 0.2
+"""What a turned or resized image gains at least."""
 _FAR, _FAR_AT_LEAST = 0.15, 0.45
 _SIZES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_SIZES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
@@ -167,12 +170,14 @@ class _Asked:
                     image = replace(was, turns=(was.turns + turns) % 4, mirrored=was.mirrored != mirrored)
                     yield judged("image", state.with_image(v, image))
         yield judged("sides", state.with_sides(v, not state.swapped[v]))
-        yield self._best_of(judged, "image", [state.with_image(v, replace(was, scale=was.scale * s)) for s in _SIZES])
-        yield self._best_of(
-            judged, "image", [state.with_image(v, replace(was, scale=was.scale * s)) for s in _COMMON_SIZES]
-        )
+        for sizes in (_COMMON_SIZES, _SIZES):
+            tried = [state.with_image(v, replace(was, scale=was.scale * s)) for s in sizes if abs(np.log(s)) > _LEAST_ZOOM]
+            yield self._best_of(judged, "image", tried)
         rough = self._best_of(judged, "focal", [state.with_focal(v, f) for f in _FOCALS])
-        yield self._best_of(judged, "focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
+        zoom = self._best_of(judged, "focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
+        # Little is for the fine search, which knows how certain it is.
+        if abs(float(np.log(zoom.state.focal[0, v, 0] / state.focal[0, v, 0]))) > _LEAST_ZOOM:
+            yield zoom
         step = max(self.evidence.period_s, 0.04)
         reach = int(self.reach_s / step)
         tried = [state.with_late(v, step * k) for k in range(-reach, reach + 1) if k]
@@ -240,7 +245,7 @@ def _look_of(evidence: Evidence, state: State, sight: Sight, view: int, scale: f
 
 def _choose(guesses: list[Guess], level: float) -> Guess | None:
     """The guess that leaves least disagreement; of those that leave as little the simplest, which comes first."""
-    enough = [(g, max(_LEAST_GAIN, 0.5 * (g.before - level))) for g in guesses]
+    enough = [(g, max(_GROSS if g.kind == "image" else _LEAST_GAIN, 0.5 * (g.before - level))) for g in guesses]
     helping = [g for g, least in enough if g.before - g.after > least]
     if not helping:
         return None

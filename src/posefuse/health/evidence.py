@@ -141,4 +141,6 @@ def _telling(evidence: Evidence) -> np.ndarray:
     core = np.isin(evidence.keypoint, evidence.skeleton.core_indices)
     order = np.lexsort((np.arange(len(weight)), -weight, ~core))
     kept = [int(c) for c in order if weight[c] > _FEWEST_SEEN][:_MOST_COLUMNS]
+    if not kept:
+        kept = np.flatnonzero(seen.any(axis=(0, 1)))[:_MOST_COLUMNS].tolist()
     return np.array(sorted(set(kept)), dtype=int)

@@ -13,6 +13,8 @@ _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 _LEAST_BLOCKS = 3
 _POOLED = 40.0
 _LEAST_FREEDOM = 0.5
+_SPENT = 4.0
+"""What a few seconds tell may be one posture's habit."""
 _PENALTY_PER_UNKNOWN = 3.0
 _PENALTY_OF_A_MOMENT = 10.0
 
@@ -150,13 +152,16 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
     # The scatter is known from so many clusters only: a likelihood ratio of unknown variance grows more slowly.
-    freedom = max(independent(system) - 1.0, _LEAST_FREEDOM)
+    freedom = max(independent(system) - _SPENT, _LEAST_FREEDOM)
     return Verdict(hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect)
 
 
 def independent(system: System) -> float:
-    """How many independent looks there are: columns or seconds, which are fewer; errors last for about a second."""
-    return min(float(len(system.columns.right)), system.lasts_s)
+    """How many independent numbers there are: two for each column or second, whichever are fewer.
+
+    Errors last for about a second, and each has two axes.
+    """
+    return 2.0 * min(float(len(system.columns.right)), system.lasts_s)
 
 
 def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual: float) -> float:

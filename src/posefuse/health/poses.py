@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 POSES = ("pose", "along", "across", "turn")
 SMALL_FOCAL = 0.04
 """Focal lengths off by less are not told from a camera that stands nearer or farther."""
+SMALL_BEND, _ALIKE = 0.15, 12.0
+"""Nor are lenses that bend a little more or less, where people keep to the middle of the image."""
 
 
 def is_pose(found: Found) -> bool:
     """Whether this says that a camera stands or looks elsewhere."""
     kind, values = found.hypothesis.kind, found.values
+    if kind == "lens":
+        bend = next(x for x, u in zip(values, found.hypothesis.unknowns, strict=True) if u.column == Column.BEND)
+        like = [r.score for r in found.rivals if r.hypothesis.view == found.hypothesis.view]
+        return abs(float(bend)) < SMALL_BEND and bool(like) and max(like) > found.verdict.score - _ALIKE
     return kind in POSES or (kind == "focal" and abs(float(values[0])) < SMALL_FOCAL)
 
 
@@ -120,6 +126,9 @@ def _words(
     kinds = {item.hypothesis.kind for item in items}
     across, along = float(np.linalg.norm(moved_m[:2])), float(moved_m[2])
     turn_sd = float(np.degrees(np.sqrt(np.nanmean(sds[:3] ** 2)))) if np.isfinite(sds[:3]).any() else np.nan
+    if kinds == {"lens"} and not coarse_gain:
+        text = "it stands nearer or farther along its axis, or its focal length or lens is a little off (they look alike)"
+        return text, np.nan, "", np.nan
     if kinds == {"focal"} and not coarse_gain:
         # A camera that stands farther away makes people as much smaller as a shorter lens.
         text = f"its focal length is {100 * focal:+.1f} % off, or it stands nearer or farther along its axis by as much"
