@@ -56,7 +56,9 @@ def in_step(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions)
     common = np.nanmean(said, axis=1)
     true = np.stack([said[:, v] + sync.late(name, said[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
-    notes = tuple(_note(name, true[:, v] - said[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras)
+    notes = tuple(
+        _note(name, true[:, v] - said[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras
+    )
     return InStep(_rearranged(everything, source, true, common), common, notes)
 
 
@@ -132,9 +134,7 @@ def at_frame_times(step: InStep, tracks: Tracks) -> Detections:
     return replace(detections, keypoints_px=pixels, confidence=confidence, time_s=settled)
 
 
-def _neighbour(
-    rows: np.ndarray, times: np.ndarray, f: int, wanted: float, period: float
-) -> tuple[int, int, float]:
+def _neighbour(rows: np.ndarray, times: np.ndarray, f: int, wanted: float, period: float) -> tuple[int, int, float]:
     """The row of a frame, the row on the other side of the wanted time (-1 if too far), and where between."""
     way = 1 if wanted > times[f] else -1
     for g in (f + way, f + 2 * way):

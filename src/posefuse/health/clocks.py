@@ -71,6 +71,8 @@ def _dropped(
     at = int(evidence.frame_numbers[fine.last.state.frames[sample]])
     jump = float(step.values[-1]) / evidence.period_s
     what = "lacks" if jump > 0 else "has too many"
-    sentence = f"{name} {what} {abs(jump):.1f} +- {sd:.1f} frames from about frame {at} on: out of step by {late[-1]:+.1f}."
+    sentence = (
+        f"{name} {what} {abs(jump):.1f} +- {sd:.1f} frames from about frame {at} on: out of step by {late[-1]:+.1f}."
+    )
     span = (at, int(evidence.frame_numbers[-1]))
     return Finding(Kind.DROPPED, cameras, span, jump, "frames", sd, certainty, gain, sentence, remedy)

@@ -171,7 +171,9 @@ class _Asked:
                     yield judged("image", state.with_image(v, image))
         yield judged("sides", state.with_sides(v, not state.swapped[v]))
         for sizes in (_COMMON_SIZES, _SIZES):
-            tried = [state.with_image(v, replace(was, scale=was.scale * s)) for s in sizes if abs(np.log(s)) > _LEAST_ZOOM]
+            tried = [
+                state.with_image(v, replace(was, scale=was.scale * s)) for s in sizes if abs(np.log(s)) > _LEAST_ZOOM
+            ]
             yield self._best_of(judged, "image", tried)
         rough = self._best_of(judged, "focal", [state.with_focal(v, f) for f in _FOCALS])
         zoom = self._best_of(judged, "focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
@@ -186,7 +188,7 @@ class _Asked:
             fine = [late.state.with_late(v, 0.25 * step * k) for k in range(-3, 4)]
             yield self._best_of(judged, "late", fine)
 
-    def _best_of(self, judged, kind: str, states: list[State]) -> Guess:  # noqa: ANN001
+    def _best_of(self, judged, kind: str, states: list[State]) -> Guess:
         return min((judged(kind, tried) for tried in states), key=lambda guess: _number(guess.after))
 
     def _posed(self, state: State, table: np.ndarray, v: int) -> Iterator[Guess]:
@@ -279,9 +281,7 @@ def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
     best = start
     if views <= _MOST_VIEWS_TO_ORDER:
         candidates = np.array(list(permutations(range(views))))
-        sums = sum(
-            known[a, candidates[:, a], b, candidates[:, b]] for a, b in combinations(range(views), 2)
-        )
+        sums = sum(known[a, candidates[:, a], b, candidates[:, b]] for a, b in combinations(range(views), 2))
         found = tuple(int(c) for c in candidates[int(np.argmin(sums))])
         return found if total(found) < total(start) - 1e-9 else start
     while True:
@@ -390,6 +390,3 @@ def _loss(world: np.ndarray, at: np.ndarray, sigma: np.ndarray, pose: np.ndarray
     inside = world @ pose[:3, :3].T + pose[:3, 3]
     squared = np.square((_seen_from(world, pose) - at) / sigma[:, None]).sum(axis=1)
     return float(np.minimum(np.where(inside[:, 2] > 0, squared, np.inf), 16.0).mean())
-
-
-

@@ -79,7 +79,7 @@ def _left_out(points: Points, state: State) -> np.ndarray:
 
 def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
     ranks = [np.argsort(np.argsort(values, kind="stable"), kind="stable").astype(float) for values in (a, b)]
-    return float(np.corrcoef(*ranks)[0, 1])
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
 
 
 def _finding(cameras: tuple[str, ...], size: float, sd: float, sentence: str, remedy: str) -> Finding:

@@ -64,9 +64,7 @@ def distances2(a: Look, b: Look) -> np.ndarray:
     shift = b.translation_m - (turn @ a.translation_m[..., None])[..., 0]
     x, y, z = np.moveaxis(shift, -1, 0)
     zero = np.zeros_like(x)
-    cross = np.stack(
-        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2
-    )
+    cross = np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
     essential = cross @ turn
     if len(essential) == 1:
         line_b = _wide(a.at) @ essential[0].T

@@ -153,7 +153,9 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
     # The scatter is known from so many clusters only: a likelihood ratio of unknown variance grows more slowly.
     freedom = max(independent(system) - _SPENT, _LEAST_FREEDOM)
-    return Verdict(hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect)
+    return Verdict(
+        hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect
+    )
 
 
 def independent(system: System) -> float:
@@ -173,9 +175,7 @@ def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual:
     by_time, freedom = _scatter(normal, right, values)
     plain = {unknown.column: unknown for unknown in hypothesis.unknowns}
     index = [unknown.index for unknown in plain.values()]
-    by_column, more = _scatter(
-        system.columns.normal[:, index][:, :, index], system.columns.right[:, index], None
-    )
+    by_column, more = _scatter(system.columns.normal[:, index][:, :, index], system.columns.right[:, index], None)
     time_effect = (by_time * freedom + usual * _POOLED) / (freedom + _POOLED)
     column_effect = (by_column * more + usual * _POOLED) / (more + _POOLED)
     return max(time_effect, column_effect, by_column, 1.0)

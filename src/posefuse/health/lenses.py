@@ -33,9 +33,7 @@ def _by_themselves(rig: CameraRig) -> tuple[Finding, ...]:
                 f"{width} px."
             )
             remedy = "It is probably in mm or in widths of the image: a matrix K is in px."
-            out.append(
-                Finding(Kind.FOCAL, (camera.name,), None, focal, "px", np.nan, 0.95, 500.0, sentence, remedy)
-            )
+            out.append(Finding(Kind.FOCAL, (camera.name,), None, focal, "px", np.nan, 0.95, 500.0, sentence, remedy))
     return tuple(out)
 
 

@@ -27,5 +27,7 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
     cameras = tuple(names[v] for v in moved)
     size = float(len(moved))
     return (
-        Finding(Kind.ORDER, cameras, None, size, "views", np.nan, 0.97, 0.5 * len(moved) * sum(gains), sentence, remedy),
+        Finding(
+            Kind.ORDER, cameras, None, size, "views", np.nan, 0.97, 0.5 * len(moved) * sum(gains), sentence, remedy
+        ),
     )

@@ -23,7 +23,9 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
     share = float((number >= 2).sum() / shown)
     names = examination.evidence.rig.names
     if share < _TOGETHER:
-        sentence = f"Only {100 * share:.0f} % of what is seen is seen by two cameras or more; the rest has no place in 3D."
+        sentence = (
+            f"Only {100 * share:.0f} % of what is seen is seen by two cameras or more; the rest has no place in 3D."
+        )
         remedy = "Turn the cameras towards the same volume, or check that all their keypoints were found."
         return (_finding((), share, sentence, remedy),)
     out = []
@@ -31,7 +33,9 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
         mine = int(seen[:, v].sum())
         shared = float((seen[:, v] & (number >= 2)).sum() / max(mine, 1))
         if mine == 0:
-            out.append(_finding((name,), 0.0, f"View {name!r} shows nothing.", f"--exclude-camera {name} leaves it out."))
+            out.append(
+                _finding((name,), 0.0, f"View {name!r} shows nothing.", f"--exclude-camera {name} leaves it out.")
+            )
         elif shared < _ALONE and mine >= _FEWEST:
             sentence = f"Only {100 * shared:.0f} % of what view {name!r} sees is seen by another camera."
             out.append(_finding((name,), shared, sentence, "Turn it towards what the others see."))

@@ -68,15 +68,13 @@ def solve_points(
     if start is None:
         start = consensus(state, sight, np.where(seen, unit, np.nan), 1.0 if scale is None else scale)
     tried = 1.0 if scale is None else scale
-    for _ in range(_ROUNDS if scale is None else 1):
-        solved = _refined(state, sight, np.where(seen, unit * tried, np.nan), start)
-        start = solved.points_m
-        scales = tried * _scales(solved)
-        if scale is None:
-            tried = float(np.nanmedian(scales)) if np.isfinite(scales).any() else 1.0
     if scale is None:
-        solved = _refined(state, sight, np.where(seen, unit * tried, np.nan), start)
-        scales = tried * _scales(solved)
+        for _ in range(_ROUNDS):
+            rough = _refined(state, sight, np.where(seen, unit * tried, np.nan), start)
+            start, scales = rough.points_m, tried * _scales(rough)
+            tried = float(np.nanmedian(scales)) if np.isfinite(scales).any() else 1.0
+    solved = _refined(state, sight, np.where(seen, unit * tried, np.nan), start)
+    scales = tried * _scales(solved)
     return Points(**{**solved.__dict__, "scale": tried, "scales": scales})
 
 
@@ -187,7 +185,10 @@ def _linearised(state: State, sight: Sight, sigma: np.ndarray, points: np.ndarra
         inverse = 1.0 / (z * sigma)
         zero = np.zeros_like(z)
         jacobian = np.stack(
-            [np.stack([inverse, zero, -x / z * inverse], axis=-1), np.stack([zero, inverse, -y / z * inverse], axis=-1)],
+            [
+                np.stack([inverse, zero, -x / z * inverse], axis=-1),
+                np.stack([zero, inverse, -y / z * inverse], axis=-1),
+            ],
             axis=-2,
         )
     good = seen & (z > 1e-6)

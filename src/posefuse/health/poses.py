@@ -127,7 +127,9 @@ def _words(
     across, along = float(np.linalg.norm(moved_m[:2])), float(moved_m[2])
     turn_sd = float(np.degrees(np.sqrt(np.nanmean(sds[:3] ** 2)))) if np.isfinite(sds[:3]).any() else np.nan
     if kinds == {"lens"} and not coarse_gain:
-        text = "it stands nearer or farther along its axis, or its focal length or lens is a little off (they look alike)"
+        text = (
+            "it stands nearer or farther along its axis, or its focal length or lens is a little off (they look alike)"
+        )
         return text, np.nan, "", np.nan
     if kinds == {"focal"} and not coarse_gain:
         # A camera that stands farther away makes people as much smaller as a shorter lens.
@@ -135,7 +137,9 @@ def _words(
         return text + " of the distance to the people (the two look alike)", 100.0 * focal, "%", np.nan
     if kinds <= {"along"} and not coarse_gain:
         sd = float(100.0 * sds[5])
-        text = f"moved {100 * along:+.1f} +- {sd:.1f} cm along its axis (or its focal length is off by as many per cent "
+        text = (
+            f"moved {100 * along:+.1f} +- {sd:.1f} cm along its axis (or its focal length is off by as many per cent "
+        )
         return text + "as that is of the distance: the two look alike)", 100.0 * along, "cm", sd
     if kinds <= {"across"} and not coarse_gain:
         sd = float(100.0 * np.sqrt(np.nanmean(sds[3:5] ** 2)))

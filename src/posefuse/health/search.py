@@ -217,6 +217,4 @@ def _with_sds(system: System, found: list[Found]) -> list[Found]:
     unknowns = [unknown for item in found for unknown in item.hypothesis.unknowns]
     variances = np.maximum(np.diag(solve(system, unknowns)[1]), 0.0)
     parts = np.split(variances, np.cumsum([len(item.values) for item in found])[:-1])
-    return [
-        replace(item, sds=np.sqrt(part * item.verdict.effect)) for item, part in zip(found, parts, strict=True)
-    ]
+    return [replace(item, sds=np.sqrt(part * item.verdict.effect)) for item, part in zip(found, parts, strict=True)]

@@ -191,7 +191,9 @@ class Sight:
 def look(evidence: Evidence, state: State) -> Sight:
     """What the views show of the sampled frames, all at the frames' times, if the state is right."""
     parts = [look_one(evidence, state, v) for v in range(evidence.n_views)]
-    return Sight(*(np.stack([getattr(part, name) for part in parts], axis=2) for name in ("at", "per_px", "confidence")))
+    return Sight(
+        *(np.stack([getattr(part, name) for part in parts], axis=2) for name in ("at", "per_px", "confidence"))
+    )
 
 
 def look_one(evidence: Evidence, state: State, view: int) -> Sight:
@@ -214,7 +216,7 @@ def look_one(evidence: Evidence, state: State, view: int) -> Sight:
 
 def straight(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Undistorted x/z, y/z of pixels, shape (..., 2), and the length of a pixel there, shape (...)."""
-    rays = camera.rays(np.stack([pixels, pixels + [1.0, 0.0], pixels + [0.0, 1.0]]))[0]
+    rays = camera.rays(np.stack([pixels, pixels + np.array([1.0, 0.0]), pixels + np.array([0.0, 1.0])]))[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         at = np.where(rays[..., 2:] > _FEWEST_FRONT, rays[..., :2] / rays[..., 2:], np.nan)
         along, down = at[1] - at[0], at[2] - at[0]

@@ -69,7 +69,9 @@ def linearise(evidence: Evidence, state: State, points: Points, block: np.ndarra
     trace = np.trace(normal, axis1=-2, axis2=-1)
     good = np.isfinite(trace) & (trace > 0) & ((points.weight > 0).sum(axis=-1) >= 2)
     normal = np.where(good[..., None, None], normal, np.eye(3))
-    inverse = np.linalg.inv(np.linalg.cholesky(normal + 1e-9 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)))
+    inverse = np.linalg.inv(
+        np.linalg.cholesky(normal + 1e-9 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None] * np.eye(3))
+    )
     root = np.sqrt(np.where(good[..., None], points.weight, 0.0))
     rows = columns * root[..., None, None]
     straight = np.einsum("scvki,scvkj->scvij", rows, rows)
@@ -82,7 +84,13 @@ def linearise(evidence: Evidence, state: State, points: Points, block: np.ndarra
     n_blocks = int(block.max()) + 1
     return System(
         blocks=_sums(straight, cross, right, block, n_blocks),
-        columns=_sums(*(np.swapaxes(each, 0, 1) for each in (straight, cross, right)), np.arange(n_columns), n_columns),
+        columns=_sums(
+            np.swapaxes(straight, 0, 1),
+            np.swapaxes(cross, 0, 1),
+            np.swapaxes(right, 0, 1),
+            np.arange(n_columns),
+            n_columns,
+        ),
         block_of=block,
         time_s=np.array([time_s[block == b].mean() for b in range(n_blocks)]),
         lasts_s=_lasts(time_s, block),
@@ -115,9 +123,7 @@ def derivatives(points: Points, velocity_m_s: np.ndarray, state: State) -> np.nd
     jacobian, inside, sigma = points.jacobian, points.inside, points.sigma
     x, y, z = np.moveaxis(inside, -1, 0)
     zero = np.zeros_like(x)
-    turn = -np.stack(
-        [np.stack(row, axis=-1) for row in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2
-    )
+    turn = -np.stack([np.stack(row, axis=-1) for row in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2)
     with np.errstate(invalid="ignore", divide="ignore"):
         at = inside[..., :2] / z[..., None]
         at = np.where((points.weight > 0)[..., None], at / sigma[..., None], 0.0)

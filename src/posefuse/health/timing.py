@@ -56,7 +56,7 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
         state = _moved(state, unknowns, values, system)
         points = solve_points(evidence, state, look(evidence, state), fine.last.points.scale, fine.last.points.points_m)
         system = linearise(evidence, state, points, system.block_of)
-        if np.abs(values[: views]).max() < _STILL_S:
+        if np.abs(values[:views]).max() < _STILL_S:
             break
     late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
     every = _unknowns(system, views, set(range(views)), reference)

@@ -33,7 +33,9 @@ def test_derivatives_are_those_of_the_state(looked, column):
     moved = state.corrected(changes)
 
     def residual(believed: State) -> np.ndarray:
-        inside = np.einsum("sij,scj->sci", believed.rotation[:, 1], points.points_m) + believed.translation_m[:, None, 1]
+        inside = (
+            np.einsum("sij,scj->sci", believed.rotation[:, 1], points.points_m) + believed.translation_m[:, None, 1]
+        )
         at = look(evidence, believed).at[:, :, 1]
         return (at - inside[..., :2] / inside[..., 2:]) / points.sigma[:, :, 1, None]
 
