@@ -447,7 +447,7 @@ def calibrate_noise(
     return survey.find_law(rig, detections, options, OneSubject.of(detections, options.pick), progress or Silent())
 
 
-def with_findings(plan: Plan) -> Plan:
+def with_health(plan: Plan) -> Plan:
     """The plan with what a short look says is wrong with the recording, in its notes."""
     if len(plan.rig) == 1:
         return plan

@@ -99,6 +99,7 @@ def _rearranged(detections: Detections, source: np.ndarray, true_s: np.ndarray, 
         confidence=np.asarray(detections.confidence)[rows],
         track_ids=np.asarray(detections.track_ids)[rows],
         depth=None if detections.depth is None else np.asarray(detections.depth)[rows],
+        sigma_px=None if detections.sigma_px is None else np.asarray(detections.sigma_px)[rows],
         recorded=there & detections.recorded[source, views],
         time_s=np.where(there, true_s[source, views], np.nan),
     )

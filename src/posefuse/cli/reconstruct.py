@@ -84,11 +84,11 @@ def reconstruct_into(
 
     from posefuse.cli.edit import Done, write_edited
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks, with_findings
+    from posefuse.pipeline import prepare, reconstruct_chunks, with_health
 
     done = None if edits is None else Done.read(edits)
 
-    plan = with_findings(prepare(inputs.rig, inputs.detections, options, progress))
+    plan = with_health(prepare(inputs.rig, inputs.detections, options, progress))
     plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
     path = folder / "reconstruction.nc"
     netcdf.write(reconstruct_chunks(plan, progress), path)

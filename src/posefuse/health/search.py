@@ -22,7 +22,6 @@ _FINAL_STEPS = 8
 _STILL = 0.1
 _CLOSE = 0.6
 _MOST_RIVALS = 3
-_LARGE = 40.0
 _LIMITS = np.array([0.2] * 3 + [0.5] * 3 + [0.2, 0.1, 0.3, 0.2])
 
 
@@ -146,7 +145,7 @@ class _Looker:
         if not good:
             return None
         rivals = _rivals(good)
-        if len(rivals) > 1 and good[0].gain > _LARGE:
+        if len(rivals) > 1:
             # Far from what is believed straight lines mislead: each is fitted, and what it leaves over is compared.
             tried = [(verdict, *self.fit(now, found, verdict)) for verdict in rivals]
             best, accepted, looked = min(tried, key=lambda item: self.left_over(item[2], item[1], effect, free))

@@ -52,15 +52,18 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
     drifting = {i.hypothesis.view for i in fine.found if i.hypothesis.kind == "drift"}
     for _ in range(_STEPS):
         unknowns = _unknowns(system, views, drifting, reference)
-        values, inverse, _ = solve(system, unknowns)
+        values = solve(system, unknowns)[0]
+        if reference is None:
+            # All clocks together could be anything: they stay where they are.
+            values[:views] -= values[:views].mean()
         state = _moved(state, unknowns, values, system)
         points = solve_points(evidence, state, look(evidence, state), fine.last.points.scale, fine.last.points.points_m)
         system = linearise(evidence, state, points, system.block_of)
-        if np.abs(values[:views]).max() < _STILL_S:
+        if np.abs(values).max(initial=0.0) < _STILL_S:
             break
     late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
     every = _unknowns(system, views, set(range(views)), reference)
-    inverse = solve(system, every)[1]
+    inverse = _about_the_mean(solve(system, every)[1], views) if reference is None else solve(system, every)[1]
     effects = [_effect(system, v, fine) for v in range(views)]
     time_s = evidence.frame_time_s[state.frames]
     return tuple(_timing(examination, v, late[:, v], time_s, every, inverse, effects[v]) for v in range(views))
@@ -74,6 +77,14 @@ def _unknowns(system: System, views: int, drifting: set[int], reference: int | N
         *(Unknown(v, Column.LATE, always) for v in free),
         *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
     ]
+
+
+def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:
+    """The covariance of offsets and drifts from their means: that of all clocks together nobody can tell."""
+    centred = np.eye(views) - 1.0 / views
+    whole = np.zeros((2 * views, 2 * views))
+    whole[:views, :views] = whole[views:, views:] = centred
+    return whole @ covariance @ whole
 
 
 def _moved(state: State, unknowns: list[Unknown], values: np.ndarray, system: System) -> State:
