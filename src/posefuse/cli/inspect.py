@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, note, percent, say, table, warn
+from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.reading import request_of
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.errors import PosefuseError, RecordingError, choices
@@ -32,9 +34,13 @@ def inspect(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
+    deep: Annotated[bool, Parameter(negative="", help="Look for what is wrong, from the detections.")] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Say what is in a folder: calibrations, keypoints, why they are taken for that, and whether they fit together."""
+    """Say what is in a folder: calibrations, keypoints, why they are taken for that, and whether they fit together.
+
+    With --deep also what is wrong with them: cameras that moved, views out of step, images turned, and more.
+    """
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)
     keypoint_sets = found.keypoints if keypoints is None else (_given(keypoints, calibration=False),)
@@ -57,7 +63,14 @@ def inspect(
         say("not read:")
     for item in ignored:
         note(f"  {choices(item.names, _MOST_NAMES)}: {item.why}")
-    _say_matches(_Read(rigs, seen), options)
+    matched = _say_matches(_Read(rigs, seen), options)
+    if deep and len(rigs) == len(seen) == 1:
+        if matched:
+            _examine(rigs[0][1], seen[0][1], options)
+    elif deep:
+        raise RecordingError(
+            "--deep looks at one calibration and one set of keypoints. Say which: --calibration FILE, --keypoints PATH."
+        )
 
 
 def _given(path: Path, *, calibration: bool) -> Found:
@@ -68,6 +81,20 @@ def _given(path: Path, *, calibration: bool) -> Found:
 
     form = (calibration_format if calibration else keypoint_format)(path)
     return Found(path, "unknown") if form is None else Found(path, form.name, known_by(form))
+
+
+def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
+    """Say what is wrong, the worst first."""
+    from posefuse.pipeline import inspect_health
+
+    found = inspect_health(rig, detections, options, progress=Bars())
+    if not found:
+        say("health: nothing wrong was found")
+        return
+    say(f"health: {count(len(found), 'finding')}, the worst first")
+    for number, finding in enumerate(found, 1):
+        say(f"{number}. {finding.kind}: {finding.sentence}")
+        say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
 
 
 def _calibration(item: Found, options: Options) -> CameraRig | None:
@@ -169,8 +196,8 @@ def _missing_shares(detections: Detections) -> np.ndarray:
     return missing / np.maximum(total, 1)
 
 
-def _say_matches(read: _Read, options: Options) -> None:
-    """Which keypoints and calibrations belong together; of several, the flags that choose them."""
+def _say_matches(read: _Read, options: Options) -> bool:
+    """Say which keypoints and calibrations belong together, of several the flags that choose them; whether any do."""
     from posefuse.model.matching import match_views
 
     single = len(read.rigs) == 1 and len(read.detections) == 1
@@ -194,3 +221,4 @@ def _say_matches(read: _Read, options: Options) -> None:
             if single
             else f"{words}; to reconstruct, add\n{flags}"
         )
+    return bool(said)

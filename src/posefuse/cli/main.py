@@ -36,6 +36,7 @@ COMMANDS = {
     "convert": "Write keypoints, a calibration or a result in another format.",
     "evaluate": "Compare a result with the truth.",
     "compare": "Compare triangulation methods on one recording.",
+    "sync": "Measure how late views are, for reconstruct --sync FILE.",
     "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
     "refine-calibration": "Refine where cameras stand by what they saw.",
     "explain": "Say of a frame which detection is whose, and why.",

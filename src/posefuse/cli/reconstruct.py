@@ -19,6 +19,7 @@ from posefuse.cli.types import (
     OptionFlags,
     Output,
     Recording,
+    SyncPath,
     TimestampsPath,
 )
 from posefuse.model.options import LayerName, Options
@@ -39,6 +40,7 @@ def reconstruct(
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
     edits: EditsPath = None,
+    sync: SyncPath = None,
     smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
     max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
     align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
@@ -58,6 +60,10 @@ def reconstruct(
     options = replace(options, tracker=replace(options.tracker, **short))
     if align == "floor":
         options = replace(options, align=replace(options.align, floor="feet"))
+    if sync is not None:
+        from posefuse.io.options import read_sync
+
+        options = replace(options, sync=read_sync(sync))
     with replacing_folder(output) as staging:
         files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits, timestamps)
         more, remarks = also_into(staging, also)
@@ -90,11 +96,11 @@ def reconstruct_into(
 
     from posefuse.cli.edit import Done, write_edited
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks
+    from posefuse.pipeline import prepare, reconstruct_chunks, with_health
 
     done = None if edits is None else Done.read(edits)
 
-    plan = prepare(inputs.rig, inputs.detections, options, progress)
+    plan = with_health(prepare(inputs.rig, inputs.detections, options, progress))
     plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
     path = folder / "reconstruction.nc"
     netcdf.write(reconstruct_chunks(plan, progress), path)

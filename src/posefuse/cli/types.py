@@ -28,3 +28,4 @@ Also = Annotated[
         "opensim, openpose (posefuse formats)."
     ),
 ]
+SyncPath = Annotated[Path | None, Parameter(help="TOML file of how late views are, as posefuse sync writes it.")]

@@ -14,6 +14,7 @@ from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.io.files import must_exist, read_toml
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
+from posefuse.model.sync_options import SyncOptions
 
 T = TypeVar("T")
 
@@ -61,6 +62,33 @@ def noise_to_toml(noise: NoiseModel, cameras: tuple[str, ...]) -> str:
         },
     }
     return tomli_w.dumps(tables)
+
+
+def read_sync(path: str | Path) -> SyncOptions:
+    """How late views are, from a TOML file such as ``posefuse sync`` writes.
+
+    Raises:
+        FileError: if there is no such file, or it is not TOML.
+        OptionsError: if it says anything else, or nothing.
+    """
+    path = must_exist(Path(path), "sync file")
+    data = read_toml(path)
+    unknown = [key for key in data if key != "sync"]
+    if unknown or "sync" not in data:
+        found = f"unknown table {unknown[0]!r}" if unknown else "no table [sync]"
+        raise OptionsError(f"{path.name}: {found}. A sync file, as posefuse sync writes it, has one table, [sync].")
+    return options_from_dict(data, path.name).sync
+
+
+def sync_to_toml(sync: SyncOptions) -> str:
+    """The options that make a reconstruction put views in step, as TOML."""
+    rounded = {
+        "cameras": list(sync.cameras),
+        "since_s": [round(value, 4) for value in sync.since_s],
+        "late_s": [round(value, 5) for value in sync.late_s],
+        "drift_ppm": [round(value, 1) for value in sync.drift_ppm],
+    }
+    return tomli_w.dumps({"sync": rounded})
 
 
 def options_template() -> str:

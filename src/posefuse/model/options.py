@@ -15,6 +15,7 @@ from posefuse.model.pair_options import PairMethod, PairOptions
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.side_options import SideMethod, SideOptions
 from posefuse.model.subject_options import SubjectOptions
+from posefuse.model.sync_options import SyncOptions
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.trajectory_options import TrajectoryOptions
 
@@ -242,6 +243,7 @@ class Options:
         layer: Which layer exports and evaluation take; by default the best present.
         triangulation: How 3D points come from 2D detections.
         noise: The noise of each camera's detections, from a file.
+        sync: How late views are, from a file.
         pairs: How left and right keypoints are found, by solving for two points without believing the labels
             (enumerate, sds) or each by its label; by default enumerate with the method consensus, labels with others.
         sides: How it is decided which of the two points is left: limb by limb and over time (chains), frame by frame
@@ -280,6 +282,7 @@ class Options:
     layer: LayerName | None = None
     triangulation: TriangulationOptions = field(default_factory=TriangulationOptions)
     noise: NoiseOptions = field(default_factory=NoiseOptions)
+    sync: SyncOptions = field(default_factory=SyncOptions)
     pairs: PairMethod | None = None
     sides: SideMethod = "chains"
     pair_search: PairOptions = field(default_factory=PairOptions)

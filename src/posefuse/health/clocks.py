@@ -1,0 +1,78 @@
+"""Is a view out of step with the others: late, drifting, or short of frames from some moment on?"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from posefuse.health.findings import Finding, Kind, certainty_of
+from posefuse.health.search import Found
+
+if TYPE_CHECKING:
+    from posefuse.health.examine import Examination
+
+CLOCKS = ("late", "drift")
+
+
+def find(examination: "Examination") -> tuple[Finding, ...]:
+    """Views that took their frames at other times than they say."""
+    if examination.coarse is None or examination.fine is None:
+        return ()
+    coarse = {g.view: 400.0 * (g.before - g.after) for g in examination.coarse.guesses if g.kind == "late"}
+    items = [item for item in examination.fine.found if item.hypothesis.kind in CLOCKS]
+    views = sorted({item.hypothesis.view for item in items} | set(coarse))
+    return tuple(
+        _finding(examination, v, [item for item in items if item.hypothesis.view == v], coarse.get(v, 0.0))
+        for v in views
+    )
+
+
+def _finding(examination: "Examination", view: int, items: list[Found], coarse_gain: float) -> Finding:
+    evidence, fine = examination.evidence, examination.fine
+    assert fine is not None
+    two = len(evidence.rig) == 2
+    cameras = evidence.rig.names if two else (evidence.rig.names[view],)
+    late = fine.last.state.late_s[:, view] / evidence.period_s
+    score = coarse_gain + sum(item.verdict.score for item in items)
+    rivals = [r.score for item in items for r in item.rivals if r.hypothesis.view != view]
+    certainty = certainty_of(score if not coarse_gain else 100.0, [] if two else rivals)
+    name = f"View {cameras[0]!r}" if not two else f"View {cameras[view]!r} (beside {cameras[1 - view]!r})"
+    steps = [item for item in items if item.hypothesis.since is not None]
+    sd = float(items[-1].sds[0]) / evidence.period_s if items else np.nan
+    remedy = "posefuse sync measures the offsets of all views; reconstruct --sync FILE uses them."
+    if steps:
+        return _dropped(examination, cameras, name, steps[0], late, sd, certainty, 0.5 * score, remedy)
+    drifts = [item for item in items if item.hypothesis.kind == "drift"]
+    if drifts:
+        ppm, spread = 1e6 * float(sum(i.values[1] for i in drifts)), 1e6 * float(drifts[0].sds[1])
+        sentence = (
+            f"{name} drifts: from {late[0]:+.1f} frames at the start to {late[-1]:+.1f} at the end, {ppm:+.0f} +- "
+            f"{spread:.0f} ppm."
+        )
+        return Finding(Kind.DRIFT, cameras, None, ppm, "ppm", spread, certainty, 0.5 * score, sentence, remedy)
+    size = float(late.mean())
+    sentence = f"{name} is {abs(size):.2f} +- {sd:.2f} frames {'late' if size > 0 else 'early'}."
+    return Finding(Kind.LATE, cameras, None, size, "frames", sd, certainty, 0.5 * score, sentence, remedy)
+
+
+def _dropped(
+    examination: "Examination",
+    cameras: tuple[str, ...],
+    name: str,
+    step: Found,
+    late: np.ndarray,
+    sd: float,
+    certainty: float,
+    gain: float,
+    remedy: str,
+) -> Finding:
+    evidence, fine = examination.evidence, examination.fine
+    assert fine is not None
+    sample = int(np.argmax(fine.last.system.block_of >= step.hypothesis.since))
+    at = int(evidence.frame_numbers[fine.last.state.frames[sample]])
+    jump = float(step.values[-1]) / evidence.period_s
+    what = "lacks" if jump > 0 else "has too many"
+    sentence = (
+        f"{name} {what} {abs(jump):.1f} +- {sd:.1f} frames from about frame {at} on: out of step by {late[-1]:+.1f}."
+    )
+    span = (at, int(evidence.frame_numbers[-1]))
+    return Finding(Kind.DROPPED, cameras, span, jump, "frames", sd, certainty, gain, sentence, remedy)

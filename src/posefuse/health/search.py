@@ -1,0 +1,219 @@
+"""What is a little wrong with single views: the best explanation first, then what is still wrong with it granted.
+
+A bumped camera also looks like a bad focal length, and makes its neighbours look bad: so nothing is tested by itself.
+Of all hypotheses about all views that with the best penalised likelihood is taken, everything accepted is fitted
+anew together, and the question is asked again until nothing gains enough.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.health.evidence import Evidence
+from posefuse.health.hypotheses import Hypothesis, Unknown, Verdict, hypotheses, judge, solve, usual_effect
+from posefuse.health.points import Points, solve_points
+from posefuse.health.state import N_COLUMNS, State, look
+from posefuse.health.system import System, block_of, linearise
+
+THRESHOLD = 15.0
+_STEPS = 3
+_FINAL_STEPS = 8
+_STILL = 0.1
+_CLOSE = 0.6
+_MOST_RIVALS = 3
+_LIMITS = np.array([0.2] * 3 + [0.5] * 3 + [0.2, 0.1, 0.3, 0.2])
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """One look at the recording.
+
+    Attributes:
+        state: what was believed.
+        points: of the samples.
+        system: linearised there.
+    """
+
+    state: State
+    points: Points
+    system: System
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Something wrong that was found.
+
+    Attributes:
+        verdict: what the data said when it was taken.
+        values: shape (unknown,): as fitted with everything else in the end.
+        sds: shape (unknown,): of the values.
+        rivals: other hypotheses of the same gain, about other views or other things.
+    """
+
+    verdict: Verdict
+    values: np.ndarray
+    sds: np.ndarray
+    rivals: tuple[Verdict, ...] = ()
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """What it is."""
+        return self.verdict.hypothesis
+
+
+@dataclass(frozen=True, eq=False)
+class Fine:
+    """What the fine search ends with.
+
+    Attributes:
+        given: the first look.
+        last: the last one.
+        found: what is wrong, most certain first.
+        effect: how many observations count as one, mostly.
+    """
+
+    given: Looked
+    last: Looked
+    found: tuple[Found, ...]
+    effect: float
+
+
+def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float) -> Fine:
+    """Find what is a little wrong.
+
+    Args:
+        evidence: the recording.
+        state: what is believed, right but for little; of the samples to look at.
+        free: ``pose``, ``lens``, ``late``: what may be wrong.
+        block_s: length of the blocks of time that count as independent.
+    """
+    runs = evidence.runs[state.frames]
+    blocks = block_of(evidence.frame_time_s[state.frames], runs, block_s)
+    looker = _Looker(evidence, blocks)
+    first = now = looker.look(state)
+    looker = replace(looker, scale=first.points.scale)
+    found: list[Found] = []
+    effect = usual_effect(now.system, (), evidence.n_views)
+    for _ in range(2 * evidence.n_views):
+        accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
+        verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
+        chosen = looker.choose(now, found, verdicts, effect, free)
+        if chosen is None:
+            break
+        found, now = chosen
+        effect = min(effect, usual_effect(now.system, (), evidence.n_views))
+    if found:
+        found, now = looker.settle(now, found, _FINAL_STEPS)
+    return Fine(first, now, tuple(_with_sds(now.system, found)), effect)
+
+
+def _judged(
+    system: System, accepted: tuple[Unknown, ...], free: Sequence[str], effect: float, views: int
+) -> list[Verdict]:
+    """Verdicts on all hypotheses about views that others check, the best first."""
+    told = [v for v in range(views) if system.seen[v] > 0]
+    every = [judge(system, accepted, h, effect) for v in told for h in hypotheses(system, v, free)]
+    return sorted((v for v in every if np.isfinite(v.gain)), key=lambda verdict: -verdict.score)
+
+
+@dataclass(frozen=True, eq=False)
+class _Looker:
+    evidence: Evidence
+    blocks: np.ndarray
+    scale: float | None = None
+
+    def look(self, state: State, before: Points | None = None) -> Looked:
+        """A look at what is believed, from points that are nearly right if there are any."""
+        start = None if before is None else before.points_m
+        points = solve_points(self.evidence, state, look(self.evidence, state), self.scale, start)
+        system = linearise(self.evidence, state, points, self.blocks)
+        return Looked(state, points, system)
+
+    def left_over(self, now: Looked, found: list[Found], effect: float, free: Sequence[str]) -> float:
+        """What could still be gained about the view found last, with the price of what was found."""
+        accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
+        last = found[-1].hypothesis
+        scores = (judge(now.system, accepted, h, effect).score for h in hypotheses(now.system, last.view, free))
+        return max(max((score for score in scores if np.isfinite(score)), default=0.0), 0.0) + last.penalty
+
+    def choose(
+        self, now: Looked, found: list[Found], verdicts: list[Verdict], effect: float, free: Sequence[str]
+    ) -> tuple[list[Found], Looked] | None:
+        """The best hypothesis fitted with all that was accepted, or None where none gains enough."""
+        good = [verdict for verdict in verdicts if verdict.score > THRESHOLD]
+        if not good:
+            return None
+        rivals = _rivals(good)
+        if len(rivals) > 1:
+            # Far from what is believed straight lines mislead: each is fitted, and what it leaves over is compared.
+            tried = [(verdict, *self.fit(now, found, verdict)) for verdict in rivals]
+            best, accepted, looked = min(tried, key=lambda item: self.left_over(item[2], item[1], effect, free))
+        else:
+            best = good[0]
+            accepted, looked = self.fit(now, found, best)
+        close = [v for v in good[1:] if v.score > _CLOSE * best.score and not _same(v, best)]
+        accepted[-1] = replace(accepted[-1], rivals=tuple(_one_each(close)))
+        return accepted, looked
+
+    def fit(self, now: Looked, found: list[Found], verdict: Verdict) -> tuple[list[Found], Looked]:
+        """Everything accepted and one thing more, fitted together in a few steps."""
+        return self.settle(now, [*found, Found(verdict, np.zeros(len(verdict.values)), verdict.sds)], _STEPS)
+
+    def settle(self, now: Looked, items: list[Found], steps: int) -> tuple[list[Found], Looked]:
+        """Everything accepted fitted together, until it stays."""
+        sds = np.concatenate([item.sds for item in items])
+        for _ in range(steps):
+            unknowns = [unknown for item in items for unknown in item.hypothesis.unknowns]
+            values = _within(unknowns, solve(now.system, unknowns)[0])
+            now = self.look(now.state.corrected(_changes(now.state, self.blocks, unknowns, values)), now.points)
+            parts = np.split(values, np.cumsum([len(item.values) for item in items])[:-1])
+            items = [replace(item, values=item.values + part) for item, part in zip(items, parts, strict=True)]
+            if (np.abs(values) < _STILL * sds).all():
+                break
+        return items, now
+
+
+def _within(unknowns: Sequence[Unknown], values: np.ndarray) -> np.ndarray:
+    """Steps no longer than straight lines hold."""
+    most = _scale_of(unknowns)
+    return values * min(1.0, 1.0 / max(float(np.abs(values / most).max()), 1e-9))
+
+
+def _scale_of(unknowns: Sequence[Unknown]) -> np.ndarray:
+    reach = np.array([np.abs(unknown.profile).max() for unknown in unknowns])
+    return _LIMITS[[unknown.column for unknown in unknowns]] / np.maximum(reach, 1e-9)
+
+
+def _changes(state: State, blocks: np.ndarray, unknowns: Sequence[Unknown], values: np.ndarray) -> np.ndarray:
+    changes = np.zeros((*state.late_s.shape, N_COLUMNS))
+    for unknown, value in zip(unknowns, values, strict=True):
+        changes[:, unknown.view, unknown.column] += value * unknown.profile[blocks]
+    return changes
+
+
+def _same(a: Verdict, b: Verdict) -> bool:
+    return a.hypothesis.view == b.hypothesis.view and a.hypothesis.kind == b.hypothesis.kind
+
+
+def _one_each(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """The best of each view and kind."""
+    seen: dict[tuple[int, str], Verdict] = {}
+    for verdict in verdicts:
+        seen.setdefault((verdict.hypothesis.view, verdict.hypothesis.kind), verdict)
+    return list(seen.values())
+
+
+def _rivals(good: Sequence[Verdict]) -> list[Verdict]:
+    """The best few of different views and kinds that come near the best of all."""
+    near = [verdict for verdict in _one_each(good) if verdict.score > _CLOSE * good[0].score]
+    return near[:_MOST_RIVALS]
+
+
+def _with_sds(system: System, found: list[Found]) -> list[Found]:
+    if not found:
+        return []
+    unknowns = [unknown for item in found for unknown in item.hypothesis.unknowns]
+    variances = np.maximum(np.diag(solve(system, unknowns)[1]), 0.0)
+    parts = np.split(variances, np.cumsum([len(item.values) for item in found])[:-1])
+    return [replace(item, sds=np.sqrt(part * item.verdict.effect)) for item, part in zip(found, parts, strict=True)]

@@ -1,0 +1,122 @@
+"""How much later than they say views took their frames: all views together, once what else is wrong is granted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.health.examine import Examination
+from posefuse.health.hypotheses import Hypothesis, Unknown, effect_of, solve
+from posefuse.health.points import solve_points
+from posefuse.health.search import Fine
+from posefuse.health.state import Column, State, look
+from posefuse.health.system import System, linearise
+
+_STEPS = 6
+_STILL_S = 1e-5
+_CERTAIN = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class ViewTiming:
+    """When a view took its frames.
+
+    Attributes:
+        camera: its name.
+        since_s: time of the view from which each row holds.
+        late_s: of each row: how much later than it says, at that time.
+        drift_ppm: of each row: how fast that grows.
+        late_sd_s: standard deviation of an offset, in the middle of the recording.
+        drift_sd_ppm: of the drift, whether there is one or not.
+    """
+
+    camera: str
+    since_s: tuple[float, ...]
+    late_s: tuple[float, ...]
+    drift_ppm: tuple[float, ...]
+    late_sd_s: float
+    drift_sd_ppm: float
+
+
+def time_views(examination: Examination, reference: int | None = None) -> tuple[ViewTiming, ...] | None:
+    """The timing of all views; None where the views do not agree enough to tell.
+
+    Args:
+        examination: of the recording.
+        reference: the view whose clock is right; by default none is, and the mean offset is 0.
+    """
+    if examination.fine is None:
+        return None
+    fine, evidence = examination.fine, examination.evidence
+    views = evidence.n_views
+    system, state = fine.last.system, fine.last.state
+    drifting = {i.hypothesis.view for i in fine.found if i.hypothesis.kind == "drift"}
+    for _ in range(_STEPS):
+        unknowns = _unknowns(system, views, drifting, reference)
+        values = solve(system, unknowns)[0]
+        if reference is None:
+            # All clocks together could be anything: they stay where they are.
+            values[:views] -= values[:views].mean()
+        state = _moved(state, unknowns, values, system)
+        points = solve_points(evidence, state, look(evidence, state), fine.last.points.scale, fine.last.points.points_m)
+        system = linearise(evidence, state, points, system.block_of)
+        if np.abs(values).max(initial=0.0) < _STILL_S:
+            break
+    late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
+    every = _unknowns(system, views, set(range(views)), reference)
+    inverse = _about_the_mean(solve(system, every)[1], views) if reference is None else solve(system, every)[1]
+    effects = [_effect(system, v, fine) for v in range(views)]
+    time_s = evidence.frame_time_s[state.frames]
+    return tuple(_timing(examination, v, late[:, v], time_s, every, inverse, effects[v]) for v in range(views))
+
+
+def _unknowns(system: System, views: int, drifting: set[int], reference: int | None) -> list[Unknown]:
+    always = np.ones(len(system.time_s))
+    middle = system.time_s - system.time_s.mean()
+    free = [v for v in range(views) if v != reference]
+    return [
+        *(Unknown(v, Column.LATE, always) for v in free),
+        *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
+    ]
+
+
+def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:
+    """The covariance of offsets and drifts from their means: that of all clocks together nobody can tell."""
+    centred = np.eye(views) - 1.0 / views
+    whole = np.zeros((2 * views, 2 * views))
+    whole[:views, :views] = whole[views:, views:] = centred
+    return whole @ covariance @ whole
+
+
+def _moved(state: State, unknowns: list[Unknown], values: np.ndarray, system: System) -> State:
+    for unknown, value in zip(unknowns, values, strict=True):
+        state = state.with_late(unknown.view, value * unknown.profile[system.block_of])
+    return state
+
+
+def _effect(system: System, view: int, fine: Fine) -> float:
+    one = Unknown(view, Column.LATE, np.ones(len(system.time_s)))
+    values = solve(system, [one])[0]
+    return effect_of(system, Hypothesis("late", view, (one,)), values, fine.effect)
+
+
+def _timing(
+    examination: Examination,
+    view: int,
+    late: np.ndarray,
+    time_s: np.ndarray,
+    unknowns: list[Unknown],
+    inverse: np.ndarray,
+    effect: float,
+) -> ViewTiming:
+    sds = [np.sqrt(inverse[i, i] * effect) for i, unknown in enumerate(unknowns) if unknown.view == view] or [0.0, 0.0]
+    edges = np.flatnonzero(np.abs(np.diff(late)) > 0.2 * examination.evidence.period_s) + 1
+    parts = np.split(np.arange(len(late)), edges)
+    rows = []
+    for number, part in enumerate(parts):
+        slope = np.polyfit(time_s[part], late[part], 1)[0] if len(part) > 2 else 0.0
+        slope = slope if abs(slope) > 1e-9 else 0.0
+        since = float(time_s[part[0]]) if number else 0.0
+        rows.append((since, float(late[part].mean() + slope * (since - time_s[part].mean())), 1e6 * float(slope)))
+    since_s, late_s, drift = zip(*rows, strict=True)
+    name = examination.evidence.rig.names[view]
+    return ViewTiming(name, since_s, late_s, drift, float(sds[0]), 1e6 * float(sds[1]))
