@@ -12,9 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
+from posefuse.diagnosis import inspect_health, measure_sync
 from posefuse.health.findings import Finding, Kind
 from posefuse.model.options import Options
-from posefuse.pipeline import inspect_health, measure_sync
 from posefuse.synthetic.faults import FAULTS, Fault, Planted, healthy, plant
 
 NAMED_AS: dict[Fault, tuple[Kind, ...]] = {

@@ -1,6 +1,5 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,7 +8,7 @@ from platform import python_version
 
 import numpy as np
 
-from posefuse import checkup, following, retiming, solving, survey
+from posefuse import following, retiming, solving, survey
 from posefuse.alignment.apply import after_scaling, laid, scaled_layer, scaled_rig, unchanged
 from posefuse.alignment.lay import lay
 from posefuse.alignment.size import scale_of
@@ -17,11 +16,8 @@ from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
-from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
+from posefuse.errors import DetectionsError, OptionsError
 from posefuse.following import Followed, WholeSmoother
-from posefuse.health.examine import DEEP, SHORT
-from posefuse.health.findings import Finding
-from posefuse.health.timing import ViewTiming
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -29,18 +25,18 @@ from posefuse.model.frames import Frame
 from posefuse.model.gathering import gathered
 from posefuse.model.matching import match_views
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options import Options
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.swaps import Swaps
-from posefuse.model.sync_options import SyncOptions
 from posefuse.model.timeline import align_views
 from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import Tracks
 from posefuse.model.weights import weighed
 from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent, watched
+from posefuse.settled import cut_time, settle_method, settle_min_views, settle_pairs, settle_people, settle_solve
 from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
 from posefuse.triangulation import noise as noise_scale
@@ -49,7 +45,6 @@ from posefuse.triangulation.registry import load_method
 
 _CONTEXT_S = 5.0
 _MOST_CONTEXT_FRAMES = 1024
-_TELLING_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -448,185 +443,3 @@ def calibrate_noise(
     rig, detections, _ = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     return survey.find_law(rig, detections, options, OneSubject.of(detections, options.pick), progress or Silent())
-
-
-def with_health(plan: Plan) -> Plan:
-    """The plan with what a short look says is wrong with the recording, in its notes."""
-    if len(plan.rig) == 1:
-        return plan
-    found = checkup.check(plan.rig, plan.detections, plan.subjects, SHORT)
-    said = tuple(f"Health: {finding}" for finding in found)
-    return replace(plan, provenance=plan.provenance.with_notes(said))
-
-
-def inspect_health(
-    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
-) -> tuple[Finding, ...]:
-    """What is wrong with a recording, by its own detections, the worst first; see docs/health.md.
-
-    Args:
-        rig: calibrated cameras.
-        detections: 2D keypoints.
-        options: as of :func:`reconstruct`; those that say who is who count.
-        progress: told how far the work is.
-
-    Raises:
-        MatchError: if views and cameras do not belong together.
-        DetectionsError: if the detections do not allow what the options ask for.
-    """
-    return checkup.check(*_followed(rig, detections, options or Options(), progress or Silent()), DEEP)
-
-
-def measure_sync(
-    rig: CameraRig,
-    detections: Detections,
-    options: Options | None = None,
-    *,
-    reference: str | None = None,
-    reach_s: float = DEEP.reach_s,
-    progress: Progress | None = None,
-) -> tuple[tuple[ViewTiming, ...], SyncOptions]:
-    """How late each view is, by its own detections, and what makes :func:`reconstruct` put views in step.
-
-    Args:
-        rig: calibrated cameras.
-        detections: 2D keypoints.
-        options: as of :func:`reconstruct`; those that say who is who count.
-        reference: the camera whose clock is right; by default none is, and the mean offset is 0.
-        reach_s: how late views may be.
-        progress: told how far the work is.
-
-    Raises:
-        MatchError: if views and cameras do not belong together, or there is no such reference.
-        DetectionsError: if the views agree too little to tell, or files say no frame rate.
-    """
-    followed = _followed(rig, detections, options or Options(), progress or Silent())
-    effort = replace(DEEP, reach_s=reach_s)
-    examination, timings = checkup.timing(*followed, effort, reference)
-    if timings is None:
-        raise DetectionsError(
-            "The views agree too little to tell how late they are. posefuse inspect RECORDING --deep says what is "
-            "wrong with them."
-        )
-    if not examination.evidence.timed:
-        raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
-    return timings, checkup.sync_of(timings)
-
-
-def _followed(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress
-) -> tuple[CameraRig, Detections, Subjects]:
-    """The matched cameras and views, and whose detections are whose."""
-    if options.rate_hz is not None and detections.rate_hz is None:
-        detections = detections.with_rate(options.rate_hz)
-    rig, detections, _ = match_views(rig, detections, options)
-    detections = cut_time(detections, options)
-    if detections.n_frames == 0:
-        raise DetectionsError("The recording is empty: it has no frames.")
-    options = settle_people(replace(options, bodies="none"), detections, len(rig))
-    return rig, detections, who_is_followed(rig, detections, options, progress)[0]
-
-
-def cut_time(detections: Detections, options: Options) -> Detections:
-    """The frames between ``start_s`` and ``end_s`` (exclusive), in memory only if something is cut.
-
-    Raises:
-        DetectionsError: if the times are unknown or nothing is left.
-    """
-    if options.start_s is None and options.end_s is None:
-        return detections
-    known = detections.recorded & np.isfinite(detections.time_s)
-    times = np.where(known, detections.time_s, np.inf).min(axis=1)
-    if not np.isfinite(times).all():
-        raise DetectionsError("start_s and end_s need times, and the files give no frame rate. Add --rate-hz.")
-    start = 0 if options.start_s is None else int(np.searchsorted(times, options.start_s - 1e-9))
-    stop = len(times) if options.end_s is None else int(np.searchsorted(times, options.end_s - 1e-9))
-    if start >= stop:
-        raise DetectionsError(
-            f"No frame lies between start_s = {options.start_s} and end_s = {options.end_s}; the recording runs from "
-            f"{times[0]:.3f} s to {times[-1]:.3f} s."
-        )
-    return detections.frames(start, stop)
-
-
-def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
-    """Fill in the method's own ``min_views``, and lower it to the cameras there are, saying so once."""
-    triangulation = options.triangulation
-    method = load_method(triangulation.method)
-    wanted = triangulation.min_views or method.DEFAULT_MIN_VIEWS
-    settled = max(2, min(wanted, n_cameras))
-    notes: tuple[str, ...] = ()
-    if settled < wanted and n_cameras > 1:
-        notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
-        warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
-    return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
-
-
-def settle_people(options: Options, detections: Detections, n_cameras: int) -> Options:
-    """Decide how many people there are, where that is left open: many, if a view ever shows several.
-
-    One camera cannot tell where people are, and a skeleton without a tree not how they move.
-    """
-    if options.people != "auto":
-        return options
-    several = bool((detections.people_counts > 1).any())
-    can = n_cameras > 1 and detections.skeleton.tree is not None
-    return replace(options, people="many" if several and can and options.pick is None else "one")
-
-
-def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
-    """Fill in how keypoints that come in pairs are solved.
-
-    Other methods than the default are asked for by name for what they do with the labels as they are.
-    """
-    believed = options.triangulation.method != TriangulationOptions().method
-    pairs = options.pairs or ("labels" if believed else "enumerate")
-    return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
-
-
-def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Options:
-    """Decide whether frames are solved each by itself or all together, where that is left open.
-
-    Together for one subject, whose motion and bones ten seconds or more tell well enough; of many people bodies are
-    fitted, which are smooth already. Other methods than the default are asked for by name for what they make of each
-    frame.
-
-    Raises:
-        DetectionsError: if all frames are to be solved together and have no times.
-        OptionsError: if they are and there is one camera.
-    """
-    timed = detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any())
-    if options.solve == "trajectory" and n_cameras == 1:
-        raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Leave it out.")
-    if options.solve == "trajectory" and not timed:
-        raise DetectionsError(
-            "solve = 'trajectory' needs times, and the files give no frame rate. Add --rate-hz, or in Python: "
-            "detections.with_rate(60)."
-        )
-    if options.solve != "auto":
-        return options
-    usual = options.triangulation.method == TriangulationOptions().method
-    together = options.people == "one" and n_cameras > 1 and usual and _duration_s(detections) >= _TELLING_S
-    return replace(options, solve="trajectory" if together else "frame")
-
-
-def _duration_s(detections: Detections) -> float:
-    """How long a recording is; 0 where it has no times."""
-    if detections.rate_hz is not None:
-        return detections.n_frames / detections.rate_hz
-    times = np.asarray(detections.time_s)
-    return float(np.nanmax(times) - np.nanmin(times)) if np.isfinite(times).any() else 0.0
-
-
-def settle_method(
-    rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, noise: NoiseModel
-) -> tuple[Options, tuple[str, ...]]:
-    """Let a method that has to see the whole recording first do so."""
-    method = load_method(options.triangulation.method)
-    settle = getattr(method, "settle", None)
-    if settle is None or len(rig) == 1:
-        return options, ()
-    spans = ranges(detections.n_frames, CHUNK_FRAMES)
-    pieces = ((detections.frames(*span), subjects.follow(*span)) for span in spans)
-    settled, notes = settle(rig, pieces, noise, options.triangulation)
-    return replace(options, triangulation=settled), notes

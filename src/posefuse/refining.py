@@ -18,11 +18,13 @@ from posefuse.calibration.uncertainty import Certainty
 from posefuse.errors import CalibrationError, PosefuseWarning, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
+from posefuse.model.matching import match_views
 from posefuse.model.options import Options
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline import Plan, cut_time, examine, match_views, measure, settle
+from posefuse.pipeline import Plan, examine, measure, settle
 from posefuse.progress import Progress, Silent
+from posefuse.settled import cut_time
 
 _MOST_KEYPOINTS = 60_000
 _FEWEST_FRAMES = 300

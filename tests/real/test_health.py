@@ -2,12 +2,12 @@
 
 import pytest
 
+from posefuse.diagnosis import inspect_health
 from posefuse.health.findings import Kind
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.model.options import Options
-from posefuse.pipeline import inspect_health
 from posefuse.progress import Silent
 
 

@@ -14,8 +14,9 @@ from posefuse.model.postprocess_options import ButterworthOptions, PostprocessOp
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline import measure, prepare, reconstruct_chunks, settle_solve
+from posefuse.pipeline import measure, prepare, reconstruct_chunks
 from posefuse.progress import Silent
+from posefuse.settled import settle_solve
 from posefuse.solving import telling_spans, windows
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate

@@ -85,7 +85,7 @@ def _given(path: Path, *, calibration: bool) -> Found:
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
     """Say what is wrong, the worst first."""
-    from posefuse.pipeline import inspect_health
+    from posefuse.diagnosis import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:

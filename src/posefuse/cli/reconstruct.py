@@ -95,8 +95,9 @@ def reconstruct_into(
         options = replace(options, skeleton=inputs.detections.skeleton.name)
 
     from posefuse.cli.edit import Done, write_edited
+    from posefuse.diagnosis import with_health
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks, with_health
+    from posefuse.pipeline import prepare, reconstruct_chunks
 
     done = None if edits is None else Done.read(edits)
 

@@ -26,7 +26,8 @@ def replay(
     from posefuse.cli.reading import must_have_rate, read_inputs
     from posefuse.errors import OptionsError
     from posefuse.io.stream import lines_of
-    from posefuse.pipeline import cut_time, match_views
+    from posefuse.model.matching import match_views
+    from posefuse.settled import cut_time
 
     if not 0.0 <= pace < float("inf"):
         raise OptionsError(f"--pace is 0 or more, got {pace}.")

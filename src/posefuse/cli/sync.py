@@ -28,9 +28,9 @@ def sync(
     The views tell of each other's clocks by how well they agree about people who move. Nothing in the recording is
     changed: reconstruct without --sync is as before.
     """
+    from posefuse.diagnosis import measure_sync
     from posefuse.io.files import replacing
     from posefuse.io.options import sync_to_toml
-    from posefuse.pipeline import measure_sync
 
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress)

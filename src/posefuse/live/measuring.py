@@ -13,7 +13,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline import settle_min_views
+from posefuse.settled import settle_min_views
 from posefuse.tracking.records import People
 from posefuse.triangulation.registry import Method, load_method
 
