@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.pickles import must_be_small
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ class _Names(pickle.Unpickler):
 
 def _read_table(group: h5py.Group) -> Frame:
     pickled: Any = group.attrs["non_index_axes"]
-    columns = [tuple(str(word) for word in column) for column in _Names(io.BytesIO(bytes(pickled))).load()[0][1]]
+    named = _Names(io.BytesIO(must_be_small(bytes(pickled)))).load()[0][1]
+    columns = [tuple(str(word) for word in column) for column in named]
     table = np.asarray(group["table"])
     values = np.asarray(table["values_block_0"], dtype=np.float64).reshape(len(table), -1)
     return Frame(columns, np.asarray(table["index"], dtype=np.int64), values)

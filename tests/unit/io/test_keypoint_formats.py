@@ -141,6 +141,15 @@ def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
         read_detections(folder)
 
 
+def test_a_table_whose_pickle_wants_gigabytes_is_refused(tmp_path):
+    """A few bytes that name the thousand millionth place of the pickle's memory."""
+    folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
+    with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
+        file["df_with_missing"].attrs["non_index_axes"] = np.void(b"(lp999999999\n.")
+    with pytest.raises(FileError, match="asks for room for 999999999 values"):
+        read_detections(folder)
+
+
 def test_people_of_different_lengths_are_an_error(tmp_path):
     folder = keypoint_files.coco_results(some(), tmp_path)
     file = folder / "left.json"

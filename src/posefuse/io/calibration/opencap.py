@@ -7,7 +7,6 @@ arrays are built, and whatever else a file asks for is refused.
 
 import io
 import pickle
-import pickletools
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig
 from posefuse.io.files import natural_key
+from posefuse.io.pickles import must_be_small
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import LengthUnit
 
 NAME = "cameraIntrinsicsExtrinsics.pickle"
 _NEEDED = ("intrinsicMat", "distortion", "imageSize", "rotation", "translation")
-_MOST_REMEMBERED = 100_000
 _CORES = ("numpy.core.multiarray", "numpy._core.multiarray")
 
 
@@ -85,20 +84,11 @@ def _camera(file: Path) -> Found:
     )  # fmt: skip
 
 
-def _must_be_small(content: bytes) -> None:
-    """Refuse a pickle that names places of a memory it does not need: making room for them takes gigabytes."""
-    for opcode, argument, _ in pickletools.genops(content):
-        if "PUT" in opcode.name and int(argument or 0) > _MOST_REMEMBERED:
-            raise ValueError(f"it asks for room for {argument} values")
-
-
 def _load(file: Path) -> dict[str, Any]:
     try:
         if file.stat().st_size > LARGEST_BYTES:
             raise ValueError("it is too large for one")
-        content = file.read_bytes()
-        _must_be_small(content)
-        data = _Numbers(io.BytesIO(content)).load()
+        data = _Numbers(io.BytesIO(must_be_small(file.read_bytes()))).load()
     except Exception as error:  # a broken pickle raises whatever its bytes lead to
         raise FileError(f"{file} is not read as a camera's pickle: {str(error)[:120]}.") from None
     if not isinstance(data, dict):

@@ -27,6 +27,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
+from posefuse.io.pickles import must_be_small
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
@@ -211,7 +212,7 @@ def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
     with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
         group: Any = content[key]
-        columns = _Names(io.BytesIO(bytes(group.attrs["non_index_axes"]))).load()[0][1]
+        columns = _Names(io.BytesIO(must_be_small(bytes(group.attrs["non_index_axes"])))).load()[0][1]
         table = np.asarray(group["table"])
         values = np.asarray(table["values_block_0"], dtype=np.float64)
         index = table["index"].tolist()
