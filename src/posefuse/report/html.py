@@ -1,6 +1,7 @@
 """The report: one HTML file with everything in it, the same bytes for the same result."""
 
 import json
+from collections.abc import Iterable, Iterator
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -26,6 +27,10 @@ from posefuse.report.words import in_words, scene_in_words
 
 _SCRIPTS = ("scene.js", "lens.js", "player.js", "heat.js", "time.js", "charts.js")
 """Parts of one script, in this order."""
+HELD_BYTES = 1_000_000_000
+"""A result that takes more memory is read anew for each part of the page."""
+_LAYER_BYTES, _VIEW_BYTES = 82, 5
+"""Of a point in a layer, and of a view in it."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One colour a person, names above their heads"
 
@@ -45,23 +50,23 @@ def render_report(
         progress: told how far the work is.
     """
     layer, _ = result.best_layer(result.options.layer)
-    parts = watched(result.chunks(), result.n_frames, "summarising", progress or Silent())
+    parts = _parts(result, progress or Silent())
     summary = summarise(parts, layer)
-    cells = cells_of(result.chunks(), layer)
-    series = series_of(result.chunks(), layer, result.skeleton)
+    cells = cells_of(parts, layer)
+    series = series_of(parts, layer, result.skeleton)
     gaps = gaps_of(series)
     stride = stride_of(result)
-    scene, strays = scene_data(result, layer, truth, stride)
+    scene, strays = scene_data(result, parts, layer, truth, stride)
     data = {
         "scene": scene,
         "charts": chart_data(result, summary),
         "cells": cell_data(cells, result.frame_numbers),
         "series": series_data(result, series),
-        "swaps": time_line(result.chunks(), result.n_frames),
+        "swaps": time_line(parts, result.n_frames),
         "lives": life_lines(result),
     }
     several = len(result.person_ids) != 1
-    misses = count_misses(result.chunks(), layer) if several else None
+    misses = count_misses(parts, layer) if several else None
     return Template(_asset("report.html")).substitute(
         title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
         css=_asset("report.css"),
@@ -72,7 +77,7 @@ def render_report(
         words=in_words(result, summary, accuracy, scene_in_words(stride, strays)),
         look=look_section(result, summary, cells, series, gaps),
         accuracy=tables.accuracy_table(accuracy),
-        people=people_section(result, lives(result.chunks(), layer), misses),
+        people=people_section(result, lives(parts, layer), misses),
         cameras=tables.camera_table(result, summary),
         keypoints=tables.keypoint_table(result, summary, cells),
         swaps=swap_table(result, summary),
@@ -82,6 +87,24 @@ def render_report(
         options=tables.options_table(result.options),
         versions=escape(", ".join(f"{name} {number}" for name, number in result.provenance.versions.items())),
     )
+
+
+class _Ranges:
+    """A result in ranges of frames, to be gone through anew each time, read each time."""
+
+    def __init__(self, result: Reconstruction) -> None:
+        self._result = result
+
+    def __iter__(self) -> Iterator[Reconstruction]:
+        return self._result.chunks()
+
+
+def _parts(result: Reconstruction, progress: Progress) -> Iterable[Reconstruction]:
+    """Ranges of frames for several passes: read once where memory allows, since reading is most of the time."""
+    point_bytes = len(result.layers) * (_LAYER_BYTES + _VIEW_BYTES * len(result.rig))
+    if result.n_frames * len(result.person_ids) * len(result.skeleton) * point_bytes > HELD_BYTES:
+        return _Ranges(result)
+    return list(watched(result.chunks(), result.n_frames, "reading", progress))
 
 
 def _script() -> str:

@@ -22,9 +22,7 @@ _LONG_GAP_S = 0.5
 _USUAL_RATE_HZ = 30.0
 
 
-def look_section(
-    result: Reconstruction, summary: Summary, cells: Cells, series: Series, gaps: list[Gap]
-) -> str:
+def look_section(result: Reconstruction, summary: Summary, cells: Cells, series: Series, gaps: list[Gap]) -> str:
     """A list of sentences, the findings first."""
     health = [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
     findings = (
@@ -81,8 +79,8 @@ def _cameras(result: Reconstruction, summary: Summary, cells: Cells) -> list[str
     for v in np.flatnonzero(rejected > _MUCH_REJECTED):
         where = _worst_link(result, cells, "rejected", view=int(v))
         items.append(
-            f"{100 * rejected[v]:.0f} % of what camera {escape(result.rig.names[v])} shows was not used: its pose, lens "
-            f"or clock may be off, or its detections bad. {where}"
+            f"{100 * rejected[v]:.0f} % of what camera {escape(result.rig.names[v])} shows was not used: its pose, "
+            f"lens or clock may be off, or its detections bad. {where}"
         )
     return items
 
@@ -94,11 +92,11 @@ def _keypoints(result: Reconstruction, summary: Summary, cells: Cells) -> list[s
         return []
     k = int(worst[np.argmax(errors[worst])])
     name, more = escape(result.skeleton.keypoints[k]), len(worst) - 1
-    others = f" (and {more} more keypoint{'s' if more > 1 else ''} over {_STANDS_OUT:g} times the usual)" if more else ""
+    others = (
+        f" (and {more} more keypoint{'s' if more > 1 else ''} over {_STANDS_OUT:g} times the usual)" if more else ""
+    )
     where = _worst_link(result, cells, "error", keypoint=k)
-    return [
-        f"{name} errs most: median {errors[k]:.1f} px, usual {float(np.nanmedian(errors)):.1f} px{others}. {where}"
-    ]
+    return [f"{name} errs most: median {errors[k]:.1f} px, usual {float(np.nanmedian(errors)):.1f} px{others}. {where}"]
 
 
 def _outstanding(errors: np.ndarray) -> np.ndarray:
@@ -127,13 +125,21 @@ def _worst_link(result: Reconstruction, cells: Cells, quantity: str, **of: int) 
 
 def _swapped(result: Reconstruction, summary: Summary) -> list[str]:
     shares = [summary.swapped_in(v) for v in range(len(result.rig))]
-    named = [f"{escape(name)} ({100 * s:.0f} %)" for name, s in zip(result.rig.names, shares, strict=True) if s > _MUCH_SWAPPED]
+    named = [
+        f"{escape(name)} ({100 * s:.0f} %)"
+        for name, s in zip(result.rig.names, shares, strict=True)
+        if s > _MUCH_SWAPPED
+    ]
     return [f"Left and right were the wrong way round, and put right, in {', '.join(named)}."] if named else []
 
 
 def _few_views(summary: Summary) -> list[str]:
     few = summary.status_counts.get(PointStatus.TWO_VIEWS, 0) / max(summary.n_points, 1)
-    return [f"{100 * few:.0f} % of the points rest on two views, with nothing to check them against."] if few > _FEW_VIEWS else []
+    return (
+        [f"{100 * few:.0f} % of the points rest on two views, with nothing to check them against."]
+        if few > _FEW_VIEWS
+        else []
+    )
 
 
 def _long_gap(result: Reconstruction, gaps: list[Gap]) -> list[str]:
@@ -144,7 +150,10 @@ def _long_gap(result: Reconstruction, gaps: list[Gap]) -> list[str]:
     name = result.skeleton.keypoints[gap.keypoint]
     link = jump(result, gap.start, span(result, gap.start, gap.stop), person=gap.person, keypoint=gap.keypoint)
     what = "filled" if gap.filled else "left out"
-    return [f"The longest stretch without a measurement: {escape(name + who)}, {gap.stop - gap.start} frames, {what}. {link}"]
+    return [
+        f"The longest stretch without a measurement: {escape(name + who)}, {gap.stop - gap.start} frames, {what}. "
+        f"{link}"
+    ]
 
 
 def _worst_moment(result: Reconstruction, series: Series) -> list[str]:

@@ -97,8 +97,9 @@ def packed_marks(layer: Layer, measured: np.ndarray, places: np.ndarray) -> np.n
     view_status = np.asarray(layer.view_status[:])[places]
     if view_status.shape[-1] <= MARKED_VIEWS:
         codes = np.concatenate([codes, view_codes(view_status)], axis=-1)
-    spare = -codes.shape[-1] % 4
-    fours = np.pad(codes, [(0, 0)] * 3 + [(0, spare)]).reshape(*codes.shape[:-1], -1, 4)
+    n_bytes = -(-codes.shape[-1] // 4)
+    spare = 4 * n_bytes - codes.shape[-1]
+    fours = np.pad(codes, [(0, 0)] * 3 + [(0, spare)]).reshape(*codes.shape[:-1], n_bytes, 4)
     return (fours << np.array([0, 2, 4, 6])).sum(axis=-1).astype(np.uint8)
 
 

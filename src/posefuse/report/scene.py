@@ -1,5 +1,6 @@
 """The 3D scene: what is drawn of people, cameras and ground."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -34,17 +35,22 @@ def stride_of(result: Reconstruction) -> int:
 
 
 def scene_data(
-    result: Reconstruction, layer: LayerName, truth: Reconstruction | None, stride: int
+    result: Reconstruction,
+    parts: Iterable[Reconstruction],
+    layer: LayerName,
+    truth: Reconstruction | None,
+    stride: int,
 ) -> tuple[dict[str, Any], int]:
     """What the page draws the scene from, and how many points lie too far out to be drawn.
 
     Args:
         result: what to show.
+        parts: of it, consecutive ranges of frames.
         layer: which is shown first.
         truth: known positions, drawn where they are of the same frames and keypoints.
         stride: every how many frames are drawn.
     """
-    shown, spreads, marks = _thinned(result, layer, stride)
+    shown, spreads, marks = _thinned(parts, layer, stride)
     box = box_of(np.concatenate([points.reshape(-1, 3) for points in shown.values()]))
     layers, strays = [], 0
     for name in sorted(shown, key=lambda name: (name != layer, LAYERS.index(name))):
@@ -83,16 +89,16 @@ def _still(result: Reconstruction, box: Box, stride: int) -> dict[str, Any]:
 
 
 def _thinned(
-    result: Reconstruction, layer: LayerName, stride: int
+    parts: Iterable[Reconstruction], layer: LayerName, stride: int
 ) -> tuple[dict[LayerName, np.ndarray], np.ndarray, list[str]]:
     """Every stride-th frame: points of each layer, covariances of the shown one, and its marks."""
-    points: dict[Any, list[np.ndarray]] = {name: [] for name in result.layers}
+    points: dict[LayerName, list[np.ndarray]] = {}
     spreads, marks = [], []
     first = 0
-    for part in result.chunks():
+    for part in parts:
         places = np.arange((-first) % stride, part.n_frames, stride)
         for name, values in part.layers.items():
-            points[name].append(np.asarray(values.points_m[:])[places].astype(np.float32))
+            points.setdefault(name, []).append(np.asarray(values.points_m[:])[places].astype(np.float32))
         spreads.append(np.asarray(part.layers[layer].covariance_m2[:])[places].astype(np.float32))
         marks.append(packed_marks(part.layers[layer], measured_in(part, layer), places))
         first += part.n_frames

@@ -52,7 +52,7 @@ class Series:
         error_px: shape (frame, person): mean of the points' reprojection errors, NaN where there is none.
         n_views: shape (frame, person): mean number of views that points rest on, NaN where there is no point.
         bones: pairs of keypoint names.
-        bones_m: shape (frame, person, bone), float32, NaN where an end is missing.
+        bones_m: shape (frame, person, bone), float32, as measured; NaN where an end is missing.
         how: shape (frame, person, keypoint), int8: a place in :data:`HOW`.
         status: shape (frame, person, keypoint), int8.
     """
@@ -83,7 +83,9 @@ def shown_bones(skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
     """The edges of the body; those of hands and faces only where there is nothing else."""
     of_parts = {int(k) for part in skeleton.parts for k in part.keypoints}
     body = [
-        edge for edge, ends in zip(skeleton.edges, skeleton.edge_indices, strict=True) if not of_parts & set(ends.tolist())
+        edge
+        for edge, ends in zip(skeleton.edges, skeleton.edge_indices, strict=True)
+        if not of_parts & set(ends.tolist())
     ]
     return tuple(body or skeleton.edges)[:MOST_BONES]
 
@@ -91,7 +93,8 @@ def shown_bones(skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
 def _part_of(part: Reconstruction, layer: LayerName, ends: np.ndarray) -> tuple[np.ndarray, ...]:
     values: Layer = part.layers[layer]
     there = values.has_point
-    points = np.asarray(values.points_m[:])
+    # A fitted body's bones keep their lengths: those of what was measured tell what is wrong.
+    points = np.asarray(part.layers["measured" if "measured" in part.layers else layer].points_m[:])
     how = point_codes(values, measured_in(part, layer))
     if part.tracks is not None:
         how[np.asarray(part.tracks.state[:]) == TrackState.ABSENT] = ABSENT

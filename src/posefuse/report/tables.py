@@ -11,9 +11,9 @@ from posefuse.evaluation.people import PeopleScores
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.cells import MISSING, REJECTED, USED, Cells
+from posefuse.report.look import jump, span
 from posefuse.report.series import Gap, Series
 from posefuse.report.summary import Summary
-from posefuse.report.look import jump, span
 
 
 def accuracy_table(accuracy: Accuracy | PeopleScores | None) -> str:
@@ -68,7 +68,7 @@ def camera_table(result: Reconstruction, summary: Summary) -> str:
         used = f"{100 * summary.used[v]:.1f} %"
         cells = (camera.name, str(camera.lens), used, _or_dash(error.median), _or_dash(error.p90))
         rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+    return f'<div class="wide"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
 
 
 def _or_dash(value: float) -> str:
@@ -84,24 +84,33 @@ def notes_list(result: Reconstruction) -> str:
 
 
 def options_table(options: Options) -> str:
-    """What the user chose, a line an option."""
+    """What the user chose that is not the default, and all options folded."""
+    values, usual = _flat(dataclasses.asdict(options)), _flat(dataclasses.asdict(Options()))
+    chosen = {name: value for name, value in values.items() if usual.get(name) != value}
+    first = f"<table>{_option_rows(chosen)}</table>" if chosen else "<p>All are the defaults.</p>"
+    return f"{first}<details><summary>All options</summary><table>{_option_rows(values)}</table></details>"
 
-    def rows(values: dict[str, Any], prefix: str) -> str:
-        out = ""
-        for name, value in values.items():
-            if isinstance(value, dict):
-                out += rows(value, f"{prefix}{name}.")
-            elif value not in (None, ()):
-                out += f"<tr><th>{escape(prefix + name)}</th><td>{escape(str(value))}</td></tr>"
-        return out
 
-    return f"<table>{rows(dataclasses.asdict(options), '')}</table>"
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Options by their full names, those that say nothing left out."""
+    out: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            out |= _flat(value, f"{prefix}{name}.")
+        elif value not in (None, ()):
+            out[prefix + name] = value
+    return out
+
+
+def _option_rows(values: dict[str, Any]) -> str:
+    return "".join(f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in values.items())
 
 
 def keypoint_table(result: Reconstruction, summary: Summary, cells: Cells) -> str:
     """A line a keypoint with all its numbers, to read on paper."""
     heads = ("Keypoint", "Median px", "90 % px", "Points", "Detections used", "rejected", "missing")
-    shares = np.nanmean(cells.shares, axis=1) if cells.shares.size else cells.shares[:, 0]
+    # Each camera shows as many frames as any other: the mean of its shares is the share of all. NaN where nobody was.
+    shares = cells.shares.mean(axis=1)
     rows = []
     for k, name in enumerate(result.skeleton.keypoints):
         error = summary.error_px_by_keypoint[k]
@@ -129,11 +138,12 @@ def bone_section(result: Reconstruction, series: Series) -> str:
             rows.append(f"<tr><th>{button}</th>" + _cells((person, f"{median:.1f}", f"{spread:.1f}", share)) + "</tr>")
     head = _head(("Bone", "Person", f"Median {unit}", f"Spread {unit}", "Spread"))
     return (
-        "<section><h2>Bone lengths</h2><p>A bone does not grow and shrink; where its length does, an end is wrong. "
-        "Spread: robust standard deviation over time. Click a bone to draw it, click the drawing to see the frame.</p>"
+        "<section><h2>Bone lengths</h2><p>As measured. A bone does not grow and shrink; where its length does, an end "
+        "is wrong. Spread: robust standard deviation over time. Click a bone to draw it, click the drawing to see the "
+        "frame.</p>"
         '<p id="bone-name" aria-live="polite"></p><div id="bones" class="chart" role="img" '
         'aria-label="Length of the chosen bone over time"></div>'
-        f'<details><summary>All bones</summary><div class="wide"><table>{head}{"".join(rows)}</table></div></details></section>'
+        f"{_folded('All bones', head + ''.join(rows))}</section>"
     )
 
 
@@ -150,8 +160,7 @@ def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
         rows.append(f"<tr><td>{link}</td>" + _cells((person, name, str(length), filled, gap.status.sentence)) + "</tr>")
     head = _head(("When", "Person", "Keypoint", "Frames", "", "How it begins"))
     table = (
-        f'<details><summary>The longest {len(rows)}</summary><div class="wide"><table>{head}{"".join(rows)}</table></div>'
-        "</details>"
+        _folded(f"The longest {len(rows)}", head + "".join(rows))
         if rows
         else "<p>None: every point of everybody there was measured in every frame.</p>"
     )
@@ -162,6 +171,10 @@ def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
         '<div id="gap-people"></div><div id="gaps" role="img" aria-label="Where each keypoint was measured, filled or '
         f'missing"></div>{table}</section>'
     )
+
+
+def _folded(words: str, rows: str) -> str:
+    return f'<details><summary>{words}</summary><div class="wide"><table>{rows}</table></div></details>'
 
 
 def _head(names: tuple[str, ...]) -> str:

@@ -36,10 +36,12 @@ def data_of(page: str) -> dict:
 
 def test_everybody_is_in_the_scene(scene, result):
     shown = data_of(render_report(result, scene.truth))["scene"]
-    assert [person["name"] for person in shown["people"]] == list(result.person_ids)
-    for p, person in enumerate(shown["people"]):
-        points = np.frombuffer(base64.b64decode(person["points"]), "<f4").reshape(50, 20, 3)
-        np.testing.assert_allclose(points, result.layers["model"].points_m[:, p], rtol=1e-6)
+    assert shown["people"] == list(result.person_ids)
+    assert [layer["name"] for layer in shown["layers"]] == ["model", "measured"]
+    for p, packed in enumerate(shown["layers"][0]["points"]):
+        steps = np.frombuffer(base64.b64decode(packed), "<i2").reshape(50, 20, 3)
+        points = np.array(shown["middle"]) + shown["step"] * np.where(steps == -32768, np.nan, steps)
+        np.testing.assert_allclose(points, result.layers["model"].points_m[:, p], rtol=0, atol=shown["step"])
     assert len(shown["truth"]) == 4
 
 

@@ -72,7 +72,7 @@
   fill("follow", scene.people, "nobody", (i) => {
     state.follow = i;
     if (i >= 0 && state.camera >= 0) choose("view", -1);
-    if (i >= 0) state.distance = Math.min(state.distance, flat ? state.distance : 3 * bodySize());
+    if (i >= 0) state.distance = Math.min(state.distance, flat ? state.distance : 2.4 * bodySize());
     redraw();
   });
   function bodySize() {
