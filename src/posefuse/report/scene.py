@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.options import LayerName
-from posefuse.model.reconstruction import LAYERS, Layer, Reconstruction
+from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.report.packing import (
     MARKED_VIEWS,
     Box,
@@ -53,7 +53,7 @@ def scene_data(
     shown, spreads, marks = _thinned(parts, layer, stride)
     box = box_of(np.concatenate([points.reshape(-1, 3) for points in shown.values()]))
     layers, strays = [], 0
-    for name in sorted(shown, key=lambda name: (name != layer, LAYERS.index(name))):
+    for name in sorted(shown, key=lambda name: (name != layer, name)):
         packed = [packed_points(points, box) for points in shown[name].swapaxes(0, 1)]
         layers.append({"name": name, "points": [text for text, _ in packed]})
         strays += sum(n for _, n in packed) if name == layer else 0
@@ -90,9 +90,9 @@ def _still(result: Reconstruction, box: Box, stride: int) -> dict[str, Any]:
 
 def _thinned(
     parts: Iterable[Reconstruction], layer: LayerName, stride: int
-) -> tuple[dict[LayerName, np.ndarray], np.ndarray, list[str]]:
+) -> tuple[dict[str, np.ndarray], np.ndarray, list[str]]:
     """Every stride-th frame: points of each layer, covariances of the shown one, and its marks."""
-    points: dict[LayerName, list[np.ndarray]] = {}
+    points: dict[str, list[np.ndarray]] = {}
     spreads, marks = [], []
     first = 0
     for part in parts:
