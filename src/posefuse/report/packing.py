@@ -51,7 +51,7 @@ def packed_points(points: np.ndarray, box: Box) -> tuple[str, int]:
     """Points, shape (..., 3), as base64 of int16 steps, and how many lie outside the box and are left out."""
     with np.errstate(invalid="ignore"):
         steps = np.round((points - np.array(box.middle)) / box.step)
-        inside = (np.abs(steps) <= _STEPS).all(axis=-1)
+        inside: np.ndarray = np.all(np.abs(steps) <= _STEPS, axis=-1)
     there = np.isfinite(points).all(axis=-1)
     out = np.where(inside[..., None], np.nan_to_num(steps), _NOWHERE).astype("<i2")
     return _base64(out), int((there & ~inside).sum())

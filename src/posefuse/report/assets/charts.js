@@ -84,5 +84,6 @@
 
   // Printed pages show the table of keypoints, whatever is folded on the screen.
   addEventListener("beforeprint", () => document.querySelectorAll("details.printed").forEach((fold) => { fold.open = true; }));
+  for (const moment of ["beforeprint", "afterprint"]) addEventListener(moment, () => { readColours(); draw(); });
   const seen = layers[0].points.map((points) => points.findIndex(Number.isFinite)).filter((i) => i >= 0);
   if (nFrames) show(seen.length ? Math.floor(Math.min(...seen) / (3 * K)) : 0);

@@ -22,6 +22,7 @@
     state.marked = marked && marked.keypoint !== undefined ? marked : null;
     if (marked && marked.view !== undefined && scene.cameras.length) choose("view", marked.view);
     showPlace(place);
+    if (state.camera >= 0 && marked && marked.person !== undefined) zoomOn(marked.person);
     say();
     element("scene-section").scrollIntoView({ block: "nearest" });
   }
@@ -67,12 +68,12 @@
     menu.selectedIndex = (menu.selectedIndex + by + n) % n;
     menu.dispatchEvent(new Event("change"));
   }
-  fill("view", scene.cameras.map((camera) => camera.name), "free", (i) => { state.camera = i; say(); redraw(); });
+  fill("view", scene.cameras.map((camera) => camera.name), "free", (i) => { state.camera = i; state.zoom = { scale: 1, centre: null }; say(); redraw(); });
   fill("layer", layers.map((layer) => layer.name), null, (i) => { state.layer = i; redraw(); });
   fill("follow", scene.people, "nobody", (i) => {
     state.follow = i;
-    if (i >= 0 && state.camera >= 0) choose("view", -1);
-    if (i >= 0) state.distance = Math.min(state.distance, flat ? state.distance : 2.4 * bodySize());
+    if (i >= 0 && state.camera >= 0) zoomOn(i);
+    else if (i >= 0) state.distance = Math.min(state.distance, flat ? state.distance : 2.4 * bodySize());
     redraw();
   });
   function bodySize() {
@@ -109,7 +110,11 @@
   const flip = (id) => { if (!element(id).parentElement.hidden) element(id).click(); };
   const faster = (by) => { const menu = element("speed"); menu.selectedIndex = Math.max(0, Math.min(menu.options.length - 1, menu.selectedIndex + by)); };
   const second = () => Math.max(1, Math.round(scene.rate));
-  const zoom = (by) => { state.distance *= by; redraw(); };
+  const zoom = (by) => {
+    if (state.camera >= 0) state.zoom.scale = Math.max(0.5, Math.min(40, state.zoom.scale / by));
+    else state.distance *= by;
+    redraw();
+  };
   const turn = (by, tilt) => {
     if (state.camera >= 0 || flat) return;
     state.turn += by;
@@ -154,19 +159,23 @@
       const other = [...fingers.values()].find((finger) => finger.pointerId !== event.pointerId);
       const apart = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY) || 1;
       zoom(apart(before) / apart(event));
-    } else if (event.shiftKey || event.buttons === 4 || flat) move(dx, dy);
+    } else if (event.shiftKey || event.buttons === 4 || flat || state.camera >= 0) move(dx, dy);
     else turn(-0.008 * dx, 0.008 * dy);
     fingers.set(event.pointerId, event);
   });
   function move(dx, dy) {
-    if (state.camera >= 0) return;
+    if (state.follow >= 0) choose("follow", -1);
+    if (state.camera >= 0) {
+      const [x, y] = state.zoom.centre || scene.cameras[state.camera].size.map((v) => v / 2);
+      state.zoom.centre = [x - dx / state.zoom.pixels, y - dy / state.zoom.pixels];
+      redraw();
+      return;
+    }
     const { right, down } = axesOf(), scale = 2 * state.distance / (FOCAL * Math.min(canvas.clientWidth, 1.4 * canvas.clientHeight));
     state.target = state.target.map((v, i) => v - scale * (dx * right[i] + dy * down[i]));
-    if (state.follow >= 0) choose("follow", -1);
     redraw();
   }
   canvas.addEventListener("wheel", (event) => {
-    if (state.camera >= 0) return;
     event.preventDefault();
     zoom(Math.exp(0.0012 * event.deltaY));
   }, { passive: false });

@@ -67,7 +67,7 @@
     ([low, high], { centre }) => [Math.min(low, centre[i]), Math.max(high, centre[i])], range));
 
   // The free view: an eye on a sphere about a target. Turn is about the up axis, tilt above the ground.
-  const state = { frame: 0, camera: -1, follow: -1, layer: 0, beside: false, spreads: false, truth: true, marked: null,
+  const state = { frame: 0, camera: -1, follow: -1, layer: 0, beside: false, spreads: false, truth: true, marked: null, zoom: { scale: 1, centre: null },
     turn: 0.9, tilt: 0.35, distance: 0, target: middleOf(bounds), wide: false };
   const FOCAL = 1.5;
   function fitView(wide) {
@@ -106,8 +106,10 @@
     };
   }
   function cameraProjection(camera, pane) {
-    const [width, height] = camera.size, scale = 0.94 * Math.min(pane.width / width, pane.height / height);
-    const x0 = pane.x + (pane.width - scale * width) / 2, y0 = pane.y + (pane.height - scale * height) / 2;
+    const [width, height] = camera.size, scale = state.zoom.scale * 0.94 * Math.min(pane.width / width, pane.height / height);
+    const [x, y] = state.zoom.centre || [width / 2, height / 2];
+    const x0 = pane.x + pane.width / 2 - scale * x, y0 = pane.y + pane.height / 2 - scale * y;
+    state.zoom.pixels = scale;
     const to = (p) => {
       const pixel = projectThrough(camera, p);
       return pixel && [x0 + scale * (pixel[0] + 0.5), y0 + scale * (pixel[1] + 0.5), pixel[2]];
@@ -141,6 +143,21 @@
     if (state.follow < 0) return;
     const centre = bodyMiddle(state.follow);
     if (centre) state.target = centre;
+    const pixel = centre && state.camera >= 0 && projectThrough(scene.cameras[state.camera], centre);
+    if (pixel) state.zoom.centre = [pixel[0], pixel[1]];
+  }
+  // Look at a person through the camera, as large as suits the picture.
+  function zoomOn(person) {
+    const camera = scene.cameras[state.camera], points = layers[state.layer].points[person], xs = [], ys = [];
+    for (let k = 0; k < K; k++) {
+      const p = at(points, state.frame, k), pixel = p && projectThrough(camera, p);
+      if (pixel) { xs.push(pixel[0]); ys.push(pixel[1]); }
+    }
+    if (!xs.length) return;
+    const span = (values, whole) => (Math.max(...values) - Math.min(...values)) / whole;
+    const share = Math.max(span(xs, camera.size[0]), span(ys, camera.size[1]), 0.02);
+    state.zoom.scale = Math.max(1, Math.min(12, 0.6 / share));
+    state.zoom.centre = [xs, ys].map((values) => (Math.max(...values) + Math.min(...values)) / 2);
   }
   function bodyMiddle(person) {
     const points = layers[state.layer].points[person], sum = [0, 0, 0];
@@ -221,7 +238,7 @@
       context.strokeStyle = colour;
       context.fillStyle = mark(person, state.frame, k, 0) === 2 ? colours.paper : colour;
       disc(q, radius);
-      if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 3);
+      if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
       const m = state.marked;
       if (m && m.keypoint === k && (m.person === undefined || m.person === person)) {
         context.strokeStyle = colours.ink;
@@ -235,7 +252,7 @@
   function ring(q, radius) { context.beginPath(); context.arc(q[0], q[1], radius, 0, 7); context.stroke(); }
   function viewMark(q, code, r) {
     context.strokeStyle = colours.ink;
-    context.lineWidth = 1.2;
+    context.lineWidth = 0.8;
     if (code === 1) ring(q, r);
     if (code === 2) {
       context.lineWidth = 2;

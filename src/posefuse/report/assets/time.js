@@ -83,7 +83,8 @@
     if (!made) cursor(element("bones"));
   }
   if (element("bones")) {
-    const longest = series.bones.map((_, b) => series.lengths.flatMap((bones) => bones[b]).filter((v) => v !== null).reduce((most, v) => Math.max(most, v), 0));
-    drawBone(Math.max(0, longest.indexOf(Math.max(...longest))));
+    const middle = (values) => { const known = values.filter((v) => v !== null).sort((a, b) => a - b); return known.length ? known[known.length >> 1] : 0; };
+    const lengths = series.bones.map((_, b) => Math.max(...series.lengths.map((bones) => middle(bones[b]))));
+    drawBone(lengths.indexOf(Math.max(...lengths)));
     document.addEventListener("click", (event) => { if (event.target.matches(".bone")) { drawBone(Number(event.target.dataset.bone)); element("bones").scrollIntoView({ block: "nearest" }); } });
   }
