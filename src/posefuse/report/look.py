@@ -31,6 +31,7 @@ def look_section(result: Reconstruction, summary: Summary, cells: Cells, series:
         else ""
     )
     items = [
+        *_empty(result, summary),
         *_cameras(result, summary, cells),
         *_keypoints(result, summary, cells),
         *_swapped(result, summary),
@@ -61,6 +62,20 @@ def span(result: Reconstruction, start: int, stop: int) -> str:
     if np.isfinite([first, last]).all():
         return f"{first:.2f} to {last:.2f} s"
     return f"frames {result.frame_numbers[start]} to {result.frame_numbers[stop - 1]}"
+
+
+def _empty(result: Reconstruction, summary: Summary) -> list[str]:
+    """Why there is nothing to see, where there is nothing."""
+    if not result.person_ids:
+        return [
+            "Nobody was found. Either the detections are too few or too unsure (posefuse inspect counts them), or the "
+            "cameras do not agree where anybody is: a wrong calibration, order of cameras, or clock. Notes below say "
+            "what was noticed."
+        ]
+    if any(code.has_point for code in summary.status_counts):
+        return []
+    most = max(summary.status_counts, key=lambda code: summary.status_counts[code], default=PointStatus.NOT_SEEN)
+    return [f"No point has coordinates, most for one reason: {most.sentence}."]
 
 
 def _cameras(result: Reconstruction, summary: Summary, cells: Cells) -> list[str]:

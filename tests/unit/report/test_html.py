@@ -10,6 +10,7 @@ import pytest
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
 from posefuse.model.reconstruction import Provenance
 from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline import reconstruct
 from posefuse.report import html
 from posefuse.report import scene as scene_module
@@ -157,3 +158,24 @@ def test_keypoints_are_grouped_each_in_one_group():
         assert [group for group, _ in groups] == (
             ["body", "left hand", "right hand", "face"] if name == "coco_wholebody_133" else ["body"]
         )
+
+
+def test_what_stands_out_is_named_with_its_worst_frame(result):
+    name, layer = result.best_layer()
+    errors, statuses = np.array(layer.view_error_px), np.array(layer.view_status)
+    errors[..., 2] *= 3.0
+    errors[7, 0, 5, 2] = 999.0
+    statuses[7, 0, 5, 2] = ViewStatus.USED
+    page = render_report(replace(result, layers={name: replace(layer, view_error_px=errors, view_status=statuses)}))
+    look = page.split('id="look"')[1].split("</section>")[0]
+    assert "Camera cam_2 errs more than the others" in look
+    assert 'data-place="7" data-person="0" data-keypoint="5" data-view="2"' in look
+    assert "Camera cam_1 errs" not in look
+
+
+def test_nothing_to_see_is_explained(result):
+    name, layer = result.best_layer()
+    status = np.full(layer.status.shape, PointStatus.TOO_FEW_VIEWS, dtype=np.int8)
+    points = np.full(layer.points_m.shape, np.nan)
+    page = render_report(replace(result, layers={name: replace(layer, status=status, points_m=points)}))
+    assert "No point has coordinates, most for one reason: fewer valid views than min_views." in page

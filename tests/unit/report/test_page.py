@@ -161,9 +161,26 @@ def test_it_prints_its_tables_without_its_controls(page):
     page.emulate_media(media="screen")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_telephone_needs_no_scrolling_sideways(browser, file, scheme):
-    page = browser.new_page(viewport={"width": 390, "height": 800}, color_scheme=scheme)
-    page.goto(file.as_uri())
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.close()
+def test_a_telephone_in_the_dark_needs_no_scrolling_sideways(page):
+    light = drawn(page)
+    page.emulate_media(color_scheme="dark")
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=10_000)
+    assert drawn(page) != light
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(color_scheme="light")
+
+
+def test_charts_lead_to_frames(page):
+    page.evaluate("document.getElementById('time-error').emit('plotly_click', {points: [{x: 2.0}]})")
+    assert frame_of(page) == 50
+
+
+def test_a_person_is_followed(page):
+    page.evaluate("scrub.value = 20; scrub.dispatchEvent(new Event('input'))")
+    before = drawn(page)
+    page.locator("#canvas").focus()
+    page.keyboard.press("f")
+    assert page.locator("#follow").input_value() == "0"
+    assert drawn(page) != before
+    page.select_option("#follow", "-1")

@@ -110,6 +110,7 @@ def test_nobody(scene):
     page = render_report(nobody(scene))
     assert "0 people" in page
     assert "Nobody was found." in page
+    assert "Nothing stands out" not in page
     assert data_of(page)["scene"]["people"] == []
 
 
