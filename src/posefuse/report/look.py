@@ -17,6 +17,10 @@ _STANDS_OUT = 1.5
 """A camera or keypoint whose error is this many times the usual is named."""
 _MUCH_REJECTED = 0.15
 _MUCH_SWAPPED = 0.1
+_LITTLE_USED = 0.7
+"""A camera that is used less than this share of the usual is named."""
+_TELLING = ("camera refused", "camera silent", "identity uncertain", "identities exchanged")
+_MOST_EVENTS = 6
 _FEW_VIEWS = 0.2
 _LONG_GAP_S = 0.5
 _USUAL_RATE_HZ = 30.0
@@ -32,7 +36,9 @@ def look_section(result: Reconstruction, summary: Summary, cells: Cells, series:
     )
     items = [
         *_empty(result, summary),
+        *_events(result),
         *_cameras(result, summary, cells),
+        *_little_used(result, summary),
         *_keypoints(result, summary, cells),
         *_swapped(result, summary),
         *_few_views(summary),
@@ -98,6 +104,29 @@ def _cameras(result: Reconstruction, summary: Summary, cells: Cells) -> list[str
             f"lens or clock may be off, or its detections bad. {where}"
         )
     return items
+
+
+def _events(result: Reconstruction) -> list[str]:
+    """What happened that a reader should see, the first few."""
+    places = {int(number): place for place, number in enumerate(result.frame_numbers)}
+    telling = [event for event in result.events if event.what in _TELLING and event.number in places]
+    items = [
+        f"{escape(event.person)}: {event.what}, {escape(event.why)}. "
+        + jump(result, places[event.number], f"frame {event.number}")
+        for event in telling[:_MOST_EVENTS]
+    ]
+    more = len(telling) - len(items)
+    return [*items, *([f"{more} more events of these kinds: see people over time."] if more else [])]
+
+
+def _little_used(result: Reconstruction, summary: Summary) -> list[str]:
+    """Cameras that count in far fewer points than the usual one."""
+    usual = float(np.median(summary.used))
+    return [
+        f"Camera {escape(result.rig.names[v])} counts in {100 * summary.used[v]:.0f} % of the points, the usual one in "
+        f"{100 * usual:.0f} %: gaps, cells and events below say when and why."
+        for v in np.flatnonzero(summary.used < _LITTLE_USED * usual)
+    ]
 
 
 def _keypoints(result: Reconstruction, summary: Summary, cells: Cells) -> list[str]:

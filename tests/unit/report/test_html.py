@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
+from posefuse.model.life import Event
 from posefuse.model.reconstruction import Provenance
 from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.status import PointStatus, ViewStatus
@@ -179,3 +180,15 @@ def test_nothing_to_see_is_explained(result):
     points = np.full(layer.points_m.shape, np.nan)
     page = render_report(replace(result, layers={name: replace(layer, status=status, points_m=points)}))
     assert "No point has coordinates, most for one reason: fewer valid views than min_views." in page
+
+
+def test_a_camera_that_went_wrong_is_named(result):
+    name, layer = result.best_layer()
+    statuses = np.array(layer.view_status)
+    statuses[:40, ..., 3] = ViewStatus.UNSEEN
+    event = Event(40, 40 / 30, "cam_3", "camera refused", "it shows < 15% of the people")
+    page = render_report(replace(result, layers={name: replace(layer, view_status=statuses)}, events=(event,)))
+    look = page.split('id="look"')[1].split("</section>")[0]
+    assert "cam_3: camera refused, it shows &lt; 15% of the people. <button" in look
+    assert re.search(r"Camera cam_3 counts in 3\d % of the points", look)
+    assert "Camera cam_1 counts" not in look
