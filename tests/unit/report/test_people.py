@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -123,3 +124,18 @@ def test_one_person_to_whom_nothing_happens_is_shown_as_before(result):
     assert "People over time" not in page
     assert '<span class="left">Left</span>' in page
     assert data_of(page)["lives"] is None
+
+
+@pytest.mark.long
+def test_ten_minutes_are_written_in_fifteen_seconds():
+    short = followed(crowd(people=2, seconds=10.0))
+    n = short.n_frames
+    parts = [
+        replace(short, frame_numbers=short.frame_numbers + i * n, time_s=short.time_s + i * n / 25, events=())
+        for i in range(60)
+    ]
+    whole = type(short).concatenate(parts)
+    started = time.process_time()
+    page = render_report(whole)
+    assert time.process_time() - started < 15
+    assert len(page) < 15e6

@@ -24,6 +24,7 @@
     showPlace(place);
     if (state.camera >= 0 && marked && marked.person !== undefined) zoomOn(marked.person);
     say();
+    if (place % scene.stride) element("shown").append(" This is the nearest of the frames shown.");
     element("scene-section").scrollIntoView({ block: "nearest" });
   }
   function say() {
