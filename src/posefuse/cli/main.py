@@ -45,6 +45,7 @@ COMMANDS = {
     "stream": "Follow people live, from lines of 2D keypoints.",
     "replay": "Write a recording as the lines that stream reads.",
     "batch": "Reconstruct many recordings side by side.",
+    "plot": "Draw a result's figures, each as PNG and SVG.",
     "demo": "Simulate, reconstruct, evaluate and report.",
     "init": "Write a commented file of every option.",
     "methods": "List the triangulation methods.",

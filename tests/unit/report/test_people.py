@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -36,10 +37,12 @@ def data_of(page: str) -> dict:
 
 def test_everybody_is_in_the_scene(scene, result):
     shown = data_of(render_report(result, scene.truth))["scene"]
-    assert [person["name"] for person in shown["people"]] == list(result.person_ids)
-    for p, person in enumerate(shown["people"]):
-        points = np.frombuffer(base64.b64decode(person["points"]), "<f4").reshape(50, 20, 3)
-        np.testing.assert_allclose(points, result.layers["model"].points_m[:, p], rtol=1e-6)
+    assert shown["people"] == list(result.person_ids)
+    assert [layer["name"] for layer in shown["layers"]] == ["model", "measured"]
+    for p, packed in enumerate(shown["layers"][0]["points"]):
+        steps = np.frombuffer(base64.b64decode(packed), "<i2").reshape(50, 20, 3)
+        points = np.array(shown["middle"]) + shown["step"] * np.where(steps == -32768, np.nan, steps)
+        np.testing.assert_allclose(points, result.layers["model"].points_m[:, p], rtol=0, atol=shown["step"])
     assert len(shown["truth"]) == 4
 
 
@@ -108,6 +111,7 @@ def test_nobody(scene):
     page = render_report(nobody(scene))
     assert "0 people" in page
     assert "Nobody was found." in page
+    assert "Nothing stands out" not in page
     assert data_of(page)["scene"]["people"] == []
 
 
@@ -120,3 +124,18 @@ def test_one_person_to_whom_nothing_happens_is_shown_as_before(result):
     assert "People over time" not in page
     assert '<span class="left">Left</span>' in page
     assert data_of(page)["lives"] is None
+
+
+@pytest.mark.long
+def test_ten_minutes_are_written_in_fifteen_seconds():
+    short = followed(crowd(people=2, seconds=10.0))
+    n = short.n_frames
+    parts = [
+        replace(short, frame_numbers=short.frame_numbers + i * n, time_s=short.time_s + i * n / 25, events=())
+        for i in range(60)
+    ]
+    whole = type(short).concatenate(parts)
+    started = time.process_time()
+    page = render_report(whole)
+    assert time.process_time() - started < 15
+    assert len(page) < 15e6

@@ -1,0 +1,186 @@
+"""The page in a browser: it loads, plays, jumps, prints."""
+
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.report.html import render_report
+from tests.people import crowd, followed
+
+BROWSER = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+HOSTILE = '<img src=x onerror="window.ran=1">'
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if BROWSER is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on PATH to open the report in")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        # Containers' users may lack what the sandbox takes; the page is our own.
+        opened = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """The report of two people, with names that would like to run."""
+    result = followed(crowd(people=2, seconds=4.0))
+    first, *others = result.rig.cameras
+    rig = replace(result.rig, cameras=(replace(first, name=HOSTILE), *others))
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(render_report(replace(result, rig=rig)), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def opened(browser, file):
+    """The page and what went wrong in it: errors, warnings, calls to a network."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    wrong: list[str] = []
+    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda request: wrong.append(request.url) if not request.url.startswith("file:") else None)
+    page.goto(file.as_uri())
+    page.wait_for_function("document.querySelector('#gaps .cursor') && document.querySelector('#canvas').width > 300")
+    return page, wrong
+
+
+@pytest.fixture
+def page(opened):
+    """The page at its first frame, as it opens."""
+    page, _ = opened
+    page.select_option("#view", "-1")
+    page.locator("#canvas").focus()
+    page.keyboard.press("Home")
+    drawn(page)
+    return page
+
+
+def drawn(page) -> int:
+    """What is on the canvas, as a number, once the next frame is drawn."""
+    text = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(canvas.toDataURL()))))"
+    return hash(page.evaluate(text))
+
+
+def frame_of(page) -> int:
+    return int(page.get_attribute("#scene", "data-frame"))
+
+
+def test_it_loads_without_errors_and_nothing_hostile_ran(opened):
+    page, wrong = opened
+    drawn(page)
+    assert wrong == []
+    assert page.evaluate("window.ran") is None
+    assert page.locator("#heat thead th").nth(1).inner_text() == HOSTILE
+
+
+def test_scrubbing_moves_the_people(page):
+    before = drawn(page)
+    page.evaluate("scrub.value = 30; scrub.dispatchEvent(new Event('input'))")
+    assert frame_of(page) == 30
+    assert drawn(page) != before
+
+
+def test_playing_moves_the_people_and_the_space_bar_stops(page):
+    before = drawn(page)
+    page.keyboard.press("Space")
+    page.wait_for_function("Number(document.getElementById('scene').dataset.frame) >= 2", timeout=10_000)
+    page.keyboard.press("Space")
+    assert drawn(page) != before
+    at = frame_of(page)
+    page.wait_for_timeout(200)
+    assert frame_of(page) == at
+
+
+def test_keys_step_turn_and_look_through_cameras(page):
+    page.keyboard.press("ArrowRight")
+    assert frame_of(page) == 1
+    page.keyboard.press("Shift+ArrowRight")
+    assert frame_of(page) == 26
+    looks = [drawn(page)]
+    for key in ("d", "u", "b", "c"):
+        page.keyboard.press(key)
+        looks.append(drawn(page))
+    assert len(set(looks)) == len(looks)
+    assert page.locator("#view").input_value() == "0"
+    page.keyboard.press("u")
+    page.keyboard.press("b")
+
+
+@pytest.mark.parametrize("quantity", ["error", "missing"])
+def test_a_cell_jumps_to_its_worst_frame_and_escape_leads_back(page, quantity):
+    page.select_option("#quantity", quantity)
+    cell = page.locator("#heat td[data-keypoint='3'][data-view='2']")
+    cell.click()
+    said = page.locator("#worst button").first.inner_text()
+    assert f"frame {frame_of(page)}," in said
+    assert page.locator("#view").input_value() == "2"
+    page.keyboard.press("Escape")
+    assert page.evaluate("document.activeElement.dataset.keypoint") == "3"
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    assert f"frame {frame_of(page)}," in page.locator("#worst button").first.inner_text()
+
+
+def test_a_camera_sees_what_the_rig_projects(page, file):
+    result = followed(crowd(people=2, seconds=4.0))
+    camera = result.rig.cameras[1]
+    points = np.asarray(result.layers["model"].points_m)[10, 0]
+    page.select_option("#view", "1")
+    page.evaluate("scrub.value = 10; scrub.dispatchEvent(new Event('input'))")
+    drawn(page)
+    k = 4
+    x, y = camera.project(points[k])[0]
+    box = page.locator("#canvas").bounding_box()
+    scale = 0.94 * min(box["width"] / camera.size_px[0], box["height"] / camera.size_px[1])
+    at_x = box["x"] + (box["width"] - scale * camera.size_px[0]) / 2 + scale * (x + 0.5)
+    at_y = box["y"] + (box["height"] - scale * camera.size_px[1]) / 2 + scale * (y + 0.5)
+    page.mouse.move(at_x, at_y)
+    tip = page.locator("#tip").inner_text()
+    shown = [float(text) for text in re.findall(r"-?\d+\.\d+", tip)]
+    found = np.abs(points - np.array(shown)).max(axis=-1)
+    assert "person_1" in tip
+    pixels = camera.project(points[int(np.argmin(found))])[0]
+    assert found.min() < 2e-3
+    assert scale * np.linalg.norm(pixels - (x, y)) < 1.0
+
+
+def test_it_prints_its_tables_without_its_controls(page):
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("table.numbers").is_visible()
+    assert page.locator("#heat").is_visible()
+    assert not page.locator("#controls").is_visible()
+    page.emulate_media(media="screen")
+
+
+def test_a_telephone_in_the_dark_needs_no_scrolling_sideways(page):
+    light = drawn(page)
+    page.emulate_media(color_scheme="dark")
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=10_000)
+    assert drawn(page) != light
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(color_scheme="light")
+
+
+def test_charts_lead_to_frames(page):
+    page.evaluate("document.getElementById('time-error').emit('plotly_click', {points: [{x: 2.0}]})")
+    assert frame_of(page) == 50
+
+
+def test_a_person_is_followed(page):
+    page.evaluate("scrub.value = 20; scrub.dispatchEvent(new Event('input'))")
+    before = drawn(page)
+    page.locator("#canvas").focus()
+    page.keyboard.press("f")
+    assert page.locator("#follow").input_value() == "0"
+    assert drawn(page) != before
+    page.select_option("#follow", "-1")
