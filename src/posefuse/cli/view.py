@@ -25,6 +25,8 @@ def view(
     match: Annotated[
         Literal["time", "frame"], Parameter(help="Pictures belong to frames by time, or by their number from 0.")
     ] = "time",
+    start_s: Annotated[float | None, Parameter(help="Time in the result to begin at.")] = None,
+    end_s: Annotated[float | None, Parameter(help="Time in the result to end before.")] = None,
     save: Annotated[
         Path | None, Parameter(help="Write a .rrd file instead of opening a window; rerun FILE opens it.")
     ] = None,
@@ -36,13 +38,15 @@ def view(
     from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
+    from posefuse.viewer.clock import frames_between
     from posefuse.viewer.library import rerun
     from posefuse.viewer.show import must_have_display, open_scene, save_scene
 
     rerun()
     if save is None:
         must_have_display()
-    _, opened = open_result(result)
+    _, whole = open_result(result)
+    opened = frames_between(whole, start_s, end_s)
     footage = _footage(opened, video, offset_s, match)
     detections = detections_in(opened, recording)
     if save is None:

@@ -81,7 +81,8 @@ class Source:
             return []
         return [
             f"{facts.path.name} has {facts.rate_hz:.3f} pictures a second, the result {1.0 / clock.period_s:.3f} "
-            f"frames: by its end they are {frames:.1f} frames apart. If frames are the video's pictures, say --match frame."
+            f"frames: by its end they are {frames:.1f} frames apart. If frames are the video's pictures, say "
+            "--match frame."
         ]
 
 

@@ -15,7 +15,7 @@ from posefuse.overlay.options import OverlayOptions, Written
 from posefuse.overlay.sources import Follower, Source, open_sources
 from posefuse.progress import Progress, Silent
 from posefuse.viewer.board import Board, resized
-from posefuse.viewer.clock import Clock
+from posefuse.viewer.clock import Clock, nothing_between
 from posefuse.viewer.colours import BACKGROUND
 from posefuse.viewer.drawing import Pen, draw
 from posefuse.viewer.sketches import Sketch, Sketcher
@@ -62,16 +62,11 @@ def write_overlays(
         OptionsError: if a video would be overwritten.
     """
     layer, _ = result.best_layer(options.layer)
-    if not result.n_frames:
-        raise ResultError("This result has no frame, so there is nothing to draw.")
     clock = Clock.of(result)
     sources = open_sources(result.rig, videos, options, clock.timed)
     places = clock.places(options.start_s, options.end_s)
     if not places:
-        raise ResultError(
-            f"The result has no frame in the chosen time; it goes from {clock.time_s[0]:.3f} to "
-            f"{clock.time_s[-1]:.3f} s."
-        )
+        raise nothing_between(clock)
     job = _Job(Sketcher(result, layer, detections), clock, places, progress or Silent())
     stems = [f"{stem}_overlay" for stem in safe_names([source.camera.name for source in sources])]
     paths = [folder / f"{stem}.mp4" for stem in (["overlay"] if options.grid else stems)]
@@ -152,7 +147,8 @@ def _side_by_side(job: _Job, sources: Sequence[Source], path: Path) -> Written:
                 picture = _background(board.sizes_px[i]) if image is None else resized(image.rgb, board.sizes_px[i])
                 sketch = job.sketcher.sketch(source.view, place)
                 heading = _heading(job, source, sketch, time_s)
-                draw(picture, sketch, heading if image or source.reading is None else [*heading, "no picture"], pen)
+                missing = ["no picture"] if image is None and source.reading is not None else []
+                draw(picture, sketch, [*heading, *missing], pen)
                 board.put(whole, i, picture)
             writing.add(whole, time_s - float(job.clock.time_s[job.places[0]]))
             job.progress.advance(1)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.errors import ResultError
 from posefuse.model.detections import with_lacking_times
 from posefuse.model.reconstruction import Reconstruction
 
@@ -76,3 +77,25 @@ class Clock:
         first = 0 if start_s is None else int(np.searchsorted(self.time_s, start_s - 1e-9))
         after = len(self.time_s) if end_s is None else int(np.searchsorted(self.time_s, end_s - 1e-9))
         return range(first, max(after, first))
+
+
+def frames_between(result: Reconstruction, start_s: float | None, end_s: float | None) -> Reconstruction:
+    """The frames of a result from one time to another (exclusive).
+
+    Raises:
+        ResultError: if it has none there.
+    """
+    clock = Clock.of(result)
+    places = clock.places(start_s, end_s)
+    if not places:
+        raise nothing_between(clock)
+    return result if start_s is None and end_s is None else result.frames(places[0], places[-1] + 1)
+
+
+def nothing_between(clock: Clock) -> ResultError:
+    """What to say where a result has no frame in the chosen time."""
+    if not len(clock.time_s):
+        return ResultError("This result has no frame, so there is nothing to show.")
+    return ResultError(
+        f"The result has no frame in the chosen time; it goes from {clock.time_s[0]:.3f} to {clock.time_s[-1]:.3f} s."
+    )

@@ -79,15 +79,15 @@ def draw(image: np.ndarray, sketch: Sketch | None, heading: Sequence[str], pen: 
 
 def _figure(shapes: Shapes, figure: Figure, edges: np.ndarray, pen: Pen) -> None:
     pixels, colour = pen.place(figure.pixels), colour_of(figure.person)
-    there = np.isfinite(pixels).all(axis=-1)
+    there = np.all(np.isfinite(pixels), axis=-1)
     bones = [(a, b) for a, b in edges.tolist() if there[a] and there[b]]
-    opacity = np.where(figure.faint, _FAINT, 1.0)
+    opacity = [_FAINT if faint else 1.0 for faint in figure.faint.tolist()]
     for a, b in bones:
         shapes.line(pixels[a], pixels[b], pen.line_px + 2.0, INK, 0.5 * min(opacity[a], opacity[b]))
     for a, b in bones:
         shapes.line(pixels[a], pixels[b], pen.line_px, colour, min(opacity[a], opacity[b]))
     radius_px = (0.9 if len(pixels) <= _MANY_KEYPOINTS else 0.5) * pen.line_px
-    for k in np.flatnonzero(there):
+    for k in np.flatnonzero(there).tolist():
         shapes.disc(pixels[k], radius_px + 1.0, INK, 0.5 * opacity[k])
         shapes.disc(pixels[k], radius_px, colour, opacity[k])
 

@@ -15,13 +15,18 @@ def layout(result: Reconstruction) -> Any:
     rrb = rr.blueprint
     best, _ = result.best_layer(result.options.layer)
     hidden = [name for name in LAYERS if name in result.layers and name != best]
+    flat = [
+        f"- world/cameras/{person_path(name)}/{kind}/**"
+        for name in result.rig.names
+        for kind in ("detected", "reprojected")
+    ]
     world = rrb.Spatial3DView(
         origin="world",
         name="world",
-        contents=["+ world/**", "- world/cameras/*/detected/**", "- world/cameras/*/reprojected/**"],
+        contents=["+ world/**", *flat],
         overrides={f"world/people/{name}": [rrb.EntityBehavior(visible=False)] for name in hidden},
     )
-    cameras = [_camera_view(rrb, name, hidden) for name in result.rig.names]
+    cameras = [_camera_view(rrb, name) for name in result.rig.names]
     series = [rrb.TimeSeriesView(origin=f"series/{path}", name=name) for path, name in _SERIES]
     return rrb.Blueprint(
         rrb.Vertical(
@@ -35,7 +40,5 @@ def layout(result: Reconstruction) -> Any:
     )
 
 
-def _camera_view(rrb: Any, name: str, hidden: list[str]) -> Any:
-    origin = f"world/cameras/{person_path(name)}"
-    overrides = {f"{origin}/reprojected/{layer}": [rrb.EntityBehavior(visible=False)] for layer in hidden}
-    return rrb.Spatial2DView(origin=origin, name=name, contents="$origin/**", overrides=overrides)
+def _camera_view(rrb: Any, name: str) -> Any:
+    return rrb.Spatial2DView(origin=f"world/cameras/{person_path(name)}", name=name, contents="$origin/**")

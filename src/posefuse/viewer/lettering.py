@@ -1,5 +1,6 @@
 """Words on a picture, in the font that Matplotlib brings, so that they look the same on every machine."""
 
+import io
 from functools import lru_cache
 from importlib.resources import files
 
@@ -52,5 +53,4 @@ def _mask(words: str, height_px: int) -> np.ndarray:
 @lru_cache(maxsize=16)
 def _font(height_px: int) -> ImageFont.FreeTypeFont:
     path = files("matplotlib").joinpath("mpl-data", "fonts", "ttf", "DejaVuSans.ttf")
-    with path.open("rb") as file:
-        return ImageFont.truetype(file, height_px, layout_engine=ImageFont.Layout.BASIC)
+    return ImageFont.truetype(io.BytesIO(path.read_bytes()), height_px, layout_engine=ImageFont.Layout.BASIC)

@@ -6,7 +6,7 @@ Entities::
     world/cameras/<camera>                     pose and pinhole
     world/cameras/<camera>/video               the video, if given
     world/cameras/<camera>/detected/<fate>     2D keypoints, if given: used, swapped, rejected, not_used, nobody
-    world/cameras/<camera>/reprojected/<layer>/<person>, .../bones    through the true lens
+    world/cameras/<camera>/reprojected/<layer>/<person>, .../bones    the best layer, through the true lens
     world/fields/<camera>                      what the true lens sees, where it is distorted
     world/people/<layer>/<person>, .../bones   in 3D
     series/error_px/<person>, series/views/<person>, series/speed_m_s/<person>
@@ -25,6 +25,7 @@ from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.detections import Detections
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
+from posefuse.model.skeletons import Skeleton
 from posefuse.progress import Progress, Silent, watched
 from posefuse.viewer.clock import Clock
 from posefuse.viewer.colours import NOBODY, PAPER, REJECTED, colour_of
@@ -89,8 +90,10 @@ def log_scene(
     for part in watched(result.chunks(_CHUNK_FRAMES), result.n_frames, "logging", progress or Silent()):
         span = slice(first, first + part.n_frames)
         when = _when(clock.numbers[span], clock.time_s[span])
-        for layer in (name for name in LAYERS if name in part.layers):
-            _log_layer(recording, part, layer, when)
+        layers: list[LayerName] = [name for name in LAYERS if name in part.layers]
+        for layer in layers:
+            _log_people(recording, part, layer, when)
+        _log_reprojections(recording, part, result.best_layer(result.options.layer)[0], when)
         if detections is not None:
             _log_detections(recording, part, detections, place_of, when)
         before = _log_series(recording, part, clock.time_s[span], when, before)
@@ -110,6 +113,11 @@ def _log_world(recording: Any, result: Reconstruction) -> None:
     up = result.rig.up_axis
     if up is not None:
         recording.log("world", axes[up[-1]][up.startswith("-")], static=True)
+    names = list(enumerate(result.skeleton.keypoints))
+    people = [((p, person, colour_of(p)), names) for p, person in enumerate(result.person_ids)]
+    classes = [rr.ClassDescription(info=info, keypoint_annotations=keypoints) for info, keypoints in people]
+    if classes:
+        recording.log("world", rr.AnnotationContext(classes), static=True)
     depth_m = _frustum_m(result.rig.cameras)
     for camera in result.rig.cameras:
         path = f"world/cameras/{person_path(camera.name)}"
@@ -156,7 +164,7 @@ def _log_video(recording: Any, name: str, video: Footage, clock: Clock) -> None:
         wanted_s = clock.time_s - video.offset_s
         middles = (video.picture_s[1:] + video.picture_s[:-1]) / 2
         wanted = np.searchsorted(middles, wanted_s)
-        there = np.abs(video.picture_s[wanted] - wanted_s) <= max(clock.period_s, _step_s(video.picture_s))
+        there = np.abs(video.picture_s[wanted] - wanted_s) <= 0.51 * max(clock.period_s, _step_s(video.picture_s))
     if not there.any():
         return
     shown_s = video.picture_s[wanted[there]] + video.first_s
@@ -173,22 +181,30 @@ def _when(numbers: np.ndarray, time_s: np.ndarray) -> list[Any]:
     return [rr.TimeColumn("frame", sequence=numbers), rr.TimeColumn("time", duration=time_s)]
 
 
-def _log_layer(recording: Any, part: Reconstruction, layer: LayerName, when: list[Any]) -> None:
+def _log_people(recording: Any, part: Reconstruction, layer: LayerName, when: list[Any]) -> None:
     rr = rerun()
     points = np.asarray(part.layers[layer].points_m)
     radius_m = 0.012 * _extent_m(points)
     for p, person in enumerate(part.person_ids):
         colour = (*colour_of(p), _LAYER_OPACITY[layer])
         path = f"world/people/{layer}/{person_path(person)}"
-        _send(recording, path, rr.Points3D, rr.LineStrips3D, points[:, p], part, when, colour, radius_m)
-        for camera in part.rig.cameras:
-            pixels = camera.project(points[:, p])[0]
-            width, height = camera.size_px
-            # What lies far outside would make the view zoom out to nothing.
-            near = np.all((pixels > [-width, -height]) & (pixels < [2 * width, 2 * height]), axis=-1, keepdims=True)
-            seen = f"world/cameras/{person_path(camera.name)}/reprojected/{layer}/{person_path(person)}"
-            pixels = np.where(near, pixels, np.nan)
-            _send(recording, seen, rr.Points2D, rr.LineStrips2D, pixels, part, when, colour, max(width, height) / 600)
+        look = {"colors": [colour], "radii": [radius_m]}
+        _send(recording, path, (rr.Points3D, rr.LineStrips3D), points[:, p], p, part.skeleton, when, look)
+
+
+def _log_reprojections(recording: Any, part: Reconstruction, layer: LayerName, when: list[Any]) -> None:
+    rr = rerun()
+    points = np.asarray(part.layers[layer].points_m)
+    for camera in part.rig.cameras:
+        width, height = camera.size_px
+        pixels = camera.project(points)[0]
+        # What lies far outside would make the view zoom out to nothing.
+        near = np.all((pixels > [-width, -height]) & (pixels < [2 * width, 2 * height]), axis=-1, keepdims=True)
+        pixels = np.where(near, pixels, np.nan)
+        for p, person in enumerate(part.person_ids):
+            path = f"world/cameras/{person_path(camera.name)}/reprojected/{layer}/{person_path(person)}"
+            look = {"colors": [colour_of(p)], "radii": [max(width, height) / 600]}
+            _send(recording, path, (rr.Points2D, rr.LineStrips2D), pixels[:, p], p, part.skeleton, when, look)
 
 
 def _extent_m(points: np.ndarray) -> float:
@@ -204,28 +220,29 @@ def _extent_m(points: np.ndarray) -> float:
 def _send(
     recording: Any,
     path: str,
-    dots: Any,
-    strips: Any,
+    kinds: tuple[Any, Any],
     points: np.ndarray,
-    part: Reconstruction,
+    person: int,
+    skeleton: Skeleton,
     when: list[Any],
-    colour: tuple[int, ...],
-    radius: float,
+    look: dict[str, list[Any]],
 ) -> None:
     """Points (frame, keypoint, n) and the lines between them; a frame without a point clears those before."""
-    there = np.isfinite(points).all(axis=-1)
+    dots, strips = kinds
+    there = np.all(np.isfinite(points), axis=-1)
     if not there.any():
         return
-    names = np.array(part.skeleton.keypoints, dtype=object)
-    columns = dots.columns(positions=points[there], labels=np.broadcast_to(names, there.shape)[there].tolist())
-    recording.log(path, dots.from_fields(colors=[colour], radii=[radius], show_labels=False), static=True)
+    keypoints = np.broadcast_to(np.arange(len(skeleton)), there.shape)[there]
+    recording.log(path, dots.from_fields(**look, class_ids=[person], show_labels=False), static=True)
+    columns = dots.columns(positions=points[there], keypoint_ids=keypoints)
     recording.send_columns(path, when, columns.partition(there.sum(axis=1)))
-    edges = part.skeleton.edge_indices
+    edges = skeleton.edge_indices
     if not len(edges):
         return
     joined = there[:, edges].all(axis=-1)
     lines = points[:, edges][joined]
-    recording.log(f"{path}/bones", strips.from_fields(colors=[colour], radii=[radius / 2]), static=True)
+    thin = {"colors": look["colors"], "radii": [look["radii"][0] / 2]}
+    recording.log(f"{path}/bones", strips.from_fields(**thin), static=True)
     recording.send_columns(f"{path}/bones", when, strips.columns(strips=lines).partition(joined.sum(axis=1)))
 
 

@@ -113,7 +113,7 @@ class Sketcher:
         faint = np.isin(np.asarray(part.layers[self.layer].status)[frame], _NOT_SEEN_HERE)
         if part.tracks is not None:
             faint |= (np.asarray(part.tracks.state)[frame] == TrackState.LOST)[:, None]
-        there = np.isfinite(pixels).all(axis=-1).any(axis=-1)
+        there = np.any(np.all(np.isfinite(pixels), axis=-1), axis=-1)
         return [Figure(p, name, pixels[p], faint[p]) for p, name in enumerate(part.person_ids) if there[p]]
 
     def _sightings(self, frame: int, view: int, number: int) -> Sightings | None:
