@@ -94,7 +94,7 @@ def _figure(shapes: Shapes, figure: Figure, edges: np.ndarray, pen: Pen) -> None
 
 def _sightings(shapes: Shapes, seen: Sightings, pen: Pen) -> None:
     many = seen.keypoint.max(initial=0) > _MANY_KEYPOINTS
-    size_px, width_px = (1.0 if many else 1.8) * pen.line_px, max(1.0, 0.4 * pen.line_px)
+    size_px, width_px = max(3.0, (1.0 if many else 1.8) * pen.line_px), max(1.0, 0.4 * pen.line_px)
     for pixel, fate, person in zip(pen.place(seen.pixels), seen.fate.tolist(), seen.person.tolist(), strict=True):
         colour: Colour = NOBODY if person < 0 else colour_of(person)
         if fate == Fate.REJECTED:
