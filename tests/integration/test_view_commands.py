@@ -7,21 +7,20 @@ from posefuse.io.keypoints import native
 from tests.videos import N_FRAMES, coded_video, moving_sticks, pictures_of, seen_exactly
 
 
-@pytest.fixture
-def stored(tmp_path):
-    folder = tmp_path / "result"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("result")
     posefuse.write(moving_sticks(), folder / "reconstruction.nc")
-    native.write(seen_exactly(moving_sticks()), tmp_path / "keypoints.nc")
-    (tmp_path / "videos").mkdir()
+    native.write(seen_exactly(moving_sticks()), folder / "keypoints.nc")
+    (folder / "videos").mkdir()
     for name in ("cam0", "CAM_1"):
-        coded_video(tmp_path / "videos" / f"{name}.mp4")
+        coded_video(folder / "videos" / f"{name}.mp4")
     return folder
 
 
 def test_overlay_of_a_folder_of_videos(run, stored, tmp_path):
     out = tmp_path / "out"
-    code, said, err = run("overlay", stored, "--video", tmp_path / "videos", "--detections", tmp_path / "keypoints.nc",
+    code, said, err = run("overlay", stored, "--video", stored / "videos", "--detections", stored / "keypoints.nc",
                           "-o", out)  # fmt: skip
     assert (code, err) == (0, "")
     assert sorted(entry.name for entry in out.iterdir()) == ["cam0_overlay.mp4", "cam1_overlay.mp4"]
@@ -30,8 +29,10 @@ def test_overlay_of_a_folder_of_videos(run, stored, tmp_path):
 
 
 def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
-    video = tmp_path / "videos" / "cam0.mp4"
-    code, said, _ = run("overlay", stored, "--video", f"cam0={video}", "--offset-s", "cam0=0.04", "-o", tmp_path / "out")
+    video = stored / "videos" / "cam0.mp4"
+    code, said, _ = run(
+        "overlay", stored, "--video", f"cam0={video}", "--offset-s", "cam0=0.04", "-o", tmp_path / "out"
+    )
     assert code == 0
     assert f"{N_FRAMES - 1} pictures" in said
     assert "no video of cam1: not drawn" in said
@@ -58,7 +59,7 @@ def test_wrong_calls_say_what_is_right(run, stored, tmp_path, arguments, complai
 def test_view_saves_a_scene(run, stored, tmp_path, monkeypatch):
     pytest.importorskip("rerun", reason="rerun-sdk, of the extra view, is not installed")
     scene = tmp_path / "scene.rrd"
-    code, said, _ = run("view", stored, "--recording", tmp_path / "keypoints.nc", "--video", tmp_path / "videos",
+    code, said, _ = run("view", stored, "--recording", stored / "keypoints.nc", "--video", stored / "videos",
                         "--end-s", "0.2", "--save", scene)  # fmt: skip
     assert code == 0
     assert f"rerun {scene}" in said.replace("\n", " ")

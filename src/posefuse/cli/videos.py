@@ -48,7 +48,7 @@ def videos_by_camera(rig: CameraRig, given: Sequence[str]) -> dict[str, Path]:
 
 
 def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
-    from posefuse.pipeline import plain_name
+    from posefuse.model.names import plain_name
 
     if not folder.is_dir():
         raise OptionsError(
@@ -99,7 +99,7 @@ def detections_in(result: Reconstruction, recording: Path | None) -> Detections 
     """The 2D keypoints of a recording's folder, or of a file or folder of keypoints; None where none is given."""
     from posefuse.cli.explain import detections_for
 
-    return None if recording is None else detections_for(result, recording, None)
+    return None if recording is None else detections_for(result, recording, None, None)
 
 
 def layer_of(result: Reconstruction, layer: LayerName | None) -> LayerName:
