@@ -42,7 +42,7 @@ def explain(
     _, opened = open_result(result)
     detections = None
     if recording is not None or keypoints is not None:
-        detections = _detections(opened, recording, keypoints, timestamps)
+        detections = detections_for(opened, recording, keypoints, timestamps)
     told = explaining.explain(opened, frame, detections, person)
     at = f", {told.time_s:.3f} s" if np.isfinite(told.time_s) else ""
     say(f"frame {told.number}{at}")
@@ -59,7 +59,7 @@ def explain(
         _say_view(view, tuple(opened.layers))
 
 
-def _detections(
+def detections_for(
     result: Reconstruction, recording: Path | None, keypoints: Path | None, timestamps: Path | None
 ) -> Detections:
     """The 2D keypoints, their views in the order of the result's cameras."""

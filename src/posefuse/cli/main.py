@@ -42,6 +42,8 @@ COMMANDS = {
     "explain": "Say of a frame which detection is whose, and why.",
     "edit": "Merge, split, rename, drop or swap people of a result.",
     "report": "Write a result's report, one HTML page.",
+    "view": "Look at a result in rerun's viewer.",
+    "overlay": "Draw a result's skeletons on the cameras' videos.",
     "stream": "Follow people live, from lines of 2D keypoints.",
     "replay": "Write a recording as the lines that stream reads.",
     "batch": "Reconstruct many recordings side by side.",

@@ -1,0 +1,111 @@
+"""Which video is which camera's, as commands are told it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from posefuse.errors import FileError, MatchError, OptionsError, choices
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+
+_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
+
+Videos = Annotated[
+    tuple[str, ...],
+    Parameter(help="CAMERA=FILE for each camera, or a folder whose videos are named as the cameras."),
+]
+Offsets = Annotated[
+    tuple[str, ...],
+    Parameter(help="CAMERA=SECONDS: the result's time at which its video begins; 0 by default."),
+]
+
+
+def videos_by_camera(rig: CameraRig, given: Sequence[str]) -> dict[str, Path]:
+    """The videos by camera.
+
+    Args:
+        rig: of the result.
+        given: each CAMERA=FILE, or a folder.
+
+    Raises:
+        OptionsError: if one is neither, or a camera has two.
+        FileError: if a folder holds no video that is named as a camera.
+    """
+    found: dict[str, Path] = {}
+    for text in given:
+        name, mark, path = text.partition("=")
+        # A path may hold an equals sign: it is one only if what stands before is no folder.
+        pairs = _of_folder(rig, Path(text)) if not mark or Path(text).is_dir() else {name: Path(path)}
+        for camera, file in pairs.items():
+            if camera in found:
+                raise OptionsError(f"--video names two videos of camera {camera!r}: {found[camera]} and {file}.")
+            found[camera] = file
+    return found
+
+
+def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
+    from posefuse.model.names import plain_name
+
+    if not folder.is_dir():
+        raise OptionsError(
+            f"--video {folder}: give CAMERA=FILE, such as {rig.names[0]}={folder}, or a folder of videos. "
+            f"The cameras are {choices(rig.names, 30)}."
+        )
+    files = sorted(entry for entry in folder.iterdir() if entry.suffix.lower() in _SUFFIXES)
+    by_name: dict[str, list[Path]] = {}
+    for file in files:
+        by_name.setdefault(plain_name(file.stem), []).append(file)
+    found = {name: by_name[plain_name(name)] for name in rig.names if plain_name(name) in by_name}
+    if not found:
+        raise FileError(
+            f"{folder} holds no video that is named as a camera. Videos: {choices(file.name for file in files)}. "
+            f"Cameras: {choices(rig.names, 30)}. Name them: --video {rig.names[0]}=FILE."
+        )
+    for name, several in found.items():
+        if len(several) > 1:
+            raise MatchError(
+                f"Camera {name!r} could be any of {choices(file.name for file in several)} in {folder}. Name it: "
+                f"--video {name}=FILE."
+            )
+    return {name: several[0] for name, several in found.items()}
+
+
+def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
+    """Times at which videos begin, in s.
+
+    Raises:
+        OptionsError: if one is not CAMERA=SECONDS, or a camera has two.
+    """
+    found: dict[str, float] = {}
+    for text in given:
+        name, _, number = text.rpartition("=")
+        try:
+            seconds = float(number)
+        except ValueError:
+            seconds = float("nan")
+        if not name or seconds != seconds or abs(seconds) == float("inf"):
+            raise OptionsError(f"--offset-s {text}: give CAMERA=SECONDS, such as cam1=0.02.")
+        if name in found:
+            raise OptionsError(f"--offset-s names camera {name!r} twice.")
+        found[name] = seconds
+    return found
+
+
+def detections_in(result: Reconstruction, recording: Path | None) -> Detections | None:
+    """The 2D keypoints of a recording's folder, or of a file or folder of keypoints; None where none is given."""
+    from posefuse.cli.explain import detections_for
+
+    return None if recording is None else detections_for(result, recording, None, None)
+
+
+def layer_of(result: Reconstruction, layer: LayerName | None) -> LayerName:
+    """The layer that is shown: the named one, that of the result's options, or the best.
+
+    Raises:
+        ResultError: if the named layer is not there.
+    """
+    return result.best_layer(layer or result.options.layer)[0]

@@ -1,0 +1,1 @@
+"""Videos: pictures with times, in and out."""

@@ -1,0 +1,1 @@
+"""Reprojected skeletons on the cameras' videos."""

@@ -1,0 +1,1 @@
+"""To look at a result: in rerun's viewer, and drawn on pictures."""
