@@ -14,5 +14,5 @@ def pyav() -> Any:
     try:
         import av
     except ImportError:
-        raise FileError("Videos need PyAV, which is not installed: pip install posefuse[video]") from None
+        raise FileError("Videos need PyAV, which is not installed: pip install 'posefuse[video]'.") from None
     return av
