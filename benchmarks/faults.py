@@ -72,10 +72,13 @@ def check(faults: Sequence[Fault], seed: int) -> tuple[list[Planted], tuple[Find
 
 def cases(pairs: int) -> Iterator[tuple[Fault, ...]]:
     """Every fault alone, then some pairs, evenly chosen."""
-    yield from ((fault,) for fault in FAULTS)
-    every = list(combinations([fault for fault in FAULTS if fault not in ALONE], 2))
-    if pairs:
-        yield from (every[int(i)] for i in np.linspace(0, len(every) - 1, min(pairs, len(every))))
+    alone: list[tuple[Fault, ...]] = [(fault,) for fault in FAULTS]
+    yield from alone
+    beside: list[Fault] = [fault for fault in FAULTS if fault not in ALONE]
+    every = list(combinations(beside, 2))
+    for i in np.linspace(0, len(every) - 1, min(pairs, len(every))) if pairs else ():
+        first, second = every[int(i)]
+        yield first, second
 
 
 def timing(seeds: range) -> None:

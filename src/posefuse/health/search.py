@@ -131,11 +131,11 @@ class _Looker:
         return Looked(state, points, system)
 
     def left_over(self, now: Looked, found: list[Found], effect: float, free: Sequence[str]) -> float:
-        """What could still be gained about the view found last, with the price of what was found."""
+        """What could still be gained about the view found last, less what finding it gained."""
         accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
         last = found[-1].hypothesis
         scores = (judge(now.system, accepted, h, effect).score for h in hypotheses(now.system, last.view, free))
-        return max(max((score for score in scores if np.isfinite(score)), default=0.0), 0.0) + last.penalty
+        return max(max((score for score in scores if np.isfinite(score)), default=0.0), 0.0) - found[-1].verdict.score
 
     def choose(
         self, now: Looked, found: list[Found], verdicts: list[Verdict], effect: float, free: Sequence[str]

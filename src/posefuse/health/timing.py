@@ -13,7 +13,7 @@ from posefuse.health.system import System, linearise
 
 _STEPS = 6
 _STILL_S = 1e-5
-_CERTAIN = 4.0
+_CERTAIN = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,33 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
         return None
     fine, evidence = examination.fine, examination.evidence
     views = evidence.n_views
-    system, state = fine.last.system, fine.last.state
-    drifting = {i.hypothesis.view for i in fine.found if i.hypothesis.kind == "drift"}
+    effects = [_effect(fine.last.system, v, fine) for v in range(views)]
+    # Offsets first: while several views are out of step, one's offset looks like another's drift.
+    state = fine.last.state
+    for item in fine.found:
+        if item.hypothesis.kind == "drift":
+            own = state.late_s[:, item.hypothesis.view]
+            state = state.with_late(item.hypothesis.view, own.mean() - own)
+    state, system = _settled(examination, state, fine.last.system, set(), reference)
+    drifting = _surely_drifting(system, views, reference, effects)
+    if drifting:
+        state, system = _settled(examination, state, system, drifting, reference)
+    late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
+    every = _unknowns(system, views, set(range(views)), reference)
+    inverse = _about_the_mean(solve(system, every)[1], views) if reference is None else solve(system, every)[1]
+    time_s = evidence.frame_time_s[state.frames]
+    return tuple(_timing(examination, v, late[:, v], time_s, every, inverse, effects[v]) for v in range(views))
+
+
+def _settled(
+    examination: Examination, state: State, system: System, drifting: set[int], reference: int | None
+) -> tuple[State, System]:
+    """Offsets of all views, and drifts of some, fitted together until they stay."""
+    evidence, fine = examination.evidence, examination.fine
+    assert fine is not None
+    views, before = evidence.n_views, fine.last.points
+    points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
+    system = linearise(evidence, state, points, system.block_of)
     for _ in range(_STEPS):
         unknowns = _unknowns(system, views, drifting, reference)
         values = solve(system, unknowns)[0]
@@ -57,16 +82,11 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
             # All clocks together could be anything: they stay where they are.
             values[:views] -= values[:views].mean()
         state = _moved(state, unknowns, values, system)
-        points = solve_points(evidence, state, look(evidence, state), fine.last.points.scale, fine.last.points.points_m)
+        points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
         system = linearise(evidence, state, points, system.block_of)
         if np.abs(values).max(initial=0.0) < _STILL_S:
             break
-    late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
-    every = _unknowns(system, views, set(range(views)), reference)
-    inverse = _about_the_mean(solve(system, every)[1], views) if reference is None else solve(system, every)[1]
-    effects = [_effect(system, v, fine) for v in range(views)]
-    time_s = evidence.frame_time_s[state.frames]
-    return tuple(_timing(examination, v, late[:, v], time_s, every, inverse, effects[v]) for v in range(views))
+    return state, system
 
 
 def _unknowns(system: System, views: int, drifting: set[int], reference: int | None) -> list[Unknown]:
@@ -77,6 +97,19 @@ def _unknowns(system: System, views: int, drifting: set[int], reference: int | N
         *(Unknown(v, Column.LATE, always) for v in free),
         *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
     ]
+
+
+def _surely_drifting(system: System, views: int, reference: int | None, effects: list[float]) -> set[int]:
+    """Views whose clock goes wrong by more than chance explains, all views fitted together."""
+    unknowns = _unknowns(system, views, set(range(views)), reference)
+    values, inverse, _ = solve(system, unknowns)
+    if reference is None:
+        inverse = _about_the_mean(inverse, views)
+    half = len(unknowns) // 2
+    drifts = values[half:] - (values[half:].mean() if reference is None else 0.0)
+    sds = np.sqrt(np.diag(inverse)[half:])
+    told = zip(unknowns[half:], drifts, sds, strict=True)
+    return {u.view for u, drift, sd in told if abs(drift) > _CERTAIN * sd * np.sqrt(effects[u.view])}
 
 
 def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:
