@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS
+from posefuse.io.calibration.registry import CALIBRATIONS
+from posefuse.io.keypoints.registry import KEYPOINTS
+from posefuse.io.results.registry import RESULTS
 from posefuse.model.options import METHODS, Options
 from posefuse.model.status import PointStatus, ViewStatus
 

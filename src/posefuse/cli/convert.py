@@ -7,7 +7,10 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say
 from posefuse.errors import FileError, OptionsError, choices, suggestion
-from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS, Format, by_name
+from posefuse.io.calibration.registry import CALIBRATIONS
+from posefuse.io.formats import Format, by_name
+from posefuse.io.keypoints.registry import KEYPOINTS
+from posefuse.io.results.registry import RESULTS
 from posefuse.model.cameras import UpAxis
 from posefuse.model.detections import Detections
 from posefuse.model.options import LayerName, LengthUnit, Options, ThirdChannel

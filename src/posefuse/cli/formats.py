@@ -5,7 +5,9 @@ from posefuse.cli.console import say
 
 def formats() -> None:
     """List the file formats that are read and written, and their conventions."""
-    from posefuse.io.registry import CALIBRATIONS, KEYPOINTS, RESULTS
+    from posefuse.io.calibration.registry import CALIBRATIONS
+    from posefuse.io.keypoints.registry import KEYPOINTS
+    from posefuse.io.results.registry import RESULTS
 
     for title, forms in (("Calibrations", CALIBRATIONS), ("2D keypoints", KEYPOINTS), ("Results", RESULTS)):
         say(title)

@@ -1,6 +1,6 @@
 """What each format is known by, in words: what its reader looks at before it says that a file is its own."""
 
-from posefuse.io.registry import Format
+from posefuse.io.formats import Format
 
 _CALIBRATIONS = {
     "caliscope": "tables of cameras with port or cam_id, in one TOML file",

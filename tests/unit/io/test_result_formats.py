@@ -15,9 +15,10 @@ import xarray
 
 import posefuse
 from posefuse.errors import FileError, PosefuseError, ResultError
-from posefuse.io.registry import RESULTS, by_name
+from posefuse.io.formats import by_name
 from posefuse.io.results import npz
 from posefuse.io.results.read import READABLE
+from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import ALSO, write_folder
 from posefuse.model.alignment import Alignment
 from posefuse.model.options import Options

@@ -4,8 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
+from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.files import must_exist
-from posefuse.io.registry import CALIBRATIONS, Format
+from posefuse.io.formats import Format
 from posefuse.model.cameras import CameraRig, UpAxis
 from posefuse.model.options import LengthUnit
 

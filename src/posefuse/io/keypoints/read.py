@@ -4,9 +4,10 @@ from pathlib import Path
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
+from posefuse.io.formats import Format
+from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import on_one_line
-from posefuse.io.registry import KEYPOINTS, Format
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton, find_skeleton
 

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from posefuse.errors import FileError, ResultError, choices, suggestion
 from posefuse.io.files import must_exist
+from posefuse.io.formats import by_name
 from posefuse.io.heaps import check_heaps
-from posefuse.io.registry import RESULTS, by_name
+from posefuse.io.results.registry import RESULTS
 from posefuse.model.stored_points import StoredPoints
 
 READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb")
