@@ -23,6 +23,7 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import files_at, reading
+from posefuse.io.heaps import check_heaps
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
@@ -210,6 +211,7 @@ class _Names(pickle.Unpickler):
 
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
+    check_heaps(file)
     with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
         group: Any = content[key]
         columns = _Names(io.BytesIO(must_be_small(bytes(group.attrs["non_index_axes"])))).load()[0][1]
