@@ -11,14 +11,29 @@ from posefuse.io.keypoints.read import find_format
 
 _MEDIA = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".mp4", ".avi", ".mov", ".mkv", ".webm")
 _THREE_D = (".trc", ".c3d", ".bvh", ".fbx", ".glb", ".blend", ".mot", ".osim")
-_READ = (".toml", ".yml", ".yaml", ".xml", ".xcp", ".json", ".csv", ".h5", ".npy", ".npz", ".mat", ".parquet", ".nc")
+_READ = (
+    ".toml",
+    ".yml",
+    ".yaml",
+    ".xml",
+    ".xcp",
+    ".json",
+    ".csv",
+    ".h5",
+    ".npy",
+    ".npz",
+    ".mat",
+    ".parquet",
+    ".nc",
+    ".slp",
+)
 _MEDIA_WHY = "images and videos; 2D keypoints are read, not found in images"
 _THREE_D_WHY = "3D results; 2D keypoints are read"
 _SETTINGS_WHY = "settings: its frame rate and pose model count for keypoints below it"
 _LENS_WHY = "lenses only: nothing says where the cameras stand"
 _RESULT_WHY = "a result of posefuse"
 _PICKLE_WHY = "pickled: may run anything; only OpenCap's calibrations are read, and only their numbers"
-_NETWORK_WHY = "a network's own file; export its predictions (SLEAP: analysis h5)"
+_NETWORK_WHY = "a network's own file; export its predictions"
 _OTHER_WHY = "neither a calibration nor 2D keypoints"
 _UNKNOWN_WHY = "no calibration or 2D keypoints in a known format"
 _MOST = 20_000
@@ -77,7 +92,7 @@ def _why(file: Path) -> str:
         (_MEDIA, _MEDIA_WHY),
         (_THREE_D, _THREE_D_WHY),
         ((".pkl", ".pickle"), _PICKLE_WHY),
-        ((".slp", ".pt", ".pth", ".onnx"), _NETWORK_WHY),
+        ((".pt", ".pth", ".onnx"), _NETWORK_WHY),
     ):
         if suffix in suffixes:
             return why

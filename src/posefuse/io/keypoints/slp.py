@@ -22,18 +22,28 @@ from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
 
 _MOST_FRAMES = 10_000_000
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds some."""
-    return bool(_files(path))
+    return bool(files_of(path))
 
 
-def _files(path: Path) -> list[Path]:
+def files_of(path: Path) -> list[Path]:
+    """The projects at a path: the file itself, those in a folder, or those in folders in it."""
     if path.is_file():
-        return [path] if path.suffix == ".slp" else []
-    found = list(path.glob("*.slp")) or list(path.glob("*/*.slp"))
+        return [path] if _is_one(path) else []
+    found = [file for file in path.glob("*.slp") if _is_one(file)] or list(filter(_is_one, path.glob("*/*.slp")))
     return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
+
+
+def _is_one(file: Path) -> bool:
+    """Whether it is called as a project and begins as HDF5 does."""
+    if file.suffix != ".slp" or not file.is_file():
+        return False
+    with file.open("rb") as content:
+        return content.read(len(_SIGNATURE)) == _SIGNATURE
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -42,7 +52,7 @@ def read(path: Path, request: Request) -> Detections:
     Raises:
         FileError: if a file is broken, views have different nodes, or sleap-io is not installed.
     """
-    files, views, nodes = _files(path), [], None
+    files, views, nodes = files_of(path), [], None
     request.progress.start("reading keypoints", len(files))
     for file, name in zip(files, view_names(files), strict=True):
         with reading(file, "SLEAP file"):

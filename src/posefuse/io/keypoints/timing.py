@@ -33,7 +33,7 @@ def on_one_line(detections: Detections, request: Request) -> Detections:
         first_s = np.fmin.reduce(aligned.time_s, axis=1)
         return replace(aligned, rate_hz=nominal_rate_hz(aligned.frame_numbers, first_s))
     said = uneven_lengths(aligned) if aligned is detections else None
-    return aligned if said is None else replace(aligned, notes=(*aligned.notes, said))
+    return aligned if said is None or said in aligned.notes else replace(aligned, notes=(*aligned.notes, said))
 
 
 def _timeless(detections: Detections) -> bool:
