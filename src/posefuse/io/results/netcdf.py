@@ -135,17 +135,7 @@ def _read(path: Path) -> Reconstruction:
 
 
 def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
-    file.attrs["posefuse_kind"] = KIND
-    file.attrs["format_version"] = FORMAT_VERSION
-    file.attrs["unit"] = first.unit
-    file.attrs["skeleton"] = skeleton_text(first.skeleton)
-    file.attrs["options"] = json.dumps(asdict(first.options))
-    file.attrs["options_toml"] = options_to_toml(first.options)
-    file.attrs["provenance"] = json.dumps(asdict(first.provenance))
-    if first.rate_hz is not None:
-        file.attrs["rate_hz"] = float(first.rate_hz)
-    if first.alignment is not None:
-        file.attrs["alignment"] = _alignment_text(first.alignment)
+    _write_attributes(file, first)
     file.dimensions = {
         "time": None,
         "individual": len(first.person_ids),
@@ -180,12 +170,30 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
     if first.poses is not None:
         _begin_poses(file, first.poses)
     if first.noise is not None:
-        file.attrs["noise_exponent"] = float(first.noise.exponent)
-        file.attrs["noise_origin"] = first.noise.origin
-        file.attrs["noise_spread"] = float(first.noise.spread)
-        file.attrs["noise_nu"] = float(first.noise.nu)
-        add_variable(file, "noise_scale", ("view",), first.noise.scale_px, units="px")
+        _write_noise(file, first.noise)
     _write_rig(file, first.rig)
+
+
+def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
+    file.attrs["posefuse_kind"] = KIND
+    file.attrs["format_version"] = FORMAT_VERSION
+    file.attrs["unit"] = first.unit
+    file.attrs["skeleton"] = skeleton_text(first.skeleton)
+    file.attrs["options"] = json.dumps(asdict(first.options))
+    file.attrs["options_toml"] = options_to_toml(first.options)
+    file.attrs["provenance"] = json.dumps(asdict(first.provenance))
+    if first.rate_hz is not None:
+        file.attrs["rate_hz"] = float(first.rate_hz)
+    if first.alignment is not None:
+        file.attrs["alignment"] = _alignment_text(first.alignment)
+
+
+def _write_noise(file: h5netcdf.File, noise: NoiseModel) -> None:
+    file.attrs["noise_exponent"] = float(noise.exponent)
+    file.attrs["noise_origin"] = noise.origin
+    file.attrs["noise_spread"] = float(noise.spread)
+    file.attrs["noise_nu"] = float(noise.nu)
+    add_variable(file, "noise_scale", ("view",), noise.scale_px, units="px")
 
 
 def _alignment_text(alignment: Alignment) -> str:
