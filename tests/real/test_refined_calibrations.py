@@ -34,6 +34,7 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
     assert np.nanmedian(error) < 1.0
 
 
+@pytest.mark.long
 def test_a_mouse_alone_tells_too_little_and_nothing_of_lenses(shared_data):
     folder = shared_data("sleap_mouse")
     views, nodes = [], []
