@@ -11,6 +11,7 @@ from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.align_options import AlignOptions
 from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import UP_AXES, UpAxis
+from posefuse.model.named_numbers import named_numbers
 from posefuse.model.pair_options import PairMethod, PairOptions
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.side_options import SideMethod, SideOptions
@@ -337,11 +338,4 @@ class Options:
         Raises:
             OptionsError: if an entry is not view=rate.
         """
-        found = {}
-        for entry in self.view_rates_hz:
-            name, _, number = entry.rpartition("=")
-            try:
-                found[name.strip()] = float(number)
-            except ValueError:
-                raise OptionsError(f"view_rates_hz holds view=rate, such as cam_2=60; got {entry!r}.") from None
-        return found
+        return named_numbers(self.view_rates_hz, "view_rates_hz", "view=rate", "cam_2=60")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Literal, get_args
 
 from posefuse.errors import OptionsError, choices
+from posefuse.model.named_numbers import named_numbers
 from posefuse.model.specification_options import SpecificationOptions
 
 Preset = Literal["posefuse", "specification"]
@@ -270,16 +271,7 @@ class TrackerOptions:
         Raises:
             OptionsError: if an entry is not name=metres.
         """
-        found = {}
-        for entry in self.known_m:
-            name, _, number = entry.partition("=")
-            try:
-                found[name.strip()] = float(number)
-            except ValueError:
-                raise OptionsError(
-                    f"tracker.known_m holds name=metres, such as left_knee=0.43; got {entry!r}."
-                ) from None
-        return found
+        return named_numbers(self.known_m, "tracker.known_m", "name=metres", "left_knee=0.43")
 
     def in_proportion(self, scale: float) -> "TrackerOptions":
         """The same for bodies of another size.
