@@ -14,6 +14,7 @@ import posefuse
 from posefuse.io.calibration import anipose
 from posefuse.io.files import PARTS
 from posefuse.io.keypoints import detection_tables
+from posefuse.io.parts import Parts
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 
@@ -60,34 +61,65 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory) -> Path:
+def two_people(tmp_path_factory) -> Path:
     return write(tmp_path_factory.mktemp("long") / "recording", 2.4)
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(recording, tmp_path_factory) -> Path:
+def uninterrupted(two_people, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("long") / "uninterrupted"
-    process = start(recording, output, 20)
+    process = start(two_people, output, 20)
     said = process.communicate(timeout=300)[0]
     assert process.returncode == 0, said
     return output
 
 
-def test_a_killed_recording_goes_on_to_the_same_bytes(run, recording, uninterrupted, tmp_path):
+def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
+    """Of 30 frames in chunks of 10; the third is interrupted."""
+    put = Parts.put
+
+    def interrupted(parts: Parts, name: str, value: object) -> object:
+        if name == "measured_000002":
+            raise KeyboardInterrupt
+        return put(parts, name, value)
+
+    command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
+    with monkeypatch.context() as patched:
+        patched.setattr(Parts, "put", interrupted)
+        code, said, wrong = run(*command)
+    assert code == 130
+    assert "Partial: made of the first 20 of 30 frames" in " ".join(said.split())
+    assert "Interrupted" in wrong
+    part = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    assert part.n_frames == 20
+    assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    code, said, wrong = run(*command)
+    assert (code, wrong) == (0, "")
+    assert "going on from the finished parts" in " ".join(said.split())
+    whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    assert whole.n_frames == 30
+    assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
+    assert "Partial" not in "".join(whole.provenance.notes)
+    assert not (tmp_path / "out" / PARTS).exists()
+
+
+@pytest.mark.long
+def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    stop_when(start(recording, output, 20), output / PARTS / "frames_60" / "measured_000001.part", signal.SIGKILL)
+    stop_when(start(two_people, output, 20), output / PARTS / "frames_60" / "measured_000001.part", signal.SIGKILL)
     finished = [path for path in (output / PARTS).rglob("*.part") if path.name != "following.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
-    code, said, _ = run("reconstruct", recording, "-o", output, "--chunk-frames", 20)
+    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
     assert "going on from the finished parts" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
 
 
-def test_an_interrupted_recording_leaves_a_result_that_says_so(run, recording, uninterrupted, tmp_path):
+@pytest.mark.long
+def test_an_interrupted_recording_leaves_a_result_that_says_so(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    said = stop_when(start(recording, output, 20), output / PARTS / "following.part", signal.SIGINT)
+    said = stop_when(start(two_people, output, 20), output / PARTS / "following.part", signal.SIGINT)
     assert "Partial: made of the first" in " ".join(said.split())
     result = posefuse.read_reconstruction(output / "reconstruction.nc")
     assert 0 < result.n_frames < 60
@@ -95,15 +127,16 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, recording, u
     assert result.provenance.notes[0].startswith(f"Partial: made of the first {result.n_frames} of 60 frames")
     assert {event.number for event in result.events} <= set(result.frame_numbers.tolist())
     assert "Partial: made of the first" in (output / "report.html").read_text("utf-8")
-    code, _, _ = run("reconstruct", recording, "-o", output, "--chunk-frames", 20)
+    code, _, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
     assert contents(output) == contents(uninterrupted)
 
 
-def test_parts_of_other_input_are_not_used(run, uninterrupted, recording, tmp_path):
+@pytest.mark.long
+def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
     other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
     stop_when(start(other, output, 20), output / PARTS / "following.part", signal.SIGKILL)
-    code, said, _ = run("reconstruct", recording, "-o", output, "--chunk-frames", 20)
+    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
     assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
