@@ -105,10 +105,12 @@ def watch(process: subprocess.Popen[bytes], output: Path) -> tuple[list[Look], f
 def memory(looks: list[Look], frames: int, chunk_frames: int = 2048) -> dict[str, float]:
     """The most memory up to minute 5 and after the last but five, MB, by stage."""
     early = _EARLY_MINUTES * 60.0 * RATE_HZ / chunk_frames
-    late = (frames - early * chunk_frames) / chunk_frames
+    late = frames / chunk_frames - early - 1
     found = {}
+    whole = -(-frames // chunk_frames)
     for stage in ("following", "chunks"):
-        mine = [look for look in looks if look.stage == stage]
+        # Between the last frame that is followed and the first chunk that is made, it is neither.
+        mine = [look for look in looks if look.stage == stage and (stage == "chunks" or look.chunk < whole)]
         for name, some in (
             ("first", [look.resident_mb for look in mine if look.chunk <= early]),
             ("last", [look.resident_mb for look in mine if look.chunk >= late]),

@@ -7,6 +7,7 @@ import weakref
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from posefuse.errors import DetectionsError
 from posefuse.keeping import Spool
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import chosen, uncertain
+from posefuse.tracking.bodies import chosen, seen_at, uncertain
 from posefuse.tracking.parts import PartFollower
 from posefuse.tracking.records import People, Person, Remembered, Track
 from posefuse.tracking.settings import Settings
@@ -157,7 +158,7 @@ class History:
             fresh = past is not None
             if past:
                 fresh = not self._add_past(track.number, past, here)
-            self._put(track.number, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
+            self._put(track.number, _entry(here, fresh, seen_at(tracker.state, p), told[track.name]))
 
     def add_parts(self, follower: PartFollower, tracks: list[Track], people: People) -> None:
         """What is known of everybody's part after a frame; the history is one of that part.
@@ -168,7 +169,7 @@ class History:
         here = self._next(people.number, people.time_s)
         numbers = {track.name: track.number for track in tracks}
         for p, (part, person) in enumerate(zip(follower.tracks, follower.people, strict=True)):
-            self._put(numbers[part.name], _entry(here, part.fresh, chosen(follower.state, [p]), person))
+            self._put(numbers[part.name], _entry(here, part.fresh, seen_at(follower.state, p), person))
 
     def _next(self, number: int, time_s: float) -> int:
         """Which frame, counted from 0, the one of that number will be."""
@@ -288,11 +289,18 @@ def _unbroken(entries: list[_Entry]) -> Iterator[list[_Entry]]:
             first = i
 
 
+@cache
+def _triangle(n_pose: int, n_shape: int, free: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the lower triangle of what is not known for certain."""
+    rows = uncertain(n_pose, n_shape, free)
+    low, high = np.tril_indices(len(rows))
+    return rows[low], rows[high]
+
+
 def _packed(state: State) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    rows = uncertain(state.velocity.shape[1], state.shape.shape[1], bool(state.free[0]))
-    block = state.covariance[0][np.ix_(rows, rows)]
+    triangle = state.covariance[0][_triangle(state.velocity.shape[1], state.shape.shape[1], bool(state.free[0]))]
     mean = (state.root[0], state.turns[0], state.bones[0], state.shape[0], state.velocity[0], state.free[0])
-    return tuple(np.array(each) for each in mean), block[np.tril_indices(len(rows))]
+    return tuple(np.array(each) for each in mean), triangle
 
 
 def _unpacked(entries: list[_Entry]) -> State:
@@ -302,8 +310,7 @@ def _unpacked(entries: list[_Entry]) -> State:
     n, h = velocity.shape[1], shape.shape[1]
     state = State(root, turns, bones, shape, velocity, np.zeros((len(entries), 2 * n + h, 2 * n + h)), free)
     for k, entry in enumerate(entries):
-        rows = uncertain(n, h, bool(free[k]))
-        low, high = np.tril_indices(len(rows))
-        state.covariance[k][rows[low], rows[high]] = entry.triangle
-        state.covariance[k][rows[high], rows[low]] = entry.triangle
+        low, high = _triangle(n, h, bool(free[k]))
+        state.covariance[k][low, high] = entry.triangle
+        state.covariance[k][high, low] = entry.triangle
     return state

@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.kernels.smoothing import apply_changes, compare_states
-from posefuse.tracking.bodies import chosen, put, uncertain
+from posefuse.tracking.bodies import chosen, put, seen_at, uncertain
 from posefuse.tracking.posing import newborn_covariance
 from posefuse.tracking.settings import Settings
 
@@ -77,7 +77,7 @@ def tell_again(
     now = first
     for k in range(1, len(time_s)):
         now = next_with(
-            now, time_s[k] - time_s[k - 1], chosen(filtered, [k]), said.curvature[k - 1], said.gradient[k - 1],
+            now, time_s[k] - time_s[k - 1], seen_at(filtered, k), said.curvature[k - 1], said.gradient[k - 1],
             share[k], settings,
         )  # fmt: skip
         put(out, k, now)
@@ -174,7 +174,8 @@ def bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
     compare_states(state, seen, change)
     change[:, :first] = 0.0
     change[:, n:] = 0.0
-    carried = chosen(state, frames)
+    # Nothing but bones is asked for, and a covariance is large.
+    carried = chosen(state._replace(covariance=state.velocity), frames)._replace(covariance=state.covariance)
     apply_changes(change, carried)
     turn = np.tile(np.eye(n + settings.tree.n_shape), (len(frames), 1, 1))
     columns = np.arange(first, n).reshape(-1, 2)

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.errors import FileError, choices
 from posefuse.io.files import file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import rate_of_frames
@@ -45,7 +46,8 @@ _NAMES = {
     "depth": ("depth",),
 }
 _JUDGED = 500
-_GROUP_FRAMES = 2048
+_GROUP_FRAMES = 512
+"""Small enough that ranges which overlap do not read much twice."""
 
 
 def matches(path: Path) -> bool:
@@ -195,11 +197,11 @@ def write(detections: Detections, path: Path) -> None:
     Raises:
         FileError: if the folder holds other files, or a view's name cannot be a file's.
     """
-    write_pieces(detections.chunks(_GROUP_FRAMES) if detections.n_frames else [detections], path)
+    write_pieces(detections.chunks() if detections.n_frames else [detections], path)
 
 
 def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
-    """The same of consecutive ranges of frames, each as it comes: a row group each.
+    """The same of consecutive ranges of frames, each as it comes.
 
     Args:
         pieces: at least one; what does not depend on the frame is taken from the first.
@@ -222,7 +224,8 @@ def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
         ]
         for piece in itertools.chain([first], pieces):
             for v, writer in enumerate(writers):
-                writer.write_table(_table(piece, v).replace_schema_metadata(told))
+                for start, stop in ranges(piece.n_frames, _GROUP_FRAMES):
+                    writer.write_table(_table(piece.frames(start, stop), v).replace_schema_metadata(told))
 
 
 def _table(detections: Detections, view: int) -> Any:
