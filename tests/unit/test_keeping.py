@@ -83,13 +83,22 @@ def made(recording, options: Options, path: Path, keeper: Keeper = NOTHING) -> b
     return path.read_bytes()
 
 
+@pytest.fixture(scope="module")
+def whole(crowd, tmp_path_factory) -> bytes:
+    """Of the crowd, in one go."""
+    return made(crowd, MANY, tmp_path_factory.mktemp("whole") / "made.nc")
+
+
 @pytest.mark.parametrize(("who", "options", "moments", "after"), [
     ("crowd", MANY, (2, 3, 4), True), ("crowd", SMOOTHED, (2, 4, 4), False), ("walker", ONE, (2, 2), False),
 ])  # fmt: skip
 def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_path, who, options, moments, after):
     """While people are followed, chunks are measured and smoothed, and windows are solved."""
     recording = request.getfixturevalue(who)
-    whole = made(recording, options, tmp_path / "whole.nc")
+    if options is MANY:
+        whole = request.getfixturevalue("whole")
+    else:
+        whole = made(recording, options, tmp_path / "whole.nc")
     keeper = Parts(tmp_path / "parts", "key")
     for moment in moments:
         with pytest.raises(Ended):
@@ -100,16 +109,16 @@ def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_pat
     assert not (tmp_path / "parts").exists()
 
 
-def test_what_is_finished_is_not_made_again(crowd, tmp_path, monkeypatch):
+def test_what_is_finished_is_not_made_again(crowd, whole, tmp_path, monkeypatch):
     keeper = Parts(tmp_path / "parts", "key")
-    whole = made(crowd, MANY, tmp_path / "made.nc", keeper)
+    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
     monkeypatch.setattr("posefuse.measuring.measure", None)
     monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", None)
     assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
 
 
 @pytest.mark.parametrize(("moment", "frames"), [(3, 32), (7, 16)])
-def test_an_interruption_leaves_what_is_finished(crowd, tmp_path, moment, frames):
+def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment, frames):
     """While people are followed the recording ends there; afterwards, what is made of it is a result that says so."""
     keeper = Parts(tmp_path / "parts", "key")
     ending = Ending(keeper, [moment], KeyboardInterrupt, after=False)
@@ -125,7 +134,7 @@ def test_an_interruption_leaves_what_is_finished(crowd, tmp_path, moment, frames
     assert part.n_frames == frames
     assert part.provenance.notes[0].startswith(f"{PARTIAL}made of the first {frames} of 40 frames")
     assert {event.number for event in part.events} <= set(part.frame_numbers.tolist())
-    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == made(crowd, MANY, tmp_path / "whole.nc")
+    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
 
 
 def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
@@ -207,6 +216,8 @@ class TestParts:
         parts = Parts(tmp_path / "parts", "key")
         with pytest.raises(pickle.UnpicklingError, match="has no"):
             parts.put("a", evil)
+        with pytest.raises(FileError, match="Where is it from"):
+            parts.get("a")
 
     def test_a_spool_is_as_long_as_its_part_knows(self, tmp_path):
         parts = Parts(tmp_path / "parts", "key")

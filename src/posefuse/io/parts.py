@@ -74,7 +74,11 @@ class Parts:
         return self._path(name).is_file()
 
     def get(self, name: str) -> Any:
-        """The part of that name; None where there is none that is whole and of the same work."""
+        """The part of that name; None where there is none that is whole and of the same work.
+
+        Raises:
+            FileError: if it holds what no part does.
+        """
         try:
             with self._path(name).open("rb") as file:
                 head, packed = json.loads(file.readline()), file.read()
@@ -86,7 +90,10 @@ class Parts:
             if not self._spool_path(spool).is_file() or self._spool_path(spool).stat().st_size < size:
                 return None
             os.truncate(self._spool_path(spool), size)
-        return _loaded(_unpacked(packed, head["size"]))
+        try:
+            return _loaded(_unpacked(packed, head["size"]))
+        except pickle.UnpicklingError as error:
+            raise FileError(f"{self._path(name)}: {error}. Where is it from? Remove {self.folder}.") from None
 
     def put(self, name: str, value: Any) -> Any:
         """Keep a part, in place of one of that name; the part as :meth:`get` gives it."""
