@@ -95,10 +95,7 @@ def whole(crowd, tmp_path_factory) -> bytes:
 def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_path, who, options, moments, after):
     """While people are followed, chunks are measured and smoothed, and windows are solved."""
     recording = request.getfixturevalue(who)
-    if options is MANY:
-        whole = request.getfixturevalue("whole")
-    else:
-        whole = made(recording, options, tmp_path / "whole.nc")
+    whole = request.getfixturevalue("whole") if options is MANY else made(recording, options, tmp_path / "whole.nc")
     keeper = Parts(tmp_path / "parts", "key")
     for moment in moments:
         with pytest.raises(Ended):
