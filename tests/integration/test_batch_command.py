@@ -4,13 +4,18 @@ import csv
 import os
 import shutil
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
+from posefuse.io.results import netcdf
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 
@@ -111,8 +116,8 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
 
         usual = module.on_cluster
 
-        def killing(work, jobs, address):
-            for i, outcome in enumerate(usual(work, jobs, address)):
+        def killing(work, jobs, address, divided):
+            for i, outcome in enumerate(usual(work, jobs, address, divided)):
                 if i == 1:
                     os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
                 yield outcome
@@ -130,10 +135,66 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
     assert here == there
 
 
+@pytest.mark.long
+def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    folders = recordings(tmp_path / "recs", 2, {})
+    long = tmp_path / "recs" / "long"
+    long.mkdir()
+    scene = simulate_crowd(CrowdOptions("crowd", people=2, cameras=4, duration_s=12.0, seed=3))
+    anipose.write(scene.rig, long / "calibration.toml")
+    native.write(scene.detections, long / "keypoints.nc")
+    wanted = ("--people", "auto", "--tracker.forget-after-s", "0.5", "--noise-scale-px", "14", *FAST)
+    assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *wanted)[0] == 0
+    from posefuse.batch import cluster as module
+
+    usual = module.on_cluster
+    for name, dies in (("quiet", False), ("killed", True)):
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster:
+
+            def killing(work, jobs, address, divided, cluster=cluster, dies=dies):
+                def kills(job, do):
+                    def rounds(piece_work, pieces):
+                        if dies and piece_work.__name__ == "follow_piece":
+                            pid = next(iter(cluster.workers.values())).pid
+                            threading.Timer(1.0, os.kill, (pid, signal.SIGKILL)).start()
+                        do(piece_work, pieces)
+
+                    return divided(job, rounds)
+
+                return usual(work, jobs, address, kills)
+
+            monkeypatch.setattr(module, "on_cluster", killing)
+            there = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *wanted)
+            code, said, _ = run("batch", *folders, long, "-o", tmp_path / name, *there)
+            assert code == 0
+            assert "3 recordings: 3 done" in said
+            if not dies:
+                assert "0 done, 3 kept" in run("batch", *folders, long, "-o", tmp_path / name, *there)[1]
+    quiet, killed = (
+        {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+        for root in (tmp_path / "quiet", tmp_path / "killed")
+    )
+    assert quiet == killed
+    whole, pieces = (
+        netcdf.read_reconstruction(tmp_path / name / "long" / "reconstruction.nc") for name in ("here", "killed")
+    )
+    assert "in 3 windows" in " ".join(pieces.provenance.notes)
+    assert pieces.person_ids == whole.person_ids
+    np.testing.assert_array_equal(pieces.tracks.state[:], whole.tracks.state[:])
+    apart_m = np.linalg.norm(
+        np.asarray(whole.layers["measured"].points_m) - np.asarray(pieces.layers["measured"].points_m), axis=-1
+    )
+    assert np.mean(apart_m[np.isfinite(apart_m)] < 1e-4) > 0.995
+
+
 @pytest.mark.parametrize(
     ("more", "code", "said"),
     [
         ((), 2, "No recording is given"),
+        (("x", "--window-s", "0"), 2, "--window-s must be more than 0"),
         (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
         (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs is for this machine"),
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),
