@@ -68,7 +68,7 @@ def test_people_of_two_windows_are_those_of_one_run(tmp_path):
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
 def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
     scene = crowd_of(60.0, 4, 1)
-    options = Options(people="many", solve=solve)
+    options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 20.0)
     check_same(whole, pieces, "measured", 0.99)
