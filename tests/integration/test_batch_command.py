@@ -43,11 +43,11 @@ BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
 }  # fmt: skip
 
 
-def recordings(root: Path, n: int, broken: dict[int, str]) -> list[Path]:
-    """So many recordings of a few frames, some of them broken."""
+def recordings(root: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> list[Path]:
+    """So many short recordings, some of them broken."""
     folders = []
     for i in range(n):
-        made = simulate(SceneOptions(duration_s=0.2, cameras=3, detector=CLEAN, seed=i))
+        made = simulate(SceneOptions(duration_s=seconds, cameras=3, detector=CLEAN, seed=i))
         folder = root / f"rec_{i:03d}"
         folder.mkdir(parents=True)
         anipose.write(made.rig, folder / "calibration.toml")
@@ -63,9 +63,9 @@ def rows_of(output: Path) -> dict[str, dict[str, str]]:
         return {row["recording"]: row for row in csv.DictReader(file)}
 
 
-def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str]) -> Path:
+def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> Path:
     """Everything but what is broken is there; what is broken is named with its reason."""
-    folders, output = recordings(tmp_path / "recs", n, broken), tmp_path / "out"
+    folders, output = recordings(tmp_path / "recs", n, broken, seconds), tmp_path / "out"
     code, said, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
     assert code == 1
     assert f"{n} recordings: {n - len(broken)} done, 0 kept (nothing changed), {len(broken)} failed" in said
@@ -101,7 +101,14 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
 
 @pytest.mark.long
 def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
-    check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)))
+    output = check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)), 2.0)
+    before = {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
+    for name in ("rec_000", "rec_100", "rec_198"):
+        shutil.rmtree(output / name)
+    code, said, _ = run("batch", *sorted((tmp_path / "recs").iterdir()), "-o", output, "--jobs", "2", *FAST)
+    assert code == 1
+    assert "200 recordings: 3 done, 192 kept (nothing changed), 5 failed" in said
+    assert before == {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
 
 
 @pytest.mark.long
