@@ -148,6 +148,7 @@ def skeleton_from_text(text: str) -> Skeleton:
             Part(part["name"], part["at"], part["like"], frozen(part["keypoints"], np.int64), _tree(part["tree"]))
             for part in data.get("parts", ())
         ),
+        rigid=pairs(data.get("rigid", ())),
     )
 
 

@@ -357,9 +357,11 @@ class Solver:
         told = count > 0.5
         if not told.any():
             return 1.0, STEADIEST
-        total, count = total[told], count[told]
-        fresh = float(total.sum() / count.sum())
-        varies = float((count * np.square(total / count / fresh - 1.0)).sum() / count.sum())
+        # A spell that no scale reaches is no size of errors: one of a wrong limb would make all frames uncertain.
+        count = count[told]
+        size = np.minimum(total[told] / count, _MOST_SCALE**2)
+        fresh = float((count * size).sum() / count.sum())
+        varies = float((count * np.square(size / fresh - 1.0)).sum() / count.sum())
         chance = 2.0 * len(count) / float(count.sum())
         return fresh, min(2.0 / max(varies - chance, 2.0 / STEADIEST), STEADIEST)
 
