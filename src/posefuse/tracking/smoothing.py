@@ -20,7 +20,7 @@ from posefuse.tracking.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, memory_s, tempering
-from posefuse.tracking.tempering import ahead, bone_axes, first_with, see_pose, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
@@ -241,16 +241,14 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
         n = 1
     assert known is not None
     rest = part.frames(n - 1, len(part))
-    dt_s = np.diff(rest.time_s)
-    said = what_was_said(rest.frames(0, len(rest) - 1).state, dt_s, rest.frames(1, len(rest)).state, settings)
-    again = tell_again(rest.state, rest.time_s, said, share[n - 1 :], chosen(known.state, [n - 1]), settings)
-    turn = bone_axes(again, rest.state, settings)[1:]
-    curvature = turn.transpose(0, 2, 1) @ said.curvature @ turn
-    return _Window(
-        part.state.root,
-        State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True))),
-        np.concatenate([known.information[:n], told[n:, None, None] * curvature]),
+    again, information = tell_again(
+        rest.state, rest.time_s, share[n - 1 :], told[n - 1 :], chosen(known.state, [n - 1]), settings
     )
+    information[0] = known.information[n - 1]
+    if n > 1:
+        again = State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True)))
+        information = np.concatenate([known.information[: n - 1], information])
+    return _Window(part.state.root, again, information)
 
 
 def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
