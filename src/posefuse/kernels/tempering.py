@@ -4,13 +4,13 @@ States are those of :mod:`posefuse.kernels.articulated`, of one person, with fra
 done in each frame, and why, is said in :mod:`posefuse.tracking.tempering`.
 """
 
-import math
 from collections import namedtuple
 
 import numpy as np
 
 from posefuse.kernels.articulated import carry_on, clip, copy_frames, copy_triangle, grow, spread_to_velocities
 from posefuse.kernels.bodies import move
+from posefuse.kernels.foretelling import Foretold, clip_triangle, covariance_ahead, fade_over, foretell
 from posefuse.kernels.jit import dense, kernel, step
 from posefuse.kernels.rotations import turn
 from posefuse.kernels.smoothing import difference, tilt_between
@@ -19,9 +19,6 @@ from posefuse.kernels.symmetric import invert
 _Room = namedtuple("_Room", "fade reach change pull row said known after gain mixed rotation carried")
 """How velocities act over a frame; how two states differ; what a frame pulls; rows; what it said; what was known
 before and is after; how velocities follow; how bones' frames lie to each other, cosines and sines; and one of them."""
-
-_Foretold = namedtuple("_Foretold", "root turns bones shape velocity")
-"""A State without covariance, of one frame."""
 
 
 @kernel
@@ -54,14 +51,12 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
         gain=np.empty((n, n + h)), mixed=np.empty((n, n + h)), rotation=np.empty((n_bones, 2)),
         carried=np.empty((3, 3)),
     )  # fmt: skip
-    foretold = _Foretold(
+    foretold = Foretold(
         np.empty((1, 3)), np.empty((1, filtered.turns.shape[1], 3, 3)), np.empty((1, n_bones, 3, 3)),
         np.empty((1, h)), np.empty((1, n)),
     )  # fmt: skip
     for k in range(1, frames):
-        for i in range(n):
-            room.fade[i] = math.exp(-dt_s[k] / decay_s[i])
-            room.reach[i] = decay_s[i] * (1.0 - room.fade[i])
+        fade_over(dt_s[k], decay_s, room.fade, room.reach)
         if not _what_was_said(filtered, k, dt_s[k], decay_s, power, most, walk, m, foretold, room):
             return k
         _move_on(state, k, dt_s[k], decay_s, power, most, walk if m > n else 0.0, room)
@@ -76,57 +71,13 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
 
 
 @step
-def _foretell(filtered, k, reach, fade, change, out):
-    """The state after frame ``k``, without its covariance."""
-    n = fade.shape[0]
-    for i in range(n):
-        change[i] = reach[i] * filtered.velocity[k, i]
-        out.velocity[0, i] = fade[i] * filtered.velocity[k, i]
-    for i in range(3):
-        out.root[0, i] = filtered.root[k, i]
-    for i in range(filtered.shape.shape[1]):
-        out.shape[0, i] = filtered.shape[k, i]
-    copy_frames(filtered.turns[k], out.turns[0])
-    copy_frames(filtered.bones[k], out.bones[0])
-    move(change, out.root[0], out.turns[0], out.bones[0])
-
-
-@step
-def _covariance_ahead(cov, dt, decay_s, power, fade, reach, most, walk, m, out):
-    """Of pose and shape after a frame, as ``predict_people`` has it; the lower triangle."""
-    n = fade.shape[0]
-    first = cov.shape[0] - n
-    for i in range(m):
-        for j in range(i + 1):
-            value = cov[i, j]
-            if i < n:
-                value += reach[i] * cov[first + i, j] + reach[j] * cov[first + j, i]
-                value += reach[i] * reach[j] * cov[first + i, first + j]
-            elif j < n:
-                value += reach[j] * cov[first + j, i]
-            out[i, j] = value
-    for i in range(m):
-        if i < n:
-            t = decay_s[i]
-            out[i, i] += power[i] * t * t * (dt - 2.0 * reach[i] + 0.5 * t * (1.0 - fade[i] * fade[i]))
-        else:
-            out[i, i] += walk * dt
-    for i in range(n):
-        if out[i, i] > most[i]:
-            scale = math.sqrt(most[i] / out[i, i])
-            for j in range(i + 1):
-                out[i, j] *= scale
-            for j in range(i, m):
-                out[j, i] *= scale
-
-
-@step
 def _what_was_said(filtered, k, dt, decay_s, power, most, walk, m, foretold, room):
     """What frame ``k`` said: its curvature into ``said``, its gradient into ``pull``; whether it can be told."""
     cov = filtered.covariance[k - 1]
-    _foretell(filtered, k - 1, room.reach, room.fade, room.change, foretold)
+    foretell(filtered, k - 1, room.fade, room.reach, room.change, foretold)
     difference(foretold, 0, filtered, k, room.change)
-    _covariance_ahead(cov, dt, decay_s, power, room.fade, room.reach, most, walk, m, room.known)
+    covariance_ahead(cov, dt, decay_s, power, room.fade, room.reach, walk, m, m, room.known)
+    clip_triangle(room.known, most, m)
     copy_triangle(filtered.covariance[k], m, room.said)
     if not invert(room.known, m, room.row) or not invert(room.said, m, room.row):
         return False

@@ -78,9 +78,10 @@ def tell_again(
         states; 0 for the first, which is not gone into.
     """
     frames, size = len(time_s), settings.tree.n_pose + settings.tree.n_shape
-    out = chosen(filtered, np.arange(frames))
+    out = State(*(each.copy() for each in filtered[:-2]), np.empty_like(filtered.covariance), filtered.free.copy())
     put(out, 0, first)
-    information = np.zeros((frames, size, size))
+    information = np.empty((frames, size, size))
+    information[0] = 0.0
     dt_s, walk = np.diff(time_s, prepend=time_s[:1]), settings.options.motion.shape_walk
     changes = np.flatnonzero(np.diff(filtered.free) != 0) + 1
     k = 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.articulated import State
-from posefuse.kernels.smoothing import apply_changes, compare_states
+from posefuse.kernels.smoothing import add_information, apply_changes, compare_states
 from posefuse.model.noise import NoiseModel
 from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.tracker_options import TrackerOptions
@@ -127,6 +127,49 @@ def test_root_and_lengths_are_the_textbook_smoother(settings, rng):
 
 def covariance0(states: State, k: int, at) -> np.ndarray:
     return states.covariance[k][at]
+
+
+def smoothed_densely(states: State, time_s: np.ndarray, settings: Settings) -> np.ndarray:
+    """The covariances of a smoother with one dense matrix for everything."""
+    covariance = states.covariance.copy()
+    for k in range(len(time_s) - 2, -1, -1):
+        dt_s = time_s[k + 1] - time_s[k]
+        rows = uncertain(N, H, bool(states.free[k]))
+        at = np.ix_(rows, rows)
+        fade, f = np.exp(-dt_s / settings.decay_s), np.eye(2 * N + H)
+        f[:N, N + H :], f[N + H :, N + H :] = np.diag(settings.decay_s * (1.0 - fade)), np.diag(fade)
+        before, f = states.covariance[k][at], f[at]
+        foretold = ahead(chosen(states, [k]), np.array([dt_s]), settings).covariance[0][at]
+        gain = np.linalg.solve(foretold, f @ before).T
+        covariance[k][at] = before + gain @ (covariance[k + 1][at] - foretold) @ gain.T
+    return covariance
+
+
+@pytest.mark.parametrize("dt_s", [0.01, DT_S, 5.0])
+@pytest.mark.parametrize("kept_from", [12, 10**6])
+def test_covariances_are_those_of_one_dense_matrix(settings, rng, dt_s, kept_from):
+    """Frames seconds apart too, over which velocities fade away."""
+    settings = replace(settings, most=np.full(N, np.inf))
+    states = filtered(settings, 20, rng, kept_from)
+    smooth = smooth_states(states, dt_s * np.arange(20), settings)
+    expected = smoothed_densely(states, dt_s * np.arange(20), settings)
+    sd = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
+    assert (np.abs(smooth.covariance - expected) <= 1e-7 * sd[:, :, None] * sd[:, None] + 1e-15).all()
+
+
+@pytest.mark.parametrize("free", [0, 1])
+def test_more_is_known_by_what_is_said_besides(settings, rng, free):
+    states = filtered(settings, 6, rng, kept_from=10**6 if free else 0)
+    root = rng.normal(0.0, 3.0, (6, N + H, N + H)) * (np.arange(N + H) < (N + H if free else N))
+    information = root.transpose(0, 2, 1) @ root
+    found, m = states.covariance.copy(), N + H if free else N
+    assert add_information(information, 0.3, states.free, N, found) == 6
+    known = np.linalg.inv(states.covariance[:, :m, :m]) + 0.3 * information[:, :m, :m]
+    np.testing.assert_allclose(found[:, :m, :m] @ known, np.tile(np.eye(m), (6, 1, 1)), atol=1e-6)
+    found[:, :m, :m] = states.covariance[:, :m, :m]
+    np.testing.assert_array_equal(found, states.covariance)
+    found[2, 0, 0] = -1.0
+    assert add_information(information, 0.3, states.free, N, found) == 2
 
 
 def test_smoothing_knows_more_than_filtering(settings, rng):
