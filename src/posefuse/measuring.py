@@ -207,7 +207,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         smoother: of the followed people, if it is to give bodies; it has given those up to ``start``.
     """
     # Sides are decided over time: some of what comes before and after is looked at too.
-    around = _context_frames(plan)
+    around = context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
     seen = plan.detections.frames(first, last)
     followed = plan.subjects.follow(first, last)
@@ -232,7 +232,7 @@ def _events(plan: Plan) -> tuple[Event, ...]:
     return known.events if isinstance(known, Followed) else ()
 
 
-def _context_frames(plan: Plan) -> int:
+def context_frames(plan: Plan) -> int:
     """How many frames before and after a range its sides are decided with."""
     if plan.options.pairs == "labels":
         return 0

@@ -1,6 +1,6 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -74,7 +74,12 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    keeper: Keeper = NOTHING,
+    who: "Who | None" = None,
 ) -> Plan:
     """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver.
 
@@ -85,17 +90,20 @@ def prepare(
         progress: told how far the work is.
         keeper: keeps what was followed of a long recording. If it does, the plan of a recording whose following is
             interrupted is of the frames that were followed.
+        who: finds whose detections are whose, by default :func:`who_is_followed`.
     """
-    examined, sample = look(rig, detections, options, progress, keeper)
+    examined, sample = look(rig, detections, options, progress, who or partial(who_is_followed, keeper=keeper))
     plan, scale = settle(examined), None
     if options.align.scales:
         scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
-        plan, sample = resized(examined, plan, sample, scale, progress, keeper)
+        again = keeper.within(f"resized_{examined.detections.n_frames}")
+        who = who or partial(who_is_followed, keeper=again)
+        plan, sample = resized(examined, plan, sample, scale, progress, who)
     return settle_solver(settle_world(with_findings(plan, sample), scale))
 
 
 def resized(
-    examined: Plan, plan: Plan, sample: Layer | None, scale: float, progress: Progress, keeper: Keeper = NOTHING
+    examined: Plan, plan: Plan, sample: Layer | None, scale: float, progress: Progress, who: "Who"
 ) -> tuple[Plan, Layer | None]:
     """A plan and what was measured for it, in a world of another size.
 
@@ -108,13 +116,12 @@ def resized(
         sample: of its points.
         scale: what lengths are multiplied by.
         progress: told how far the work is.
-        keeper: keeps what was followed.
+        who: finds whose detections are whose.
     """
     rig = scaled_rig(plan.rig, scale)
-    if not isinstance(plan.bodies or plan.subjects, Followed):
+    if plan.bodies is None and isinstance(plan.subjects, OneSubject):
         return replace(plan, rig=rig), None if sample is None else scaled_layer(sample, scale)
-    keeper = keeper.within(f"resized_{examined.detections.n_frames}")
-    subjects, bodies = who_is_followed(rig, examined.detections, examined.options, progress, keeper)
+    subjects, bodies = who(rig, examined.detections, examined.options, progress)
     detections, notes = as_far_as_followed(examined.detections, bodies or subjects)
     noise, sample = survey.survey(rig, detections, examined.options, subjects, progress)
     provenance = examined.provenance.with_notes(notes)
@@ -164,7 +171,7 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
 
 
 def look(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, who: "Who | None" = None
 ) -> tuple[Plan, Layer | None]:
     """What :func:`examine` settles, before anything is said of it; and a sample of points, None with one camera."""
     if detections.n_frames == 0:
@@ -179,7 +186,7 @@ def look(
     if step is not None:
         detections, notes = step.detections, (*notes, *step.notes)
     options, detections, own = own_noise(rig, detections, options)
-    subjects, bodies = who_is_followed(rig, detections, options, progress, keeper)
+    subjects, bodies = (who or who_is_followed)(rig, detections, options, progress)
     detections, cut = as_far_as_followed(detections, bodies or subjects)
     if step is not None:
         n = detections.n_frames
@@ -256,6 +263,10 @@ def who_is_followed(
             "measured points first (bodies = 'auto')."
         )
     return subject, followed
+
+
+Who = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, Followed | None]]
+"""Finds whose detections are whose, and bodies if any are fitted, as :func:`who_is_followed` does."""
 
 
 def settle(plan: Plan, method: str | None = None) -> Plan:

@@ -23,7 +23,7 @@ from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.laws import Laws, learn
 from posefuse.trajectory.observed import Measured
 
-_BLOCK_FRAMES = 1024
+BLOCK_FRAMES = 1024
 """So many frames are solved at a time, and those around them that count."""
 
 _PIECES, _PIECE_FRAMES = 4, 256
@@ -56,6 +56,10 @@ class Step(Protocol):
 
     def apply(self, window: Window, layer: Layer) -> Layer:
         """The layer after the step, of all frames of the window."""
+        ...
+
+    def frames(self, start: int, stop: int) -> "Step":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
         ...
 
 
@@ -99,6 +103,10 @@ class Postprocess:
             return done
         return with_errors(done, self.rig, self.detections.frames(window.first, last), window.part)
 
+    def frames(self, start: int, stop: int) -> "Postprocess":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
+        return replace(self, detections=self.detections.frames(start, stop), clock=self.clock.frames(start, stop))
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -131,6 +139,10 @@ class Trajectory:
         return trajectory.solve(
             self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.laws, self.options
         )
+
+    def frames(self, start: int, stop: int) -> "Trajectory":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
+        return replace(self, detections=self.detections.frames(start, stop))
 
 
 def learned(
@@ -208,7 +220,7 @@ class Solver:
     @property
     def size(self) -> int:
         """How many frames are solved at a time: those of a block, or as many as the steps look at on either side."""
-        return max(_BLOCK_FRAMES, self.margin)
+        return max(BLOCK_FRAMES, self.margin)
 
     def solve(
         self, parts: Iterable[Reconstruction], n_frames: int, size: int | None = None, done: int = 0, begin: int = 0
@@ -222,11 +234,21 @@ class Solver:
             done: so many ranges are left out.
             begin: the first frame of the first part, counted from 0; no later than the first that is looked at.
         """
-        for window in windows(iter(parts), n_frames, self.margin, size or self.size, done, begin):
-            layer = window.part.layers["measured"]
-            for step in self.steps:
-                layer = step.apply(window, layer)
-            yield _inner(window, layer)
+        return map(self.solved, windows(iter(parts), n_frames, self.margin, size or self.size, done, begin))
+
+    def solved(self, window: Window) -> Reconstruction:
+        """The range of a window with its solved layer."""
+        layer = window.part.layers["measured"]
+        for step in self.steps:
+            layer = step.apply(window, layer)
+        return _inner(window, layer)
+
+    def alone(self, window: Window) -> "tuple[Solver, Window]":
+        """A solver that knows the frames of a window alone, and the window as it knows it: the same comes out."""
+        last = window.first + window.part.n_frames
+        steps = tuple(step.frames(window.first, last) for step in self.steps)
+        moved = Window(window.part, 0, window.start - window.first, window.stop - window.first)
+        return replace(self, steps=steps), moved
 
 
 def _inner(window: Window, solved: Layer) -> Reconstruction:

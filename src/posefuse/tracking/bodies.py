@@ -43,11 +43,6 @@ def chosen(state: State, people: np.ndarray | list[int]) -> State:
     return State(*(np.ascontiguousarray(each[index]) for each in state))
 
 
-def seen_at(state: State, person: int) -> State:
-    """One of the people, not copied."""
-    return State(*(each[person : person + 1] for each in state))
-
-
 def put(state: State, person: int, other: State, of: int = 0) -> None:
     """Give a person the state of another."""
     for mine, theirs in zip(state, other, strict=True):

@@ -57,7 +57,7 @@ STEADIEST = 1e6
 _LEAST_SCALE, _MOST_SCALE = 0.5, 4.0
 
 _BONE_REACH = 3.0
-"""In units of what a bone gives and views leave open: at so much beside its length a bone holds a quarter as tightly."""
+"""In units of what a bone gives and views leave open: so far beside its length it holds a quarter as tightly."""
 
 _STIFFEST = 10.0
 """Bones are taken for no stiffer than so many times what views say along them: stiffer ones would tell hardly more, and
@@ -378,7 +378,7 @@ class Solver:
     def _tightness(self, paths_m: np.ndarray, law: Law, alive: np.ndarray, variance_m2: np.ndarray) -> np.ndarray:
         """Shape (bone, frame): one over the variance of each length, as if frames told of it one by one.
 
-        A bone that is farther from its length than its give and what views leave open gives way (Geman and McClure's weight).
+        A bone farther from its length than its give and what views leave open gives way (Geman and McClure's weight).
         """
         one, other = self.bones.ends.T
         share = min(self.observed.step_s / (2.0 * _BONE_S), 1.0)
