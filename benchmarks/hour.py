@@ -2,7 +2,7 @@
 
 Two people walk about before eight cameras at 60 Hz, forth and back again and again; what the detector makes of it
 is new in each piece and goes to a folder of tables as it comes. Then ``posefuse reconstruct`` makes all of it in a
-process of its own, which is looked at twice a second: CPU, memory, and which chunk it is at. With ``--kill`` it is done
+process of its own, which is looked at ten times a second: CPU, memory, and which chunk it is at. With ``--kill`` it is done
 once more, killed (SIGKILL) at a random moment, and gone on with, and the bytes of all files are compared.
 """
 
@@ -33,6 +33,7 @@ from posefuse.synthetic.crowds import crowd_of_points, simulate_crowd
 RATE_HZ, CAMERAS, PEOPLE = 60.0, 8, 2
 _PIECE = 2048
 _EARLY_MINUTES = 5.0
+_LOOK_S = 0.1
 
 
 def write(minutes: float, skeleton: str, folder: Path) -> int:
@@ -65,7 +66,7 @@ class Look:
     """At a running process.
 
     Attributes:
-        stage: ``following``, ``chunks``, or ``files``.
+        stage: ``following`` or ``chunks``.
         chunk: how many were done in that stage.
         resident_mb: its memory then.
     """
@@ -99,24 +100,25 @@ def watch(process: subprocess.Popen[bytes], output: Path) -> tuple[list[Look], f
         resident = next((line for line in text.splitlines() if line.startswith("VmRSS")), None)
         if resident is not None:
             looks.append(Look(*stage, int(resident.split()[1]) / 1024.0))
-        time.sleep(0.5)
+        time.sleep(_LOOK_S)
 
 
 def memory(looks: list[Look], frames: int, chunk_frames: int = 2048) -> dict[str, float]:
-    """The most memory up to minute 5 and after the last but five, MB, by stage."""
+    """The most memory in the first and in the last five minutes of the recording, MB, by stage; and while files come."""
     early = _EARLY_MINUTES * 60.0 * RATE_HZ / chunk_frames
     late = frames / chunk_frames - early - 1
     found = {}
     whole = -(-frames // chunk_frames)
     for stage in ("following", "chunks"):
-        # Between the last frame that is followed and the first chunk that is made, it is neither.
-        mine = [look for look in looks if look.stage == stage and (stage == "chunks" or look.chunk < whole)]
+        # After the last frame that is followed come samples and the first chunk, after the last chunk the files.
+        mine = [look for look in looks if look.stage == stage and look.chunk < whole]
         for name, some in (
             ("first", [look.resident_mb for look in mine if look.chunk <= early]),
             ("last", [look.resident_mb for look in mine if look.chunk >= late]),
         ):
-            found[f"{stage}_{name}_5_min_mb"] = max(some, default=float("nan"))
-    return found
+            found[f"{stage}_{name}_5_min_mb"] = round(max(some, default=0.0))
+    files = [look.resident_mb for look in looks if look.stage == "chunks" and look.chunk >= whole]
+    return {**found, "files_mb": round(max(files, default=0.0))}
 
 
 def digests(folder: Path) -> dict[str, str]:
