@@ -2,8 +2,8 @@
 
 Two people walk about before eight cameras at 60 Hz, forth and back again and again; what the detector makes of it
 is new in each piece and goes to a folder of tables as it comes. Then ``posefuse reconstruct`` makes all of it in a
-process of its own, which is looked at ten times a second: CPU, memory, and which chunk it is at. With ``--kill`` it is done
-once more, killed (SIGKILL) at a random moment, and gone on with, and the bytes of all files are compared.
+process of its own, which is looked at ten times a second: CPU, memory, and which chunk it is at. With ``--kill`` it is
+done once more, killed (SIGKILL) at a random moment, and gone on with, and the bytes of all files are compared.
 """
 
 import argparse
@@ -104,7 +104,7 @@ def watch(process: subprocess.Popen[bytes], output: Path) -> tuple[list[Look], f
 
 
 def memory(looks: list[Look], frames: int, chunk_frames: int = 2048) -> dict[str, float]:
-    """The most memory in the first and in the last five minutes of the recording, MB, by stage; and while files come."""
+    """The most memory in the first and in the last five minutes of the recording, MB, by stage; and of files."""
     early = _EARLY_MINUTES * 60.0 * RATE_HZ / chunk_frames
     late = frames / chunk_frames - early - 1
     found = {}
