@@ -24,6 +24,7 @@ import numpy as np
 from posefuse.errors import FileError, choices
 from posefuse.io.files import files_at, reading
 from posefuse.io.heaps import check_heaps
+from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
@@ -56,7 +57,7 @@ class _Table:
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one."""
     files = files_of(path)
-    return any(file.suffix == ".h5" or _header(file) in (_HEADER, _MANY) for file in files)
+    return any(bool(_h5_table(file)) if file.suffix == ".h5" else _header(file) in (_HEADER, _MANY) for file in files)
 
 
 def files_of(path: Path) -> list[Path]:
@@ -64,9 +65,12 @@ def files_of(path: Path) -> list[Path]:
 
     Where every prediction is there as CSV and as h5, those of one kind.
     """
-    found = files_at(path)
-    texts = [file for file in found if file.suffix == ".csv" and _is_text(file)]
-    return texts or [file for file in found if file.suffix == ".h5" and _h5_table(file)]
+    found = [file for file in files_at(path) if not file.name.startswith(".")]
+    texts = [file for file in found if file.suffix == ".csv" and (_is_text(file) or is_damaged(file))]
+    if any(_is_text(file) for file in texts):
+        return texts
+    tables = [file for file in found if file.suffix == ".h5" and (_h5_table(file) or is_damaged(file))]
+    return tables if any(map(_h5_table, tables)) else []
 
 
 def _is_text(file: Path) -> bool:
@@ -211,6 +215,8 @@ class _Names(pickle.Unpickler):
 
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
+    if key is None:
+        raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     check_heaps(file)
     with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
         group: Any = content[key]

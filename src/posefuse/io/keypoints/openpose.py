@@ -5,11 +5,13 @@ keypoint that was not detected. A person ``{}`` is one that Pose2Sim's associati
 folder has such, the place in the list is the person's identity. Otherwise ``person_id`` is, unless -1.
 """
 
+import heapq
 import json
 import os
 import re
 from array import array
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -32,6 +34,7 @@ from posefuse.io.keypoints.openpose_parts import (
     joined,
     missing_parts,
 )
+from posefuse.io.keypoints.people import beginning
 from posefuse.io.keypoints.pose2sim_config import find_settings
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -53,18 +56,21 @@ class _Frame(msgspec.Struct):
 _decoder = msgspec.json.Decoder(_Frame)
 _NUMBER = re.compile(r"(\d{1,12})\D*$")
 _TOLD_FILES = 100
+_LOOKED_AT = 3
 
 
 def matches(path: Path) -> bool:
     """Whether the folder holds OpenPose files, of one camera or of one camera a folder."""
     if not path.is_dir():
         return False
-    folder = next((f for f in camera_folders(path)), None)
-    first = min(frame_names(folder), default=None) if folder else None
-    if folder is None or first is None:
-        return False
-    with (folder / first).open("rb") as file:
-        return b'"people"' in file.read(4096)
+    return any(b'"people"' in start for start in first_bytes(path))
+
+
+def first_bytes(path: Path) -> Iterator[bytes]:
+    """How the first files of the first cameras begin: of one that is damaged the others tell what it should be."""
+    for folder in camera_folders(path)[:_LOOKED_AT]:
+        for name in heapq.nsmallest(_LOOKED_AT, frame_names(folder)):
+            yield beginning(folder / name)
 
 
 def camera_folders(path: Path) -> list[Path]:

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import files_at, natural_key
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.request import Request
@@ -185,24 +184,6 @@ def detections_of(
 def _nobody(view: ViewColumns, count: int) -> ViewColumns:
     nobody = np.empty(0, np.int64)
     return ViewColumns(view.name, view.recorded, nobody, np.empty((0, count, 3)), nobody, time_s=view.time_s)
-
-
-def camera_files(path: Path, suffix: str, is_one: Any) -> list[Path]:
-    """Files of one format, one a camera: in a folder, or in folders in it, in the order that counts; or the file."""
-    if not path.is_dir():
-        return [file for file in files_at(path) if file.suffix == suffix and is_one(file)]
-    found = [file for pattern in (f"*{suffix}", f"*/*{suffix}") for file in _at_most(path, pattern)]
-    ordered = sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
-    return [file for file in ordered if file.is_file() and is_one(file)]
-
-
-_MOST_FILES = 300
-
-
-def _at_most(path: Path, pattern: str) -> list[Path]:
-    """The files; none where there are so many that they are frames, not cameras."""
-    found = list(path.glob(pattern))
-    return found if len(found) <= _MOST_FILES else []
 
 
 def decode(file: Path, kind: Any) -> Any:
