@@ -22,8 +22,8 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import files_at, reading
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import files_at
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
@@ -217,8 +217,7 @@ def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
     if key is None:
         raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
-    check_heaps(file)
-    with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
+    with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
         columns = _Names(io.BytesIO(must_be_small(bytes(group.attrs["non_index_axes"])))).load()[0][1]
         table = np.asarray(group["table"])

@@ -15,6 +15,7 @@ import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
 from posefuse.io.files import reading
+from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_named, skeleton_of, view_names
@@ -56,6 +57,7 @@ def read(path: Path, request: Request) -> Detections:
     files, views, nodes = files_of(path), [], None
     request.progress.start("reading keypoints", len(files))
     for file, name in zip(files, view_names(files), strict=True):
+        check_hdf5(file, "SLEAP file")
         with reading(file, "SLEAP file"):
             labels = _load(file)
             found = _skeleton(labels)
