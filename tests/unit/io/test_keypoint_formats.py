@@ -16,8 +16,8 @@ from tests.broken import broken
 from tests.keypoint_files import WRITERS
 
 NO_CONFIDENCE = ("coco_annotations", "label3d")
-ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long")
-NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long")
+ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long", "eks")
+NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "opencap")
 BODY = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "mediapipe_long": "mediapipe_33"}
 
 
@@ -137,7 +137,7 @@ def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
     folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Evil(), protocol=0))
-    with pytest.raises(FileError, match="no table of keypoints needs"):
+    with pytest.raises(FileError, match="which nothing but numbers and texts needs"):
         read_detections(folder)
 
 
@@ -199,7 +199,8 @@ def test_very_many_broken_files(name, tmp_path):
 
 A_FILE_A_CAMERA = (
     "mmpose", "rtmlib", "alphapose", "coco_results", "coco_annotations", "deeplabcut_many", "deeplabcut_h5",
-    "deeplabcut", "sleap", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "detection_folder",
+    "deeplabcut", "sleap", "opencap", "eks", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long",
+    "detection_folder",
 )  # fmt: skip
 
 

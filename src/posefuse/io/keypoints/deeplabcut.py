@@ -10,8 +10,6 @@ Of h5 files the columns' names are pickled; of that pickle only texts, numbers a
 """
 
 import csv
-import io
-import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -29,7 +27,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
-from posefuse.io.pickles import must_be_small
+from posefuse.io.pickles import load_plain
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
@@ -206,20 +204,13 @@ def _number(text: str, file: Path) -> int:
     return int(value)
 
 
-class _Names(pickle.Unpickler):
-    """Builds texts, numbers and tuples, and refuses everything else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no table of keypoints needs")
-
-
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
     if key is None:
         raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
-        columns = _Names(io.BytesIO(must_be_small(bytes(group.attrs["non_index_axes"])))).load()[0][1]
+        columns = load_plain(bytes(group.attrs["non_index_axes"]))[0][1]
         table = np.asarray(group["table"])
         values = np.asarray(table["values_block_0"], dtype=np.float64)
         index = table["index"].tolist()

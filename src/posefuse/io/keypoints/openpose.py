@@ -12,6 +12,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +21,7 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.ahead import contents
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
@@ -33,6 +35,7 @@ from posefuse.io.keypoints.openpose_parts import (
     has_parts,
     joined,
     missing_parts,
+    said_of,
 )
 from posefuse.io.keypoints.people import beginning
 from posefuse.io.keypoints.pose2sim_config import find_settings
@@ -199,23 +202,20 @@ def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
         if before[0] == after[0]:
             raise FileError(f"{folder} has two files for frame {after[0]}.")
     has_empty = False
-    for done, (frame, name) in enumerate(numbered, start=1):
-        for place, person in enumerate(_decode(folder, name).people):
-            values = person.pose_keypoints_2d
-            if not values:
-                has_empty = True
-                continue
-            if len(values) % 3:
-                raise FileError(
-                    f"{folder / name}, person {place}: pose_keypoints_2d holds {len(values)} numbers, expected x, y, "
-                    "confidence for each keypoint."
-                )
-            numbers.extend(values)
-            parts.add(len(people.frames), _parts_of(person), f"{folder / name}, person {place}")
-            given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
-            people.add(frame, place, given, len(values) // 3)
-        if done % _TOLD_FILES == 0:
-            request.progress.advance(_TOLD_FILES)
+    with closing(contents(folder, [name for _, name in numbered])) as data:
+        for done, ((frame, name), content) in enumerate(zip(numbered, data, strict=True), start=1):
+            for place, person in enumerate(_decode(folder, name, content).people):
+                if not person.pose_keypoints_2d:
+                    has_empty = True
+                    continue
+                where = folder, name, place
+                length = _length(person, where)
+                numbers.extend(person.pose_keypoints_2d)
+                parts.add(len(people.frames), _parts_of(person), where)
+                given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
+                people.add(frame, place, given, length)
+            if done % _TOLD_FILES == 0:
+                request.progress.advance(_TOLD_FILES)
     request.progress.advance(len(numbered) % _TOLD_FILES)
     return _PeopleList(
         _columns(folder, np.array([frame for frame, _ in numbered], dtype=np.int64), people, numbers),
@@ -223,6 +223,16 @@ def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
         has_empty,
         parts,
     )
+
+
+def _length(person: _Person, where: tuple[Path, str, int]) -> int:
+    n_numbers = len(person.pose_keypoints_2d)
+    if n_numbers % 3:
+        raise FileError(
+            f"{said_of(where)}: pose_keypoints_2d holds {n_numbers} numbers, expected x, y, confidence for each "
+            "keypoint."
+        )
+    return n_numbers // 3
 
 
 def _parts_of(person: _Person) -> tuple[list[float], list[float], list[float]]:
@@ -269,10 +279,8 @@ def _without_blanks(keypoints: np.ndarray) -> np.ndarray:
     return keypoints
 
 
-def _decode(folder: Path, name: str) -> _Frame:
+def _decode(folder: Path, name: str, data: bytes) -> _Frame:
     file = os.path.join(folder, name)
-    with open(file, "rb", buffering=0) as content:
-        data = content.read()
     try:
         return _decoder.decode(data)
     except msgspec.ValidationError as error:

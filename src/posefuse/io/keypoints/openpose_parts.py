@@ -7,6 +7,7 @@ empty where OpenPose did not look for them, and 0 0 0 where it did not find one.
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -63,6 +64,12 @@ def lists_of(skeleton: Skeleton, values: np.ndarray) -> dict[str, list[float]]:
     return {"pose_keypoints_2d": values[:N_BODY].ravel().tolist(), **parts}
 
 
+def said_of(where: tuple[Path, str, int]) -> str:
+    """A person's place, in words: made only where something is wrong with one of millions."""
+    folder, name, place = where
+    return f"{folder / name}, person {place}"
+
+
 @dataclass(frozen=True)
 class PartRows:
     """The parts of one view's people, as they are read.
@@ -75,8 +82,13 @@ class PartRows:
     numbers: tuple["array[float]", ...] = field(default_factory=lambda: tuple(array("d") for _ in PARTS))
     rows: tuple[list[int], ...] = field(default_factory=lambda: tuple([] for _ in PARTS))
 
-    def add(self, row: int, values: Sequence[Sequence[float]], where: str) -> None:
+    def add(self, row: int, values: Sequence[Sequence[float]], where: tuple[Path, str, int]) -> None:
         """Add a person's parts, those that are not empty.
+
+        Args:
+            row: the person's place among the view's people.
+            values: of each of :data:`PARTS`.
+            where: folder, file, and place in the file.
 
         Raises:
             FileError: if a part has another number of keypoints.
@@ -86,7 +98,7 @@ class PartRows:
                 continue
             if len(given) != 3 * len(part):
                 raise FileError(
-                    f"{where}: {part.key} holds {len(given)} numbers, expected x, y, confidence for each of "
+                    f"{said_of(where)}: {part.key} holds {len(given)} numbers, expected x, y, confidence for each of "
                     f"{len(part)} keypoints."
                 )
             self.numbers[i].extend(given)

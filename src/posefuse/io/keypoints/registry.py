@@ -52,6 +52,14 @@ KEYPOINTS = (
         conventions="px, [camera, frame, keypoint, 3], third channel depth, cameras in the order of the videos' names",
     ),
     Format(
+        "opencap",
+        "posefuse.io.keypoints.opencap",
+        reads=True,
+        writes=False,
+        files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl, or the folder of the cameras",
+        conventions="px, x y confidence of BODY_25, 0 0 0 is missing; nothing in it is run; --rate-hz",
+    ),
+    Format(
         "easymocap",
         "posefuse.io.keypoints.easymocap",
         reads=True,
