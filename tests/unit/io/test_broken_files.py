@@ -37,7 +37,8 @@ def mvor_detected(folder: Path) -> Case:
 
 def arrays_of_cameras(folder: Path) -> Case:
     path = folder / "cameras.npz"
-    np.savez(path, K=np.ones((2, 3, 3)), R=np.ones((2, 3, 3)), t=np.ones((2, 3)))
+    lens = np.array([[900.0, 0.0, 640.0], [0.0, 900.0, 480.0], [0.0, 0.0, 1.0]])
+    np.savez(path, K=np.stack([lens] * 2), R=np.stack([np.eye(3)] * 2), t=np.arange(6.0).reshape(2, 3))
     return path, lambda: read_cameras(path)
 
 
@@ -48,14 +49,14 @@ def deepfly(folder: Path) -> Case:
 
 def array(folder: Path) -> Case:
     np.save(folder / "points.npy", np.ones((2, 3, 25, 2)))
-    return folder / "points.npy", lambda: read_detections(folder / "points.npy")
+    return folder / "points.npy", lambda: read_detections(folder / "points.npy", "body_25")
 
 
 def packed_arrays(folder: Path) -> Case:
     path, rng = folder / "points.npz", np.random.default_rng(0)
     pixels, trust = rng.uniform(0, 999, (2, 3, 17, 2)), rng.uniform(size=(2, 3, 17))
     np.savez_compressed(path, keypoints=pixels, confidence=trust, names=["a", "b"], rate_hz=30.0)
-    return path, lambda: read_detections(path)
+    return path, lambda: read_detections(path, "coco_17")
 
 
 def freemocap_arrays(folder: Path) -> Case:
@@ -129,6 +130,7 @@ CASES = (
 def refused(case: Callable[[Path], Case], folder: Path, cases: int) -> int:
     """How many of so many broken files are not read; whatever else is raised is the reader's fault."""
     path, read = case(folder)
+    read()
     original, rng, n = path.read_bytes(), np.random.default_rng(9), 0
     for _ in range(cases):
         path.write_bytes(broken(original, rng))

@@ -67,7 +67,7 @@ def test_formats_are_told_by_names(result, tmp_path):
         done = posefuse.write(result, tmp_path / name)
         assert done.files == (tmp_path / name,)
         assert done.layer == "solved"
-        assert done.notes[0] == f"{form}: the layer solved; without measured."
+        assert done.notes[0] == f"{form}: the layer solved; without measured, detections of each track, swapped sides."
         assert done.notes[1:] == ((f"{form} has no place for {lacks[name]}.",) if name in lacks else ())
         np.testing.assert_allclose(posefuse.read_points(tmp_path / name).points_m, solved(result), rtol=1e-15)
     with pytest.raises(ResultError, match=r"x.h5 may be of the format deeplabcut or sleap"):

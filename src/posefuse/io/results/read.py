@@ -9,7 +9,7 @@ from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.results.registry import RESULTS
 from posefuse.model.stored_points import StoredPoints
 
-READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb")
+READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb", "trc")
 """Formats that are read as points, in the order in which files are tried."""
 
 _HDF5 = (".h5", ".nc", ".nwb")
@@ -23,6 +23,7 @@ _SUFFIXES = {
     "movement": (".nc",),
     "sleap": (".h5",),
     "nwb": (".nwb",),
+    "trc": (".trc",),
 }
 
 
@@ -50,7 +51,8 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     found = by_name(RESULTS, name)
     assert found is not None
     try:
-        return found.load().read(path)
+        module = found.load()
+        return getattr(module, "read_points", module.read)(path)
     except ResultError as error:
         raise FileError(f"{path}: {error}") from None
 
