@@ -152,6 +152,7 @@ def test_opencap_s_trials_are_recordings_and_all_of_each_is_read(tmp_path):
         (pickle.dumps([[{"preds_with_flip": [1.0]}]]), "frame 0: a person without pose_keypoints_2d"),
         (pickle.dumps([["nobody"]]), "frame 0: a person without pose_keypoints_2d"),
         (pickle.dumps([[{"pose_keypoints_2d": ["x"]}]]), "frame 0: a person without pose_keypoints_2d"),
+        (pickle.dumps([[{"pose_keypoints_2d": [10**400] * 75}]]), "frame 0: a person's keypoints are not all numbers"),
         (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}] * 1000] * 10**4), "would unfold to 6000000000 bytes"),
         (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}]])[:-40], "is not a whole pickle of OpenCap's keypoints"),
     ],

@@ -74,7 +74,7 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
             return default
         try:
             value = float(text)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = math.inf
         if not abs(value) < BEYOND_REASON:
             raise FileError(f"{path}, camera {name!r}: {child}@{attribute} should be a number, got {text!r}.")

@@ -201,7 +201,7 @@ def _points(landmarks: Any, where: str) -> np.ndarray:
     try:
         rows = [[point["x"], point["y"], point.get("z"), point.get("visibility")] for point in landmarks]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise FileError(f"{where}: a landmark has no x and y that are numbers.") from None
 
 

@@ -64,7 +64,7 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
     missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
     keypoints[missing | ~np.isfinite(keypoints[..., :2]).all(axis=-1)] = np.nan
     frames = np.array([person.frame for person in ordered], dtype=np.int64)
-    tracks = np.array([person.track for person in ordered], dtype=np.int64)
+    tracks = np.array([p.track if abs(p.track) < _LARGEST_FRAME else -1 for p in ordered], dtype=np.int64)
     if recorded is None:
         recorded = _all_frames(frames, where)
     seen = np.isfinite(keypoints[..., 0]).any(axis=1)
@@ -86,7 +86,7 @@ def _all_frames(frames: np.ndarray, where: str) -> np.ndarray:
 def _rows(person: Person, where: str) -> np.ndarray:
     try:
         values = np.array(person.values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{where}, frame {person.frame}: a person's keypoints are not all numbers.") from None
     if values.size % 3 or (values.ndim == 2 and values.shape[1] != 3):
         raise FileError(
@@ -106,7 +106,7 @@ def joined(pixels: Any, scores: Any, where: str, frame: int) -> np.ndarray:
         places = np.array(pixels, dtype=np.float64).reshape(len(pixels), -1)[:, :2]
         confidence = np.array(scores, dtype=np.float64).reshape(-1, 1)
         return np.concatenate([places, confidence], axis=1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{where}, frame {frame}: keypoints and scores of a person do not fit each other.") from None
 
 
