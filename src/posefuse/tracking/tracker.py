@@ -19,6 +19,7 @@ from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
+from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
@@ -126,9 +127,11 @@ class ArticulatedTracker:
         labels = self.labels = self._labels(rows, swapped)
         alone_s = self.lately.alone_s
         alone_s[:] = np.where((rows >= 0).sum(axis=1) == 1, alone_s + dt_s, 0.0)
+        keep_posture(self.state if before is None else before, self.lately, alone_s > 0.0, dt_s, s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
+        note_posture(self.state, self.lately, self.supported.sum(axis=1), dt_s)
         self._set_limbs_anew(frame, rows, uses, dt_s)
         p, v = np.nonzero(rows >= 0)
         self.lately.swapped[p, v] = swapped[p, rows[p, v]]
@@ -138,7 +141,8 @@ class ArticulatedTracker:
 
     def _unknown(self, tracks: int) -> Lately:
         s = self.settings
-        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton))
+        movers = len(s.tree.segments) + len(s.tree.bones)
+        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton), movers)
 
     def _move_on(self, state: State, dt_s: float) -> None:
         s = self.settings
