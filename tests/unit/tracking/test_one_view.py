@@ -99,11 +99,15 @@ def test_how_far_away_is_as_sure_as_it_is_right():
     assert np.mean(np.array(squared) < 4.0) > 0.95
 
 
-def test_whom_one_view_alone_shows_does_not_come_nearer():
-    """Errors that make bones longer cannot be turned away; postures that last keep bodies where they are."""
-    off = []
-    for seed in range(4, 10):
-        truth, told = seen_by_one(seed)
-        ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
-        off += [float(((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean()) for person in told]
-    assert abs(np.mean(off)) < 0.1
+def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkeypatch: pytest.MonkeyPatch):
+    """Errors that make bones longer cannot be turned away: who may hold themselves anyhow comes nearer."""
+    off_m = []
+    for _ in range(2):
+        off_m.append([])
+        for seed in range(4, 8):
+            truth, told = seen_by_one(seed)
+            ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+            off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
+        monkeypatch.setattr("posefuse.tracking.tracker.keep_posture", lambda *_: None)
+    told, untold = np.abs(np.mean(off_m, axis=1))
+    assert told < 0.8 * untold
