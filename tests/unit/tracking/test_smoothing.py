@@ -255,7 +255,7 @@ def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
 
 
 def test_white_errors_need_no_tempering(settings, rng):
-    """No longer a memory in the smoother than in the filter: nothing is told again, the means are the plain smoother's."""
+    """No longer a memory in the smoother than in the filter: nothing is told again, means are the plain smoother's."""
     options = replace(settings.options, smoother_error_memory_s=1e-3)
     states = filtered(settings, 30, rng, turn=0.005)
     run = replace(run_of(states), fresh=False)
