@@ -18,8 +18,8 @@ from posefuse.kernels.symmetric import invert
 
 _Room = namedtuple("_Room", "fade reach change pull row before said known after gain mixed rotation carried")
 """How velocities act over a frame; how two states differ; what a frame pulls; a row; what the first filter knew
-before it, what it said, what is known before it now and after; how velocities follow; how bones' frames lie to each other, cosines
-and sines; and one of them."""
+before it, what it said, what is known before it now and after; how velocities follow; how bones' frames lie to each
+other, cosines and sines; and one of them."""
 
 
 @kernel
