@@ -10,7 +10,7 @@ from posefuse.health.search import Found
 if TYPE_CHECKING:
     from posefuse.health.examine import Examination
 
-CLOCKS = ("late", "drift")
+CLOCKS = ("late", "drift", "dropped")
 
 
 def find(examination: "Examination") -> tuple[Finding, ...]:
@@ -43,7 +43,7 @@ def _finding(examination: "Examination", view: int, items: list[Found], coarse_g
         return _dropped(examination, cameras, name, steps[0], late, sd, certainty, 0.5 * score, remedy)
     drifts = [item for item in items if item.hypothesis.kind == "drift"]
     if drifts:
-        ppm, spread = 1e6 * float(sum(i.values[1] for i in drifts)), 1e6 * float(drifts[0].sds[1])
+        ppm, spread = 1e6 * float(sum(i.values[-1] for i in drifts)), 1e6 * float(drifts[0].sds[-1])
         sentence = (
             f"{name} drifts: from {late[0]:+.1f} frames at the start to {late[-1]:+.1f} at the end, {ppm:+.0f} +- "
             f"{spread:.0f} ppm."
