@@ -10,6 +10,8 @@ from posefuse.health.system import Sums, System
 
 _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 """How far off each unknown is at most believed to be, one standard deviation; keeps what nothing tells at 0."""
+CLOCKS = ("late", "drift", "dropped")
+"""Kinds of hypotheses about when a view took its frames."""
 _LEAST_BLOCKS = 3
 _POOLED = 40.0
 _LEAST_FREEDOM = 0.5
@@ -75,6 +77,7 @@ class Verdict:
         values: shape (unknown,): of the hypothesis.
         sds: shape (unknown,): their standard deviations.
         effect: how many observations count as one.
+        raw: the gain as if all observations were independent.
     """
 
     hypothesis: Hypothesis
@@ -82,6 +85,7 @@ class Verdict:
     values: np.ndarray
     sds: np.ndarray
     effect: float
+    raw: float
 
     @property
     def score(self) -> float:
@@ -127,19 +131,32 @@ def hypotheses(system: System, view: int, free: Sequence[str]) -> Iterator[Hypot
 def promising(
     system: System, accepted: Sequence[Unknown], every: Iterable[Hypothesis], usual_effect: float
 ) -> Iterator[Hypothesis]:
-    """Those that could be worth their penalty if the scatter were as small as it can be; most are not.
-
-    Hypotheses about the same numbers, from one moment on or another, are looked at together.
-    """
+    """Those that could be worth their penalty if the scatter were as small as it can be; most are not."""
     before = solve(system, accepted)[2] if accepted else 0.0
-    alike: dict[tuple[int, ...], list[Hypothesis]] = {}
-    for one in every:
-        alike.setdefault(tuple(unknown.index for unknown in one.unknowns), []).append(one)
-    for group in alike.values():
+    for group in _alike(every):
         for one, gain in zip(group, _gains(system, accepted, group), strict=True):
             raw = max(float(gain) - before, 0.0) / _least_effect(system, one, usual_effect)
             if _told(system, raw) > one.penalty:
                 yield one
+
+
+def left_over(system: System, accepted: Sequence[Unknown], every: Iterable[Hypothesis], effect: float) -> float:
+    """What is not explained about a view: the most that could be gained, or if that is less the penalty of it."""
+    before = solve(system, accepted)[2] if accepted else 0.0
+    most, worth = 0.0, 0.0
+    for group in _alike(every):
+        for one, gain in zip(group, _gains(system, accepted, group), strict=True):
+            told = _told(system, max(float(gain) - before, 0.0) / effect)
+            most, worth = max(most, told), max(worth, told - one.penalty)
+    return most - worth
+
+
+def _alike(every: Iterable[Hypothesis]) -> Iterable[list[Hypothesis]]:
+    """Hypotheses about the same numbers, from one moment on or another."""
+    groups: dict[tuple[int, ...], list[Hypothesis]] = {}
+    for one in every:
+        groups.setdefault(tuple(unknown.index for unknown in one.unknowns), []).append(one)
+    return groups.values()
 
 
 def _gains(system: System, accepted: Sequence[Unknown], group: Sequence[Hypothesis]) -> np.ndarray:
@@ -193,7 +210,7 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     n, raw = len(accepted), max(gain - before, 0.0)
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
-    return Verdict(hypothesis, _told(system, raw / effect), values[n:], sds, effect)
+    return Verdict(hypothesis, _told(system, raw / effect), values[n:], sds, effect, raw)
 
 
 def independent(system: System) -> float:

@@ -118,9 +118,7 @@ def curvature(points: Points) -> float:
     return float((weight * (1.0 - weight * squared / (TAILS + 2.0))).sum() / weight.sum())
 
 
-def _sums(
-    straight: np.ndarray, cross: np.ndarray, right: np.ndarray, of: np.ndarray, n: int, curve: float
-) -> Sums:
+def _sums(straight: np.ndarray, cross: np.ndarray, right: np.ndarray, of: np.ndarray, n: int, curve: float) -> Sums:
     views, size = straight.shape[2], right.shape[-1]
     normal, total = np.zeros((n, size, size)), np.zeros((n, size))
     for cluster in range(n):
