@@ -23,7 +23,8 @@ from scipy.stats import chi2
 import posefuse
 from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
-from posefuse.evaluation.people import PeoplePoints, PeopleScores, score_people
+from posefuse.evaluation.people import PeopleScores, score_people
+from posefuse.evaluation.together import PeoplePoints
 from posefuse.following import tracker_of, usual_noise
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event

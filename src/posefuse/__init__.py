@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
     from posefuse.evaluation.own_account import own_account as own_account
-    from posefuse.evaluation.people import PeoplePoints as PeoplePoints
     from posefuse.evaluation.people import ScoringOptions as ScoringOptions
-    from posefuse.evaluation.people import people_points as people_points
     from posefuse.evaluation.people import score_people as score_people
+    from posefuse.evaluation.together import PeoplePoints as PeoplePoints
+    from posefuse.evaluation.together import people_points as people_points
     from posefuse.io.calibration.read import read_cameras as read_cameras
     from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
@@ -76,7 +76,8 @@ _PLACES = {
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
     "evaluation.own_account": ("own_account",),
-    "evaluation.people": ("PeoplePoints", "ScoringOptions", "people_points", "score_people"),
+    "evaluation.people": ("ScoringOptions", "score_people"),
+    "evaluation.together": ("PeoplePoints", "people_points"),
     "io.calibration.read": ("read_cameras",),
     "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),

@@ -1,6 +1,6 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -106,18 +106,24 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
     return measure(plan, 0, plan.detections.n_frames)
 
 
-def prepare(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Plan:
-    """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver."""
-    examined, sample = look(rig, detections, options, progress)
+def prepare(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, who: "Who | None" = None
+) -> Plan:
+    """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver.
+
+    ``who`` finds whose detections are whose, by default :func:`who_is_followed`.
+    """
+    who = who or who_is_followed
+    examined, sample = look(rig, detections, options, progress, who)
     plan, scale = settle(examined), None
     if options.align.scales:
         scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
-        plan, sample = resized(examined, plan, sample, scale, progress)
+        plan, sample = resized(examined, plan, sample, scale, progress, who)
     return settle_solver(settle_world(with_findings(plan, sample), scale))
 
 
 def resized(
-    examined: Plan, plan: Plan, sample: Layer | None, scale: float, progress: Progress
+    examined: Plan, plan: Plan, sample: Layer | None, scale: float, progress: Progress, who: "Who"
 ) -> tuple[Plan, Layer | None]:
     """A plan and what was measured for it, in a world of another size.
 
@@ -130,11 +136,12 @@ def resized(
         sample: of its points.
         scale: what lengths are multiplied by.
         progress: told how far the work is.
+        who: finds whose detections are whose.
     """
     rig = scaled_rig(plan.rig, scale)
-    if not isinstance(plan.bodies or plan.subjects, Followed):
+    if plan.bodies is None and isinstance(plan.subjects, OneSubject):
         return replace(plan, rig=rig), None if sample is None else scaled_layer(sample, scale)
-    subjects, bodies = who_is_followed(rig, examined.detections, examined.options, progress)
+    subjects, bodies = who(rig, examined.detections, examined.options, progress)
     noise, sample = survey.survey(rig, examined.detections, examined.options, subjects, progress)
     return settle(replace(examined, rig=rig, subjects=subjects, bodies=bodies, noise=noise)), sample
 
@@ -180,7 +187,9 @@ def examine(rig: CameraRig, detections: Detections, options: Options, progress: 
     return with_findings(*look(rig, detections, options, progress))
 
 
-def look(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> tuple[Plan, Layer | None]:
+def look(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, who: "Who | None" = None
+) -> tuple[Plan, Layer | None]:
     """What :func:`examine` settles, before anything is said of it; and a sample of points, None with one camera."""
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
@@ -194,7 +203,7 @@ def look(rig: CameraRig, detections: Detections, options: Options, progress: Pro
     if step is not None:
         detections, notes = step.detections, (*notes, *step.notes)
     options, detections, own = own_noise(rig, detections, options)
-    subjects, bodies = who_is_followed(rig, detections, options, progress)
+    subjects, bodies = (who or who_is_followed)(rig, detections, options, progress)
     if step is not None:
         detections = retiming.at_frame_times(step, subjects.follow(0, detections.n_frames))
     if options.people == "one":
@@ -253,6 +262,10 @@ def who_is_followed(
             "measured points first (bodies = 'auto')."
         )
     return subject, followed
+
+
+Who = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, Followed | None]]
+"""Finds whose detections are whose, and bodies if any are fitted, as :func:`who_is_followed` does."""
 
 
 def settle(plan: Plan, method: str | None = None) -> Plan:
@@ -329,7 +342,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         smoother: of the followed people, if it is to give bodies; it has given those up to ``start``.
     """
     # Sides are decided over time: some of what comes before and after is looked at too.
-    around = _context_frames(plan)
+    around = context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
     seen = plan.detections.frames(first, last)
     followed = plan.subjects.follow(first, last)
@@ -361,7 +374,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
     )
 
 
-def _context_frames(plan: Plan) -> int:
+def context_frames(plan: Plan) -> int:
     """How many frames before and after a range its sides are decided with."""
     if plan.options.pairs == "labels":
         return 0

@@ -22,7 +22,7 @@ from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.laws import Laws, learn
 from posefuse.trajectory.observed import Measured
 
-_BLOCK_FRAMES = 1024
+BLOCK_FRAMES = 1024
 """So many frames are solved at a time, and those around them that count."""
 
 _PIECES, _PIECE_FRAMES = 4, 256
@@ -55,6 +55,10 @@ class Step(Protocol):
 
     def apply(self, window: Window, layer: Layer) -> Layer:
         """The layer after the step, of all frames of the window."""
+        ...
+
+    def frames(self, start: int, stop: int) -> "Step":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
         ...
 
 
@@ -98,6 +102,10 @@ class Postprocess:
             return done
         return with_errors(done, self.rig, self.detections.frames(window.first, last), window.part)
 
+    def frames(self, start: int, stop: int) -> "Postprocess":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
+        return replace(self, detections=self.detections.frames(start, stop), clock=self.clock.frames(start, stop))
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -130,6 +138,10 @@ class Trajectory:
         return trajectory.solve(
             self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.laws, self.options
         )
+
+    def frames(self, start: int, stop: int) -> "Trajectory":
+        """The same step where the frames ``start`` to ``stop`` are the whole recording, in memory."""
+        return replace(self, detections=self.detections.frames(start, stop))
 
 
 def learned(
@@ -205,7 +217,7 @@ class Solver:
         return round(sum(step.margin_s for step in self.steps) / self.period_s) + 1
 
     def solve(
-        self, parts: Iterable[Reconstruction], n_frames: int, block: int = _BLOCK_FRAMES
+        self, parts: Iterable[Reconstruction], n_frames: int, block: int = BLOCK_FRAMES
     ) -> Iterator[Reconstruction]:
         """The recording with its solved layer, in ranges of its own, the same however it comes.
 
@@ -214,11 +226,21 @@ class Solver:
             n_frames: of all of them.
             block: so many frames are solved at a time, or as many as the steps look at on either side.
         """
-        for window in windows(iter(parts), n_frames, self.margin, max(block, self.margin)):
-            layer = window.part.layers["measured"]
-            for step in self.steps:
-                layer = step.apply(window, layer)
-            yield _inner(window, layer)
+        return map(self.solved, windows(iter(parts), n_frames, self.margin, max(block, self.margin)))
+
+    def solved(self, window: Window) -> Reconstruction:
+        """The range of a window with its solved layer."""
+        layer = window.part.layers["measured"]
+        for step in self.steps:
+            layer = step.apply(window, layer)
+        return _inner(window, layer)
+
+    def alone(self, window: Window) -> "tuple[Solver, Window]":
+        """A solver that knows the frames of a window alone, and the window as it knows it: the same comes out."""
+        last = window.first + window.part.n_frames
+        steps = tuple(step.frames(window.first, last) for step in self.steps)
+        moved = Window(window.part, 0, window.start - window.first, window.stop - window.first)
+        return replace(self, steps=steps), moved
 
 
 def _inner(window: Window, solved: Layer) -> Reconstruction:

@@ -4,13 +4,18 @@ import csv
 import os
 import shutil
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
+from posefuse.io.results import netcdf
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 
@@ -38,11 +43,11 @@ BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
 }  # fmt: skip
 
 
-def recordings(root: Path, n: int, broken: dict[int, str]) -> list[Path]:
-    """So many recordings of a few frames, some of them broken."""
+def recordings(root: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> list[Path]:
+    """So many short recordings, some of them broken."""
     folders = []
     for i in range(n):
-        made = simulate(SceneOptions(duration_s=0.2, cameras=3, detector=CLEAN, seed=i))
+        made = simulate(SceneOptions(duration_s=seconds, cameras=3, detector=CLEAN, seed=i))
         folder = root / f"rec_{i:03d}"
         folder.mkdir(parents=True)
         anipose.write(made.rig, folder / "calibration.toml")
@@ -58,9 +63,9 @@ def rows_of(output: Path) -> dict[str, dict[str, str]]:
         return {row["recording"]: row for row in csv.DictReader(file)}
 
 
-def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str]) -> Path:
+def check_batch(run, tmp_path: Path, n: int, broken: dict[int, str], seconds: float = 0.2) -> Path:
     """Everything but what is broken is there; what is broken is named with its reason."""
-    folders, output = recordings(tmp_path / "recs", n, broken), tmp_path / "out"
+    folders, output = recordings(tmp_path / "recs", n, broken, seconds), tmp_path / "out"
     code, said, wrong = run("batch", *folders, "-o", output, "--jobs", "2", *FAST)
     assert code == 1
     assert f"{n} recordings: {n - len(broken)} done, 0 kept (nothing changed), {len(broken)} failed" in said
@@ -96,7 +101,14 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
 
 @pytest.mark.long
 def test_two_hundred_recordings_of_which_five_are_broken(run, tmp_path):
-    check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)))
+    output = check_batch(run, tmp_path, 200, dict(zip((3, 50, 51, 120, 199), BREAK, strict=True)), 2.0)
+    before = {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
+    for name in ("rec_000", "rec_100", "rec_198"):
+        shutil.rmtree(output / name)
+    code, said, _ = run("batch", *sorted((tmp_path / "recs").iterdir()), "-o", output, "--jobs", "2", *FAST)
+    assert code == 1
+    assert "200 recordings: 3 done, 192 kept (nothing changed), 5 failed" in said
+    assert before == {path.relative_to(output): path.read_bytes() for path in output.rglob("*") if path.is_file()}
 
 
 @pytest.mark.long
@@ -111,8 +123,8 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
 
         usual = module.on_cluster
 
-        def killing(work, jobs, address):
-            for i, outcome in enumerate(usual(work, jobs, address)):
+        def killing(work, jobs, address, divided):
+            for i, outcome in enumerate(usual(work, jobs, address, divided)):
                 if i == 1:
                     os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
                 yield outcome
@@ -130,10 +142,66 @@ def test_on_a_cluster_of_which_a_worker_dies_results_are_the_same(run, tmp_path,
     assert here == there
 
 
+@pytest.mark.long
+def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    folders = recordings(tmp_path / "recs", 2, {})
+    long = tmp_path / "recs" / "long"
+    long.mkdir()
+    scene = simulate_crowd(CrowdOptions("crowd", people=2, cameras=4, duration_s=12.0, seed=3))
+    anipose.write(scene.rig, long / "calibration.toml")
+    native.write(scene.detections, long / "keypoints.nc")
+    wanted = ("--people", "auto", "--tracker.forget-after-s", "0.5", "--noise-scale-px", "14", *FAST)
+    assert run("batch", *folders, long, "-o", tmp_path / "here", "--jobs", "1", *wanted)[0] == 0
+    from posefuse.batch import cluster as module
+
+    usual = module.on_cluster
+    for name, dies in (("quiet", False), ("killed", True)):
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster:
+
+            def killing(work, jobs, address, divided, cluster=cluster, dies=dies):
+                def kills(job, do):
+                    def rounds(piece_work, pieces):
+                        if dies and piece_work.__name__ == "follow_piece":
+                            pid = next(iter(cluster.workers.values())).pid
+                            threading.Timer(1.0, os.kill, (pid, signal.SIGKILL)).start()
+                        do(piece_work, pieces)
+
+                    return divided(job, rounds)
+
+                return usual(work, jobs, address, kills)
+
+            monkeypatch.setattr(module, "on_cluster", killing)
+            there = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *wanted)
+            code, said, _ = run("batch", *folders, long, "-o", tmp_path / name, *there)
+            assert code == 0
+            assert "3 recordings: 3 done" in said
+            if not dies:
+                assert "0 done, 3 kept" in run("batch", *folders, long, "-o", tmp_path / name, *there)[1]
+    quiet, killed = (
+        {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+        for root in (tmp_path / "quiet", tmp_path / "killed")
+    )
+    assert quiet == killed
+    whole, pieces = (
+        netcdf.read_reconstruction(tmp_path / name / "long" / "reconstruction.nc") for name in ("here", "killed")
+    )
+    assert "in 3 windows" in " ".join(pieces.provenance.notes)
+    assert pieces.person_ids == whole.person_ids
+    np.testing.assert_array_equal(pieces.tracks.state[:], whole.tracks.state[:])
+    apart_m = np.linalg.norm(
+        np.asarray(whole.layers["measured"].points_m) - np.asarray(pieces.layers["measured"].points_m), axis=-1
+    )
+    assert np.mean(apart_m[np.isfinite(apart_m)] < 1e-4) > 0.995
+
+
 @pytest.mark.parametrize(
     ("more", "code", "said"),
     [
         ((), 2, "No recording is given"),
+        (("x", "--window-s", "0"), 2, "--window-s must be more than 0"),
         (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
         (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs is for this machine"),
         (("x", "--calibration", "nowhere.toml"), 1, "No calibration at nowhere.toml"),

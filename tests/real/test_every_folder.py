@@ -53,8 +53,11 @@ def points_m(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
         plane = rays[:, :2] / rays[:, 2:]
         pose = camera.camera_from_world[:3]
         rows.append(np.where(seen[:, v, None, None], plane[:, :, None] * pose[2] - pose[:2], 0.0))
-    points = np.linalg.svd(np.concatenate(rows, axis=1))[2][:, -1]
-    return np.where(seen.sum(axis=1, keepdims=True) >= 2, points[:, :3] / points[:, 3:], np.nan)
+    enough = seen.sum(axis=1) >= 2
+    found = np.linalg.svd(np.concatenate(rows, axis=1)[enough])[2][:, -1]
+    points = np.full((len(pixels), 3), np.nan)
+    points[enough] = found[:, :3] / found[:, 3:]
+    return points
 
 
 def errors_px(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:

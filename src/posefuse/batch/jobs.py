@@ -9,7 +9,13 @@ from posefuse.model.options import Options
 
 
 def jobs_of(
-    folders: Sequence[Path], output: Path, calibration: Path | None, options: Options, *, again: bool = False
+    folders: Sequence[Path],
+    output: Path,
+    calibration: Path | None,
+    options: Options,
+    *,
+    again: bool = False,
+    window_s: float | None = None,
 ) -> list[Job]:
     """A job for each recording, named after its folder; after the folder above too where names are not unique.
 
@@ -26,7 +32,7 @@ def jobs_of(
     calibration = None if calibration is None else calibration.resolve()
     names = _names(chosen)
     return [
-        Job(name, folder, output / name, calibration, options, again)
+        Job(name, folder, output / name, calibration, options, again, window_s)
         for name, folder in zip(names, chosen, strict=True)
     ]
 

@@ -16,18 +16,21 @@ MARK = "batch.json"
 """Beside a result: what it was made from."""
 
 
-def key_of(inputs: Mapping[str, str], options: Options, skeleton: str = "") -> str:
+def key_of(inputs: Mapping[str, str], options: Options, skeleton: str = "", window_s: float | None = None) -> str:
     """A digest of all that a result depends on: contents, options and version; no path, host or time is in it.
 
     Args:
         inputs: names and digests of what is read.
         options: of the reconstruction.
         skeleton: digest of the file that ``options.skeleton`` names, if it is one.
+        window_s: of the windows that the recording was divided into, None if it was not.
     """
     told = dataclasses.asdict(options)
     if skeleton:
         told["skeleton"] = skeleton
-    whole = {"inputs": dict(inputs), "options": told, "posefuse": version("posefuse")}
+    whole: dict[str, object] = {"inputs": dict(inputs), "options": told, "posefuse": version("posefuse")}
+    if window_s is not None:
+        whole["window_s"] = window_s
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 

@@ -25,6 +25,9 @@ def batch(
     scheduler: Annotated[
         str | None, Parameter(help="Do it on the Dask cluster of this scheduler, such as tcp://host:8786.")
     ] = None,
+    window_s: Annotated[
+        float, Parameter(help="On a cluster, divide recordings that hold two such windows, in seconds.")
+    ] = 300.0,
     again: Annotated[bool, Parameter(negative=(), help="Do all, whether anything has changed or not.")] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
@@ -39,11 +42,14 @@ def batch(
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
+    if not window_s > 0:
+        raise OptionsError(f"--window-s must be more than 0, got {window_s}.")
     if calibration is not None:
         must_exist(calibration, "calibration")
     if output.exists() and not output.is_dir():
         raise OptionsError(f"--output {output} is a file; give a folder.")
-    todo = jobs_of(folders, output, calibration, options, again=again)
+    window = None if scheduler is None else window_s
+    todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
     by_name = {job.name: job for job in todo}
     progress = Bars()
@@ -63,12 +69,12 @@ def batch(
 def _outcomes(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterator[Outcome]:
     from posefuse.batch.cluster import on_cluster
     from posefuse.batch.pool import in_processes, processors
-    from posefuse.cli.batch_work import do_job
+    from posefuse.cli.batch_work import do_divided, do_job, do_unless_long
 
     if scheduler is not None:
         if jobs is not None:
             raise OptionsError("--jobs is for this machine; on a cluster (--scheduler) its workers say how many.")
-        return on_cluster(do_job, todo, scheduler)
+        return on_cluster(do_unless_long, todo, scheduler, do_divided)
     return in_processes(do_job, todo, jobs or processors())
 
 

@@ -3,42 +3,71 @@
 import contextlib
 import io
 import math
+import tempfile
 import threading
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from posefuse.batch.marks import MARK, RESULT, kept, key_of, remove_mark, write_mark
+from posefuse.cli.console import Bars
 from posefuse.cli.reading import digest
+from posefuse.dividing import Do
 from posefuse.errors import PosefuseError, PosefuseWarning
 from posefuse.io.files import must_exist, replacing_folder
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.progress import Silent
 
+_T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()
 """What is printed and warned of belongs to a process, so that a process does one recording at a time."""
+
+
+Make = Callable[[Path, Job, Path, Path], None]
+"""Writes a result: into which folder, of which job, from which calibration and keypoints."""
 
 
 def do_job(job: Job) -> Outcome:
     """Reconstruct a recording, if it has to be; what came of it. Raises nothing that is an error."""
     with _ONE_AT_A_TIME, _quiet() as said:
-        try:
-            outcome = _done(job, said)
-        except PosefuseError as error:
-            return _failed(job, str(error))
-        except OSError as error:
-            named = f"{Path(error.filename).name}: " if error.filename else ""
-            return _failed(job, f"{named}{error.strerror or error}.")
-        except Exception as error:
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(last.filename).name}, line {last.lineno}"
-            what = " ".join(str(error).split())[:200]
-            return _failed(job, f"Unforeseen, please report it: {type(error).__name__}: {what} ({where})")
-    return outcome
+        return _answered(job, lambda: _kept(job) or _done(job, said, _whole, None))
+
+
+def do_unless_long(job: Job) -> Outcome | None:
+    """The same; None of a recording that is to be divided."""
+    with _ONE_AT_A_TIME, _quiet() as said:
+        return _answered(
+            job, lambda: _kept(job) or (None if _is_long(job) else _done(job, said, _whole, None))
+        )  # fmt: skip
+
+
+def do_divided(job: Job, do: Do) -> Outcome:
+    """Reconstruct a long recording in pieces, which others do; what came of it. Raises nothing that is an error."""
+    with _ONE_AT_A_TIME, _quiet() as said:
+        return _answered(job, lambda: _done(job, said, partial(_in_pieces, do), job.window_s))
+
+
+def _answered(job: Job, work: Callable[[], _T]) -> _T | Outcome:
+    """What comes of some work; of an error, its reason."""
+    try:
+        return work()
+    except PosefuseError as error:
+        return _failed(job, str(error))
+    except OSError as error:
+        named = f"{Path(error.filename).name}: " if error.filename else ""
+        return _failed(job, f"{named}{error.strerror or error}.")
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(last.filename).name}, line {last.lineno}"
+        what = " ".join(str(error).split())[:200]
+        return _failed(job, f"Unforeseen, please report it: {type(error).__name__}: {what} ({where})")
 
 
 def _failed(job: Job, why: str) -> Outcome:
@@ -48,33 +77,79 @@ def _failed(job: Job, why: str) -> Outcome:
     return Outcome(job.name, "failed", why)
 
 
-def _done(job: Job, said: list[str]) -> Outcome:
-    from posefuse.cli.reconstruct import reconstruct_into
-    from posefuse.io.results import netcdf
-
+def _inputs(job: Job) -> tuple[Path, Path]:
+    """The calibration and the keypoints of a recording."""
     recording = find_recording(job.folder)
     calibration = must_exist(job.calibration, "calibration") if job.calibration else choose_calibration(recording)
-    keypoints = choose_keypoints(recording)
-    key = _key(calibration, keypoints, job.options)
-    before = None if job.again else kept(job.name, job.output, key, digest)
-    if before is not None:
-        return before
+    return calibration, choose_keypoints(recording)
+
+
+def _kept(job: Job) -> Outcome | None:
+    """What an earlier run made of the same, in one go or divided alike."""
+    if job.again:
+        return None
+    keys = (_key(*_inputs(job), job.options, window_s) for window_s in dict.fromkeys((None, job.window_s)))
+    return next((found for key in keys if (found := kept(job.name, job.output, key, digest))), None)
+
+
+def _is_long(job: Job) -> bool:
+    from posefuse.cli.reading import read_inputs
+    from posefuse.dividing import is_long
+
+    inputs = read_inputs(job.folder, *_inputs(job), job.options, Silent())
+    return job.window_s is not None and is_long(inputs.detections, job.options, job.window_s)
+
+
+def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outcome:
+    from posefuse.io.results import netcdf
+
+    calibration, keypoints = _inputs(job)
     marker = MARK if (job.output / MARK).exists() else RESULT
     with replacing_folder(job.output, marker) as staging:
-        reconstruct_into(staging, job.folder, calibration, keypoints, job.options)
+        make(staging, job, calibration, keypoints)
         numbers = _numbers(netcdf.read_reconstruction(staging / RESULT))
         # From here on the folder is another result, and not a whole one until its mark is there.
         remove_mark(job.output)
     outcome = Outcome(job.name, "done", "", numbers, tuple(said))
-    write_mark(job.output, key, outcome, digest)
+    write_mark(job.output, _key(calibration, keypoints, job.options, window_s), outcome, digest)
     return outcome
 
 
-def _key(calibration: Path, keypoints: Path, options: Options) -> str:
+def _whole(folder: Path, job: Job, calibration: Path, keypoints: Path) -> None:
+    from posefuse.cli.reconstruct import reconstruct_into
+
+    reconstruct_into(folder, job.folder, calibration, keypoints, job.options)
+
+
+def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Path) -> None:
+    """As :func:`reconstruct_into`, with pieces in a folder of their own that goes before the result is in its place."""
+    from posefuse.cli.reading import must_have_rate, read_inputs
+    from posefuse.cli.reconstruct import write_beside, write_debug
+    from posefuse.diagnosis import with_health
+    from posefuse.dividing import Team, prepare_divided, reconstruct_divided
+    from posefuse.io.results import netcdf
+
+    progress, options = Bars(), job.options
+    inputs = read_inputs(job.folder, calibration, keypoints, options, progress)
+    must_have_rate(inputs.detections)
+    if options.skeleton is not None:
+        options = replace(options, skeleton=inputs.detections.skeleton.name)
+    assert job.window_s is not None
+    with tempfile.TemporaryDirectory(prefix=".pieces-", dir=folder) as pieces:
+        team = Team(Path(pieces), do, job.window_s)
+        plan = with_health(prepare_divided(inputs.rig, inputs.detections, options, team, progress))
+        plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+        netcdf.write(reconstruct_divided(plan, team, progress), folder / RESULT)
+        result = netcdf.read_reconstruction(folder / RESULT)
+        write_beside(result, folder, progress)
+        write_debug(plan, result, folder, progress)
+
+
+def _key(calibration: Path, keypoints: Path, options: Options, window_s: float | None) -> str:
     skeleton = Path(options.skeleton) if options.skeleton and options.skeleton.endswith(".toml") else None
     own = digest(skeleton) if skeleton is not None and skeleton.is_file() else ""
     inputs = {f"calibration {calibration.name}": digest(calibration), f"keypoints {keypoints.name}": digest(keypoints)}
-    return key_of(inputs, options, own)
+    return key_of(inputs, options, own, window_s)
 
 
 def _numbers(result: Reconstruction) -> Numbers:

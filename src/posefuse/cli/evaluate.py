@@ -19,7 +19,8 @@ from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
     from posefuse.evaluation.own_account import OwnAccount, PersonAccount
-    from posefuse.evaluation.people import PeoplePoints, PeopleScores
+    from posefuse.evaluation.people import PeopleScores
+    from posefuse.evaluation.together import PeoplePoints
 
 StateName = Literal["tentative", "active", "lost"]
 
@@ -70,7 +71,7 @@ def evaluate(
         note("The result was aligned; it is compared in the calibration's world.")
         reconstruction = in_calibration_world(reconstruction)
     if states:
-        from posefuse.evaluation.people import only_in_states
+        from posefuse.evaluation.together import only_in_states
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     if truth:
@@ -108,7 +109,7 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
         ResultError: if several files are given that are not TRC.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.evaluation import people
+    from posefuse.evaluation import together
     from posefuse.io.results import netcdf
 
     first = files[0]
@@ -118,11 +119,13 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     if all(are_trc):
         if len(files) == len(result.person_ids) == 1:
             return None
-        return people.with_truths(result, [truth_finder(file)(result) for file in files], [file.stem for file in files])
+        return together.with_truths(
+            result, [truth_finder(file)(result) for file in files], [file.stem for file in files]
+        )
     known = in_calibration_world(netcdf.read_reconstruction(first))
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
-    return people.people_points(result, known)
+    return together.people_points(result, known)
 
 
 def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from posefuse.live.inbox import Inbox
     from posefuse.live.session import Session
 
+_TURN_S = 0.0005
 _INPUT_HELP = (
     "Where lines come from: - (stdin), tcp://127.0.0.1:PORT or unix:PATH (listens), zmq+pull://127.0.0.1:PORT "
     "(listens), zmq+sub://HOST:PORT or nats://HOST:PORT/SUBJECT (connects)."
@@ -63,7 +64,7 @@ def stream(
     # What is there by now stays: looking through it again and again would take milliseconds of a frame.
     gc.freeze()
     try:
-        with _ended_by_signals(inbox):
+        with _ended_by_signals(inbox), _taking_turns():
             run_stream(session, inbox, _write, lambda fault: warn(f"line {fault.number}: {fault.why}"))
     except BrokenPipeError:
         warn("whoever read the lines is gone.")
@@ -118,6 +119,17 @@ def _ended_by_signals(inbox: "Inbox") -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def _taking_turns() -> Iterator[None]:
+    """Whoever receives lines gets the interpreter soon after they came: what waits for it is not known to have come."""
+    usual_s = sys.getswitchinterval()
+    sys.setswitchinterval(_TURN_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(usual_s)
 
 
 def tell(session: "Session") -> None:

@@ -92,8 +92,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
         raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
     if len(result.person_ids) != 1:
         raise ResultError(
-            f"The result has {len(result.person_ids)} people; this compares one. "
-            "posefuse.evaluation.people.score_people compares many."
+            f"The result has {len(result.person_ids)} people; this compares one. posefuse.score_people compares many."
         )
     name, layer = result.best_layer(result.options.layer)
     if truth.points_m.shape[0] != result.n_frames:
@@ -176,8 +175,7 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
     if len(truth.person_ids) != 1:
         raise ResultError(
-            f"The truth has {len(truth.person_ids)} people; this compares one. "
-            "posefuse.evaluation.people.people_points takes many."
+            f"The truth has {len(truth.person_ids)} people; this compares one. posefuse.people_points takes many."
         )
     _, layer = truth.best_layer()
     columns = [truth.skeleton.index(name) for name in shared]

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.evaluation.accuracy import Truth, evaluate
-from posefuse.evaluation.people import PeoplePoints, matched_errors_mm
+from posefuse.evaluation.people import matched_errors_mm
+from posefuse.evaluation.together import PeoplePoints
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import ViewStatus, is_used

@@ -6,7 +6,7 @@ import re
 import shutil
 import tomllib
 import zipfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -158,18 +158,39 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 _LONGEST_NAME = 200
+REFUSED = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|\ud800-\udfff]')
+"""Letters that some file system does not have in names."""
+DEVICES = re.compile(r"(?i)(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d\xb9\xb2\xb3])\s*(\..*)?", re.DOTALL)
+"""Names that are no files in Windows, whatever they end in."""
 
 
 def file_name(name: str) -> str:
-    """A name out of somebody's data, if a file or folder can be called so and stays where it is put.
+    """A name out of somebody's data, if a file or folder can be called so everywhere and stays where it is put.
 
     Raises:
         FileError: if not.
     """
-    bad = name in ("", ".", "..") or any(letter in "/\\" or ord(letter) < 32 for letter in name)
+    bad = not name or name != name.strip(" .") or REFUSED.search(name) or DEVICES.fullmatch(name)
     if bad or len(name.encode()) > _LONGEST_NAME:
         raise FileError(f"{name[:60]!r} cannot be the name of a file. Rename it in the recording.")
     return name
+
+
+_NO_TEXT = re.compile(r"[\x00\ud800-\udfff]")
+
+
+def must_be_texts(names: Iterable[str]) -> None:
+    """Refuse names that hold a zero byte or half a letter: hardly a format can hold them.
+
+    Raises:
+        FileError: with the first that does.
+    """
+    for name in names:
+        if _NO_TEXT.search(name):
+            raise FileError(
+                f"The name {name[:60]!r} holds a zero byte or half a letter, which files cannot hold. Rename it in the "
+                "recording."
+            )
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import FileError
-from posefuse.io.files import reading
+from posefuse.io.files import must_be_texts, reading
 from posefuse.model.parts import Part
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.trees import ADULT_M, Limit, Node, Tree
@@ -97,6 +97,7 @@ def add_variable(
     """Create a variable over existing dimensions, compressed along the first; strings are kept as strings."""
     if data is not None and np.asarray(data).dtype.kind in "UO":
         variable = file.create_variable(name, dimensions, dtype=h5py.string_dtype())
+        must_be_texts(np.asarray(data).ravel().tolist())
         variable[...] = np.asarray(data, dtype=object)
     else:
         kind = dtype if data is None else np.asarray(data).dtype
@@ -147,6 +148,7 @@ def skeleton_from_text(text: str) -> Skeleton:
             Part(part["name"], part["at"], part["like"], frozen(part["keypoints"], np.int64), _tree(part["tree"]))
             for part in data.get("parts", ())
         ),
+        rigid=pairs(data.get("rigid", ())),
     )
 
 

@@ -75,13 +75,13 @@ def predict_people(dt_s, decay_s, power, most, walk, state):
             change[i] = reach[i] * state.velocity[p, i]
             state.velocity[p, i] *= fade[i]
         move(change, state.root[p], state.turns[p], state.bones[p])
-        _carry_on(state.covariance[p], fade, reach)
-        _grow(state.covariance[p], dt_s[p], decay_s, power, fade, walk if state.free[p] != 0 else 0.0)
-        _clip(state.covariance[p], most)
+        carry_on(state.covariance[p], fade, reach)
+        grow(state.covariance[p], dt_s[p], decay_s, power, fade, walk if state.free[p] != 0 else 0.0)
+        clip(state.covariance[p], most)
 
 
 @step
-def _carry_on(cov, fade, reach):
+def carry_on(cov, fade, reach):
     """``F P F^T`` in place: numbers of the pose move by their velocities, which fade."""
     n = fade.shape[0]
     first = cov.shape[0] - n
@@ -104,7 +104,7 @@ def _carry_on(cov, fade, reach):
 
 
 @step
-def _grow(cov, dt, decay_s, power, fade, walk):
+def grow(cov, dt, decay_s, power, fade, walk):
     """What is not known grows, as accelerations of that spectral density make it."""
     n = fade.shape[0]
     first = cov.shape[0] - n
@@ -122,7 +122,7 @@ def _grow(cov, dt, decay_s, power, fade, walk):
 
 
 @step
-def _clip(cov, most):
+def clip(cov, most):
     """No number is less known than that; a row and a column are made smaller together, so it stays a covariance."""
     for i in range(most.shape[0]):
         if cov[i, i] > most[i]:
@@ -332,7 +332,7 @@ def _condition(prior, offset, m, hessian, gradient):
 
 
 @dense
-def _spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
+def spread_to_velocities(cov, prior, posterior, offset, n, m, velocity, gain, mixed):
     """Velocities and their covariance, from how pose and shape moved and what is known of them now.
 
     With G = P_va P_aa^-1: velocities move by G times the offset, P_va becomes G P_aa', P_vv loses G (P_aa - P_aa') G^T.
@@ -366,7 +366,8 @@ def _copy(source, target):
 
 
 @inline
-def _copy_frames(source, target):
+def copy_frames(source, target):
+    """Copy axes of bodies' parts, shape (part, 3, 3)."""
     for s in range(target.shape[0]):
         for i in range(3):
             for j in range(3):
@@ -377,13 +378,14 @@ def _copy_frames(source, target):
 def _copy_pose(root, turns, bones, shape, to_root, to_turns, to_bones, to_shape):
     """Copy a pose and a shape."""
     _copy(root, to_root)
-    _copy_frames(turns, to_turns)
-    _copy_frames(bones, to_bones)
+    copy_frames(turns, to_turns)
+    copy_frames(bones, to_bones)
     _copy(shape, to_shape)
 
 
 @inline
-def _copy_triangle(source, m, target):
+def copy_triangle(source, m, target):
+    """Copy the lower triangle of the first ``m`` rows."""
     for i in range(m):
         for j in range(i + 1):
             target[i, j] = source[i, j]
@@ -392,7 +394,7 @@ def _copy_triangle(source, m, target):
 @step
 def _step_from(hessian, gradient, damping, m, lower, change):
     """The damped Gauss-Newton step; how far it is, squared, in units of what is known."""
-    _copy_triangle(hessian, m, lower)
+    copy_triangle(hessian, m, lower)
     for i in range(m):
         lower[i, i] *= 1.0 + damping
         change[i] = gradient[i]
@@ -461,7 +463,7 @@ def update_people(
         m = size if state.free[p] != 0 else n
         cov = state.covariance[p]
         moved[p] = math.nan
-        _copy_triangle(cov, m, room.prior)
+        copy_triangle(cov, m, room.prior)
         if not invert(room.prior, m, room.change):
             use[p, :, :] = UNSEEN
             surprise[p] = math.nan
@@ -516,7 +518,7 @@ def _settle(
         if total <= before + 1e-9 * abs(before):
             before = total
             damping /= _GROW
-            _copy_triangle(room.hessian, m, room.kept)
+            copy_triangle(room.hessian, m, room.kept)
             _copy(room.gradient, room.kept_gradient)
             _copy(room.offset, room.kept_offset)
             _copy_pose(root, turns, bones, shape, room.root, room.turns, room.bones, room.shape)
@@ -545,7 +547,7 @@ def _spread(cov, n, m, velocity, room):
     for i in range(m):
         for j in range(m):
             off += room.offset[i] * room.prior[i, j] * room.offset[j]
-    _copy_triangle(room.kept, m, room.hessian)
+    copy_triangle(room.kept, m, room.hessian)
     if invert(room.hessian, m, room.change):
-        _spread_to_velocities(cov, room.prior, room.hessian, room.offset, n, m, velocity, room.gain, room.mixed)
+        spread_to_velocities(cov, room.prior, room.hessian, room.offset, n, m, velocity, room.gain, room.mixed)
     return off

@@ -68,7 +68,7 @@ def _middle(points, p, chosen, middles):
 
 
 @kernel
-def weigh_views(supported, expected, free, fade, dt_s, expected_s, matched_s, shown_s):
+def weigh_views(supported, expected, free, fade, dt_s, expected_s, matched_s, shown_s, due):
     """For how long, lately, views were to show people whom two others agree on, did so, and showed nobody's detections.
 
     Args:
@@ -78,6 +78,7 @@ def weigh_views(supported, expected, free, fade, dt_s, expected_s, matched_s, sh
         fade: what is left of former times.
         dt_s: since the last frame.
         expected_s, matched_s, shown_s: shape (view,), in and out.
+        due: shape (view,), int64, written: how many people of this frame were to be shown.
     """
     for v in range(supported.shape[1]):
         sure = 0
@@ -89,6 +90,95 @@ def weigh_views(supported, expected, free, fade, dt_s, expected_s, matched_s, sh
             if expected[p, v] and others >= 2:
                 sure += 1
                 matched += 1 if supported[p, v] else 0
+        due[v] = sure
         expected_s[v] = expected_s[v] * fade + dt_s * sure
         matched_s[v] = matched_s[v] * fade + dt_s * matched
         shown_s[v] = shown_s[v] * fade + dt_s * min(free[v], sure - matched)
+
+
+@kernel
+def note_silence(recorded, shown, due, dt_s, silent_s, back_s, absent_s, blind_s, heard_s, silent, change):
+    """For how long views have said nothing; who falls silent, and who is heard again.
+
+    Args:
+        recorded: shape (view,), bool: whether the view has this frame.
+        shown: shape (view,), int64: how many detections it has.
+        due: shape (view,), int64: how many people it should show.
+        dt_s: since the last frame.
+        silent_s: who says nothing for so long is silent.
+        back_s: who is heard for so long is silent no more.
+        absent_s: shape (view,), in and out: since its last frame.
+        blind_s: shape (view,), in and out: for how long it has shown nobody while it should have.
+        heard_s: shape (view,), in and out: for how long it has been heard, while it is silent.
+        silent: shape (view,), bool, in and out.
+        change: shape (view,), int64, written: 1 where it falls silent, -1 where it is heard again, else 0.
+
+    Returns:
+        How many do either.
+    """
+    changes = 0
+    for v in range(silent.shape[0]):
+        absent_s[v] = 0.0 if recorded[v] else absent_s[v] + dt_s
+        if shown[v] > 0:
+            blind_s[v] = 0.0
+        elif recorded[v] and due[v] > 0:
+            blind_s[v] += dt_s
+        # Who was silent without frames is heard by a frame, who showed nobody by a detection.
+        quiet_s = max(absent_s[v], blind_s[v])
+        if quiet_s == 0.0:
+            heard_s[v] += dt_s
+        if not silent[v] or quiet_s > back_s:
+            heard_s[v] = 0.0
+        change[v] = 0
+        if silent[v] and heard_s[v] >= back_s:
+            change[v] = -1
+        elif not silent[v] and quiet_s >= silent_s:
+            change[v] = 1
+        if change[v] != 0:
+            silent[v] = change[v] > 0
+            changes += 1
+    return changes
+
+
+@kernel
+def note_matches(rows, swapped, track_ids, dt_s, alone_s, was_swapped, ids):
+    """Note what the detections of people are like.
+
+    Args:
+        rows: shape (track, view), int64: the detections that are theirs, -1 for none.
+        swapped: shape (track, row, group), int8: whose sides would be exchanged.
+        track_ids: shape (row,), int64: the detector's identities.
+        dt_s: since the last frame.
+        alone_s: shape (track,), in and out: for how long one view alone has shown them.
+        was_swapped: shape (track, view, group), int8, in and out: of the last match.
+        ids: shape (track, view), int64, in and out: likewise.
+    """
+    for p in range(rows.shape[0]):
+        views = 0
+        for v in range(rows.shape[1]):
+            row = rows[p, v]
+            if row < 0:
+                continue
+            views += 1
+            ids[p, v] = track_ids[row]
+            for g in range(swapped.shape[2]):
+                was_swapped[p, v, g] = swapped[p, row, g]
+        alone_s[p] = alone_s[p] + dt_s if views == 1 else 0.0
+
+
+@kernel
+def note_off(used, gated, dt_s, off_s):
+    """For how long most views, and more than one, have seen each keypoint elsewhere; the longest of all.
+
+    Args:
+        used: shape (track, keypoint), int64: in how many views it counted.
+        gated: shape (track, keypoint), int64: in how many it was too far off.
+        dt_s: since the last frame.
+        off_s: shape (track, keypoint), in and out.
+    """
+    longest = 0.0
+    for p in range(off_s.shape[0]):
+        for k in range(off_s.shape[1]):
+            off_s[p, k] = off_s[p, k] + dt_s if gated[p, k] >= 2 and gated[p, k] > used[p, k] else 0.0
+            longest = max(longest, off_s[p, k])
+    return longest

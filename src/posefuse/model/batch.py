@@ -21,6 +21,7 @@ class Job:
         calibration: for all recordings, or None where each has its own.
         options: of the reconstruction.
         again: whether it is done even where nothing has changed.
+        window_s: on a cluster, recordings that hold two such windows are divided among its workers; None for none.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Job:
     calibration: Path | None
     options: Options
     again: bool = False
+    window_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """One frame of a recording, as a tracker takes it: the people that every view shows at one time."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,6 +53,17 @@ class Frame:
         # Always read-only: a kernel would be compiled anew for arrays that can be written.
         object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
         object.__setattr__(self, "confidence", frozen(self.confidence))
+
+    @cached_property
+    def taken_s(self) -> list[float]:
+        """When each view took it, NaN where it did not or nobody knows."""
+        views = zip(self.recorded.tolist(), self.time_s.tolist(), strict=True)
+        return [time_s if recorded and math.isfinite(time_s) else math.nan for recorded, time_s in views]
+
+    @cached_property
+    def shown(self) -> np.ndarray:
+        """Shape (view,), int64: how many detections each view has."""
+        return np.bincount(self.view, minlength=len(self.recorded))
 
     @classmethod
     def of(cls, detections: Detections, index: int) -> "Frame":

@@ -5,6 +5,7 @@ A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` be
 * ``name``, ``description``;
 * ``keypoints``: canonical names, snake_case with ``left_`` / ``right_`` as in COCO; ``"face_{00..67}"`` stands for 68;
 * ``edges``: pairs of names to draw, and whose lengths are bones;
+* ``rigid``: those of the edges that keep their length whatever the body does, and with them those of the other side;
 * ``core``: keypoints that a new person is told by; where absent, all of them;
 * ``pairs``: (left, right) names; where absent, every ``left_x`` that has a ``right_x``;
 * ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
@@ -33,7 +34,8 @@ from posefuse.model.tree_tables import parse_tree, shared_body
 from posefuse.model.trees import Tree
 
 _KEYS = (
-    "name", "description", "keypoints", "core", "edges", "pairs", "chains", "derived", "plausible_m", "tree", "names",
+    "name", "description", "keypoints", "core", "edges", "rigid", "pairs", "chains", "derived", "plausible_m", "tree",
+    "names",
 )  # fmt: skip
 
 
@@ -54,9 +56,10 @@ class Skeleton(Rebuilt):
         tree: how the body turns, or None where the file does not say.
         core: names of the keypoints that a new person is told by; empty where all are.
         parts: what is followed for itself, given where the body has it: hands, the face.
+        rigid: those of the edges that keep their length whatever the body does, of both sides.
 
     Raises:
-        SkeletonError: where a table names a keypoint that is not there, or one twice.
+        SkeletonError: where a table names a keypoint that is not there, or one twice, or what is rigid is no edge.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Skeleton(Rebuilt):
     core: tuple[str, ...] = ()
     tree: Tree | None = field(default=None, compare=False)
     parts: tuple[Part, ...] = field(default=(), compare=False)
+    rigid: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
@@ -84,6 +88,10 @@ class Skeleton(Rebuilt):
         for table, pairs in tables:
             for pair in pairs:
                 self._check_names(table, pair)
+        joined = {frozenset(edge) for edge in self.edges}
+        for a, b in self.rigid:
+            if frozenset((a, b)) not in joined:
+                raise SkeletonError(f"Skeleton {self.name!r}: rigid names {a!r} and {b!r}, which no edge joins.")
         self._check_names("core", self.core)
         if len(set(self.core)) != len(self.core):
             raise SkeletonError(f"Skeleton {self.name!r}: core names a keypoint twice: {choices(self.core)}.")
@@ -245,7 +253,7 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         if key not in data:
             raise SkeletonError(f"{source}: a skeleton needs {key!r}; it has {choices(data)}.")
     keypoints = _expand(_names(data["keypoints"], f"{source}: keypoints"))
-    for key in ("edges", "pairs"):
+    for key in ("edges", "rigid", "pairs"):
         for row in data.get(key, []):
             if len(_names(row, f"{source}: each of the {key}")) != 2 or row[0] == row[1]:
                 raise SkeletonError(f"{source}: each of the {key} is two different names, got {row}.")
@@ -270,7 +278,13 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
         tree=(tree := _tree(data.get("tree"), keypoints, _pairs(data.get("edges", [])), partner, data["name"])),
         core=_expand(_names(data.get("core", []), f"{source}: core")),
         parts=parse_parts(_body(data.get("tree")), tree, keypoints, partner, data["name"]),
+        rigid=_of_both_sides(_pairs(data.get("rigid", [])), partner),
     )
+
+
+def _of_both_sides(edges: tuple[tuple[str, str], ...], partner: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    mirrored = ((partner.get(a, a), partner.get(b, b)) for a, b in edges)
+    return tuple(dict.fromkeys((*edges, *mirrored)))
 
 
 def _body(table: object) -> object:

@@ -27,6 +27,7 @@ class TrajectoryOptions:
         calm: How strongly that is drawn to the keypoint's own density, as if so many seconds had shown it.
         bones: Whether the skeleton's edges keep their lengths, as well as the recording shows that they do.
         least_bone_share: Bones keep their lengths no better than to this share.
+        rigid_bone_share: Bones that the skeleton calls rigid keep theirs at least this well.
         correlation_s: How long detection errors last: the time in which their correlation falls to 1 / e; 0 if they
             are white; by default estimated from the recording.
         max_gap_s: Where no camera sees a keypoint for longer than this it has no point, and what comes before knows
@@ -44,6 +45,7 @@ class TrajectoryOptions:
     calm: float = 0.005
     bones: bool = True
     least_bone_share: float = 0.003
+    rigid_bone_share: float = 0.03
     correlation_s: float | None = None
     max_gap_s: float = 0.5
     max_sd_share: float = 0.05
@@ -61,6 +63,11 @@ class TrajectoryOptions:
         for name in ("burst_s", "least_bone_share", "max_gap_s"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise OptionsError(f"trajectory.{name} must be 0 or more, got {getattr(self, name)}.")
+        if not self.least_bone_share <= self.rigid_bone_share < math.inf:
+            raise OptionsError(
+                "trajectory.rigid_bone_share must be at least least_bone_share, got "
+                f"{self.rigid_bone_share} and {self.least_bone_share}."
+            )
         if self.correlation_s is not None and not 0.0 <= self.correlation_s < math.inf:
             raise OptionsError(f"trajectory.correlation_s must be 0 or more, got {self.correlation_s}.")
         for name in ("calm", "max_sd_share"):

@@ -4,8 +4,10 @@ While people hold each other, detections come of both, and a track may go on wit
 body is fitted to what each has shown since, from scratch, and its lengths are compared with those known from before.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -89,18 +91,15 @@ def contacts(
         del known[pair]
     if len(tracks) < 2:
         return
-    between = state.root[:, None] - state.root[None]
-    away_m = np.sqrt((between * between).sum(axis=-1)) / scale
     # Of most pairs there is nothing to say: they are not near, and have not been.
-    told = away_m < _NEAR_M
-    for first, second in known:
-        told[place[first], place[second]] = told[place[second], place[first]] = True
-    for p, q in np.argwhere(told).tolist():
-        if p < q:
+    told = {(place[first], place[second]) for first, second in known}
+    for (p, one), (q, other) in combinations(enumerate(state.root.tolist()), 2):
+        away_m = math.dist(one, other) / scale
+        if away_m < _NEAR_M or (p, q) in told or (q, p) in told:
             pair = pair_of(tracks[p].name, tracks[q].name)
             both = expected[p] & expected[q]
             mixed = 2 * (both & (supported[p] != supported[q])).sum() > both.sum()
-            _note(known, pair, float(away_m[p, q]), dt_s if mixed else 0.0, time_s)
+            _note(known, pair, away_m, dt_s if mixed else 0.0, time_s)
 
 
 def _note(

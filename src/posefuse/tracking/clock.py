@@ -4,7 +4,6 @@ Times of a handful of views are taken as numbers, one by one: arrays of so few c
 """
 
 import math
-import statistics
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,7 +43,7 @@ class Clock:
         Raises:
             DetectionsError: if nothing says when the frame was taken, or it is not later than the last.
         """
-        seen_s = _taken(frame)
+        seen_s = frame.taken_s
         time_s = self._time_of(frame, seen_s)
         before = self.time_s
         last_s = self.views_s or [-math.inf] * len(seen_s)
@@ -60,7 +59,8 @@ class Clock:
         self.views_s = [last if math.isnan(now) else now for now, last in zip(seen_s, last_s, strict=True)]
         self.time_s, self.number = time_s, frame.number
         dt_s = 0.0 if math.isnan(before) else time_s - before
-        self.apart_s = statistics.median(apart_s) if apart_s else dt_s
+        ordered, half = sorted(apart_s), len(apart_s) // 2
+        self.apart_s = 0.5 * (ordered[half] + ordered[~half]) if ordered else dt_s
         return dt_s
 
     def _time_of(self, frame: Frame, seen_s: list[float]) -> float:
@@ -82,12 +82,6 @@ class Clock:
         return max(1, frame.number - self.number)
 
 
-def _taken(frame: Frame) -> list[float]:
-    """When each view took the frame, NaN where it did not or nobody knows."""
-    views = zip(frame.recorded.tolist(), frame.time_s.tolist(), strict=True)
-    return [time_s if recorded and math.isfinite(time_s) else math.nan for recorded, time_s in views]
-
-
 def _goes_on(seen_s: list[float], last_s: list[float]) -> bool:
     """Whether some view is later than it was, and none is earlier."""
     ahead = [now - last for now, last in zip(seen_s, last_s, strict=True) if not math.isnan(now)]
@@ -101,7 +95,7 @@ def moments(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
         frame: the frame.
         time_s: of the frame, where no view says it.
     """
-    seen_s = _taken(frame)
+    seen_s = frame.taken_s
     there = [now for now in seen_s if not math.isnan(now)]
     if not there or max(there) - min(there) < _SAME_TIME_S:
         return [(max(there, default=time_s), np.ones(len(seen_s), dtype=bool))]

@@ -2,10 +2,10 @@
 
 import os
 import pickle
+import sys
 import tempfile
 import weakref
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import IO
 
@@ -14,7 +14,8 @@ import numpy as np
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import chosen, uncertain
+from posefuse.tracking.bodies import chosen
+from posefuse.tracking.entries import Entries
 from posefuse.tracking.parts import PartFollower
 from posefuse.tracking.records import People, Person, Remembered, Track
 from posefuse.tracking.settings import Settings
@@ -67,36 +68,30 @@ class Run:
         return self.frames(int(first), int(last))
 
 
-@dataclass(frozen=True, eq=False)
-class _Entry:
-    """One person in one frame; of the covariance its lower triangle, without the shape's rows where that is kept."""
-
-    place: int
-    fresh: bool
-    mean: tuple[np.ndarray, ...]
-    triangle: np.ndarray
-    rows: np.ndarray
-    used: np.ndarray
-    life: TrackState
-    missing_s: float
-
-
 @dataclass(eq=False)
 class _Block:
     """Some seconds of entries, by number and place; in a file, from some byte on, once nothing is added any more."""
 
     first: int
-    entries: dict[int, dict[int, _Entry]] = field(default_factory=dict)
+    entries: dict[int, dict[int, Entries]] = field(default_factory=dict)
     file: IO[bytes] | None = None
     start: int = 0
+
+    def joined(self, start: int, stop: int) -> dict[int, Entries]:
+        """Everybody in the frames from ``start`` to ``stop`` of the history, by number, of a block in no file."""
+        found = {
+            number: [entries[place] for place in sorted(entries) if start <= place < stop]
+            for number, entries in self.entries.items()
+        }
+        return {number: Entries.joined(parts) for number, parts in found.items() if parts}
 
     def spool(self, file: IO[bytes]) -> None:
         """To the end of a file."""
         self.file, self.start = file, file.seek(0, os.SEEK_END)
-        pickle.dump(self.entries, file, protocol=pickle.HIGHEST_PROTOCOL)
+        pickle.dump(self.joined(0, sys.maxsize), file, protocol=pickle.HIGHEST_PROTOCOL)
         self.entries = {}
 
-    def read(self) -> dict[int, dict[int, _Entry]]:
+    def read(self) -> dict[int, Entries]:
         """From the file."""
         assert self.file is not None
         self.file.seek(self.start)
@@ -119,7 +114,7 @@ class History:
         self.numbers: list[int] = []
         self.time_s: list[float] = []
         self._blocks: list[_Block] = []
-        self._recent: dict[int, dict[int, dict[int, _Entry]]] = {}
+        self._recent: dict[int, dict[int, Entries]] = {}
         self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)
         weakref.finalize(self, self._file.close)
 
@@ -139,7 +134,7 @@ class History:
             fresh = past is not None
             if past:
                 fresh = not self._add_past(track.number, past, here)
-            self._put(track.number, _entry(here, fresh, chosen(tracker.state, [p]), told[track.name]))
+            self._put(track.number, _entry(here, fresh, tracker.state, p, told[track.name]))
 
     def add_parts(self, follower: PartFollower, tracks: list[Track], people: People) -> None:
         """What is known of everybody's part after a frame; the history is one of that part.
@@ -150,7 +145,7 @@ class History:
         here = self._next(people.number, people.time_s)
         numbers = {track.name: track.number for track in tracks}
         for p, (part, person) in enumerate(zip(follower.tracks, follower.people, strict=True)):
-            self._put(numbers[part.name], _entry(here, part.fresh, chosen(follower.state, [p]), person))
+            self._put(numbers[part.name], _entry(here, part.fresh, follower.state, p, person))
 
     def _next(self, number: int, time_s: float) -> int:
         """Which frame, counted from 0, the one of that number will be."""
@@ -193,15 +188,14 @@ class History:
             missing_s = self.time_s[place] - seen_s
             self._put(
                 number,
-                _Entry(
-                    place, place == min(by_place), *_packed(state), rows, used, TrackState.TENTATIVE, missing_s
-                ),
-            )  # fmt: skip
+                Entries.one(place, place == min(by_place), state, rows, used, TrackState.TENTATIVE, missing_s),
+            )
         return True
 
-    def _put(self, number: int, entry: _Entry) -> None:
-        block = next(block for block in reversed(self._blocks) if block.first <= entry.place)
-        block.entries.setdefault(number, {})[entry.place] = entry
+    def _put(self, number: int, entry: Entries) -> None:
+        place = int(entry.places[0])
+        block = next(block for block in reversed(self._blocks) if block.first <= place)
+        block.entries.setdefault(number, {})[place] = entry
 
     def place(self, number: int) -> int:
         """Which frame, counted from 0, has a number.
@@ -223,69 +217,34 @@ class History:
 
         A person has several runs where they were not followed in between, or where the filter began anew.
         """
-        found: dict[int, list[_Entry]] = {}
+        found: dict[int, list[Entries]] = {}
         ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
         for block, end in zip(self._blocks, ends, strict=True):
             if block.first < stop and end > start:
-                for number, entries in self._entries(block).items():
-                    inside = (entries[place] for place in sorted(entries) if start <= place < stop)
-                    found.setdefault(number, []).extend(inside)
-        return [self._run(number, part) for number, entries in found.items() for part in _unbroken(entries)]
+                for number, entries in self._entries(block, start, stop).items():
+                    found.setdefault(number, []).append(entries)
+        return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
 
-    def _entries(self, block: _Block) -> dict[int, dict[int, _Entry]]:
-        """Of a block; those of the last few that were read from files are at hand."""
+    def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
+        """Of some frames of a block, by number; those of the last few that were read from files are at hand."""
         if block.file is None:
-            return block.entries
+            return block.joined(start, stop)
         if block.first not in self._recent:
             while len(self._recent) >= _AT_HAND:
                 del self._recent[next(iter(self._recent))]
             self._recent[block.first] = block.read()
-        return self._recent[block.first]
+        inside = {number: entries.within(start, stop) for number, entries in self._recent[block.first].items()}
+        return {number: entries for number, entries in inside.items() if len(entries)}
 
-    def _run(self, number: int, entries: list[_Entry]) -> Run:
-        places = np.array([entry.place for entry in entries])
+    def _run(self, number: int, entries: Entries) -> Run:
+        places = entries.places
         return Run(
-            number,
-            places,
-            np.array(self.time_s)[places] if len(places) else np.empty(0),
-            entries[0].fresh,
-            _unpacked(entries),
-            np.stack([entry.rows for entry in entries]),
-            np.stack([entry.used for entry in entries]),
-            np.array([entry.life for entry in entries], dtype=np.int8),
-            np.array([entry.missing_s for entry in entries]),
-        )
+            number, places, np.array(self.time_s[places[0] : places[-1] + 1]), bool(entries.fresh[0]), entries.state,
+            entries.rows, entries.used, entries.life, entries.missing_s,
+        )  # fmt: skip
 
 
-def _entry(place: int, fresh: bool, state: State, person: Person) -> _Entry:
-    return _Entry(place, fresh, *_packed(state), person.rows, person.used, person.state, person.missing_s)
-
-
-def _unbroken(entries: list[_Entry]) -> Iterator[list[_Entry]]:
-    """Parts in which each frame follows the one before and goes on from it."""
-    first = 0
-    for i in range(1, len(entries) + 1):
-        if i == len(entries) or entries[i].fresh or entries[i].place != entries[i - 1].place + 1:
-            yield entries[first:i]
-            first = i
-
-
-def _packed(state: State) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    rows = uncertain(state.velocity.shape[1], state.shape.shape[1], bool(state.free[0]))
-    block = state.covariance[0][np.ix_(rows, rows)]
-    mean = (state.root[0], state.turns[0], state.bones[0], state.shape[0], state.velocity[0], state.free[0])
-    return tuple(np.array(each) for each in mean), block[np.tril_indices(len(rows))]
-
-
-def _unpacked(entries: list[_Entry]) -> State:
-    root, turns, bones, shape, velocity, free = (
-        np.stack(each) for each in zip(*(e.mean for e in entries), strict=True)
-    )
-    n, h = velocity.shape[1], shape.shape[1]
-    state = State(root, turns, bones, shape, velocity, np.zeros((len(entries), 2 * n + h, 2 * n + h)), free)
-    for k, entry in enumerate(entries):
-        rows = uncertain(n, h, bool(free[k]))
-        low, high = np.tril_indices(len(rows))
-        state.covariance[k][rows[low], rows[high]] = entry.triangle
-        state.covariance[k][rows[high], rows[low]] = entry.triangle
-    return state
+def _entry(place: int, fresh: bool, states: State, p: int, person: Person) -> Entries:
+    """A frame of somebody."""
+    state = State(*(each[p : p + 1] for each in states))
+    return Entries.one(place, fresh, state, person.rows, person.used, person.state, person.missing_s)

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.arrays import frozen
+from posefuse.kernels.tally import note_silence
 from posefuse.tracking.settings import Settings
 
 
@@ -50,19 +52,14 @@ def listen(
     Returns:
         Views that are silent from now on (True) or heard again (False), and why.
     """
-    options = settings.options
-    silence.absent_s = np.where(recorded, 0.0, silence.absent_s + dt_s)
-    blind = np.where(recorded & (due > 0), silence.blind_s + dt_s, silence.blind_s)
-    silence.blind_s = np.where(shown > 0, 0.0, blind)
-    # Who was silent without frames is heard by a frame, who showed nobody by a detection.
-    quiet_s = np.maximum(silence.absent_s, silence.blind_s)
-    heard_s = np.where(quiet_s == 0.0, silence.heard_s + dt_s, silence.heard_s)
-    silence.heard_s = np.where(silence.silent & (quiet_s <= options.camera_heard_s), heard_s, 0.0)
-    over = silence.silent & (silence.heard_s >= options.camera_heard_s)
-    fallen = ~silence.silent & (quiet_s >= options.camera_silent_s)
-    silence.silent = (silence.silent | fallen) & ~over
-    told = [(int(v), True, _why(silence, int(v))) for v in np.flatnonzero(fallen)]
-    return told + [(int(v), False, "it has frames, and shows whom it should") for v in np.flatnonzero(over)]
+    o, change = settings.options, np.empty(len(recorded), dtype=np.int64)
+    if not note_silence(
+        frozen(recorded, np.bool_), shown, due, dt_s, o.camera_silent_s, o.camera_heard_s, silence.absent_s,
+        silence.blind_s, silence.heard_s, silence.silent, change,
+    ):  # fmt: skip
+        return []
+    told = [(int(v), True, _why(silence, int(v))) for v in np.flatnonzero(change > 0)]
+    return told + [(int(v), False, "it has frames, and shows whom it should") for v in np.flatnonzero(change < 0)]
 
 
 def _why(silence: Silence, view: int) -> str:

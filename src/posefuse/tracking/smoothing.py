@@ -13,17 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.kernels.articulated import State, foresee_people, predict_people
-from posefuse.kernels.smoothing import carry_back
+from posefuse.kernels.smoothing import add_information, carry_back, gains_back
 from posefuse.model.cameras import up_vector
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, memory_s, tempering
-from posefuse.tracking.tempering import ahead, bone_axes, first_with, see_pose, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
+_LASTS = 0.1
+"""What is left of a velocity in the next frame at least, so that it can be told from there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +173,12 @@ class PeopleSmoother:
         if self.settings.options.smoother == "none":
             return _described(part.within(start, stop).state, None, self.settings), None, None
         window = _refiltered(part, self._windows.get(part.number), self.settings)
+        rest = window.after(last - 1).copy() if last else None
         states = _smoothed_before(window.after(first).state, part.time_s[first:], after, self.settings)
         kept = State(*(each[: last - first] for each in states))
         body = _described(kept, window.information[first:last], self.settings)
         begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
-        return body, window.after(last - 1) if last else None, begins
+        return body, rest, begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,17 +194,20 @@ class _Ahead:
 
 
 def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: Settings) -> State:
-    """Smooth a run's states, also by those of a run that began anew after it.
+    """Smooth a run's states, in place or not, also by those of a run that began anew after it.
 
     The filter that began anew knew nothing of the run before, so that what it says of where it began is as good as an
     observation.
     """
     if after is None:
-        return smooth_states(state, time_s, settings)
+        _smooth_in_place(state, time_s, settings)
+        return state
     later_s = np.append(time_s, after.run.time_s[0])
     last = ahead(chosen(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)
     see_pose(last, after.state, settings)
-    return State(*(each[:-1] for each in smooth_states(joined(state, last), later_s, settings)))
+    both = joined(state, last)
+    _smooth_in_place(both, later_s, settings)
+    return State(*(each[:-1] for each in both))
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +229,10 @@ class _Window:
         """The frames from ``start`` on."""
         return _Window(self.root_m[start:], State(*(each[start:] for each in self.state)), self.information[start:])
 
+    def copy(self) -> "_Window":
+        """Another of the same."""
+        return _Window(self.root_m.copy(), State(*(each.copy() for each in self.state)), self.information.copy())
+
 
 def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window:
     """A person filtered again, from frames on for which that is known."""
@@ -241,16 +251,14 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
         n = 1
     assert known is not None
     rest = part.frames(n - 1, len(part))
-    dt_s = np.diff(rest.time_s)
-    said = what_was_said(rest.frames(0, len(rest) - 1).state, dt_s, rest.frames(1, len(rest)).state, settings)
-    again = tell_again(rest.state, rest.time_s, said, share[n - 1 :], chosen(known.state, [n - 1]), settings)
-    turn = bone_axes(again, rest.state, settings)[1:]
-    curvature = turn.transpose(0, 2, 1) @ said.curvature @ turn
-    return _Window(
-        part.state.root,
-        State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True))),
-        np.concatenate([known.information[:n], told[n:, None, None] * curvature]),
+    again, information = tell_again(
+        rest.state, rest.time_s, share[n - 1 :], told[n - 1 :], chosen(known.state, [n - 1]), settings
     )
+    information[0] = known.information[n - 1]
+    if n > 1:
+        again = State(*(np.concatenate([old[: n - 1], new]) for old, new in zip(known.state, again, strict=True)))
+        information = np.concatenate([known.information[: n - 1], information])
+    return _Window(part.state.root, again, information)
 
 
 def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
@@ -292,24 +300,35 @@ def smooth_states(filtered: State, time_s: np.ndarray, settings: Settings) -> St
         A State likewise.
     """
     out = chosen(filtered, np.arange(len(time_s)))
-    for start, stop in _chunks(filtered.free, len(time_s) - 1):
-        _smooth_chunk(out, time_s, start, stop, settings)
+    _smooth_in_place(out, time_s, settings)
     return out
 
 
-def _smooth_chunk(state: State, time_s: np.ndarray, start: int, stop: int, settings: Settings) -> None:
-    """Smooth the frames ``start`` to ``stop``, in place, by frame ``stop``, which is smoothed."""
-    dt_s = np.diff(time_s[start : stop + 1])
-    predicted = chosen(state, np.arange(start, stop))
-    # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
-    nowhere = np.full(len(settings.most), np.inf)
-    predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
-    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[start]))
-    means = State(*(each[start : stop + 1] for each in state))
-    gains, rest = _gains(means.covariance[:-1], predicted.covariance, rows, dt_s, settings)
-    room = np.empty((2, state.covariance.shape[1]))
-    carry_back(gains, rows, predicted, means, room[0], room[1])
-    _carry_covariance_back(gains, rest, rows, means.covariance)
+def _smooth_in_place(state: State, time_s: np.ndarray, settings: Settings) -> None:
+    for start, stop in _chunks(state.free, len(time_s) - 1):
+        part = State(*(each[start : stop + 1] for each in state))
+        _smooth_chunk(part, np.diff(time_s[start : stop + 1]), settings)
+
+
+def _smooth_chunk(state: State, dt_s: np.ndarray, settings: Settings) -> None:
+    """Smooth frames in place by the last of them, which is smoothed."""
+    n, h, free = settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0])
+    rows = uncertain(n, h, free)
+    gains, rest = np.empty((2, len(dt_s), len(rows), len(rows)))
+    walk = settings.options.motion.shape_walk
+    lasts = np.exp(-dt_s.max() / settings.decay_s.min()) > _LASTS
+    if not lasts or gains_back(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
+        gains, rest = _gains(state, rows, dt_s, settings)
+    carry_back(gains, rows, dt_s, settings.decay_s, state)
+    late = state.covariance[-1][np.ix_(rows, rows)]
+    for k in range(len(gains) - 1, -1, -1):
+        rest[k] += gains[k] @ late @ gains[k].T
+        late = rest[k]
+    m = len(rows) - n
+    state.covariance[:-1, :m, :m] = rest[:, :m, :m]
+    state.covariance[:-1, n + h :, n + h :] = rest[:, m:, m:]
+    state.covariance[:-1, n + h :, :m] = rest[:, m:, :m]
+    state.covariance[:-1, :m, n + h :] = rest[:, :m, m:]
 
 
 def _bridged(run: Run, bridge_s: float) -> list[Run]:
@@ -329,33 +348,26 @@ def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
         stop = start
 
 
-def _gains(
-    covariance: np.ndarray, predicted: np.ndarray, rows: np.ndarray, dt_s: np.ndarray, settings: Settings
-) -> tuple[np.ndarray, np.ndarray]:
-    """The smoother's gains, and what later frames can never tell, each of shape (frame, row, row).
+def _gains(state: State, rows: np.ndarray, dt_s: np.ndarray, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+    """What :func:`gains_back` finds, wherever there is an inverse or nearly one.
 
     With C = P F^T the covariance of a state and its successor as foretold, and P' that of the latter, the gain is
     G = C P'^-1 and the rest P - G C^T.
     """
     n = settings.tree.n_pose
+    predicted = chosen(state, np.arange(len(dt_s)))
+    # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
+    nowhere = np.full(len(settings.most), np.inf)
+    predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
     fade = np.exp(-dt_s[:, None] / settings.decay_s)
     reach = settings.decay_s * (1.0 - fade)
-    block = covariance[:, rows[:, None], rows]
+    block = state.covariance[:-1, rows[:, None], rows]
     mixed = block.copy()
     mixed[:, :n] += reach[:, :, None] * block[:, -n:]
     mixed[:, -n:] *= fade[:, :, None]
-    gains = np.linalg.solve(predicted[:, rows[:, None], rows], mixed).transpose(0, 2, 1)
+    gains = np.linalg.solve(predicted.covariance[:, rows[:, None], rows], mixed).transpose(0, 2, 1)
     rest = block - gains @ mixed
     return np.ascontiguousarray(gains), 0.5 * (rest + rest.transpose(0, 2, 1))
-
-
-def _carry_covariance_back(gains: np.ndarray, rest: np.ndarray, rows: np.ndarray, covariance: np.ndarray) -> None:
-    """Covariances of frames by those after them, the last of which is smoothed: shape (frame + 1, all, all)."""
-    at = np.ix_(rows, rows)
-    late = covariance[-1][at]
-    for k in range(len(gains) - 1, -1, -1):
-        late = rest[k] + gains[k] @ late @ gains[k].T
-        covariance[k][at] = late
 
 
 def _described(state: State, information: np.ndarray | None, settings: Settings) -> Smoothed:
@@ -378,10 +390,7 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         to = slice(start, min(start + _CHUNK, frames))
         covariance = state.covariance[to].copy()
         if information is not None:
-            said = (
-                np.eye(n + h) + settings.options.smoother_own_share * information[to] @ covariance[:, : n + h, : n + h]
-            )
-            covariance[:, : n + h, : n + h] = covariance[:, : n + h, : n + h] @ np.linalg.inv(said)
+            _tell_more(covariance, information[to], state.free[to], settings)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
         foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
@@ -391,6 +400,17 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m,
         sight.covariance_m2, *_known_turns(state.turns, state.bones, pose, settings),
     )  # fmt: skip
+
+
+def _tell_more(covariance: np.ndarray, information: np.ndarray, free: np.ndarray, settings: Settings) -> None:
+    """Tell covariances, in place, a share of what frames say at face value."""
+    n, size, share = settings.tree.n_pose, information.shape[1], settings.options.smoother_own_share
+    done = add_information(information, share, free, n, covariance)
+    while done < len(free):
+        known = covariance[done, :size, :size]
+        covariance[done, :size, :size] = known @ np.linalg.inv(np.eye(size) + share * information[done] @ known)
+        done += 1
+        done += add_information(information[done:], share, free[done:], n, covariance[done:])
 
 
 def _known_turns(

@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.kernels.smoothing import apply_changes, compare_states
+from posefuse.kernels.tempering import filter_again
 from posefuse.tracking.bodies import chosen, put, uncertain
 from posefuse.tracking.posing import newborn_covariance
 from posefuse.tracking.settings import Settings
@@ -60,28 +61,60 @@ def what_was_said(before: State, dt_s: np.ndarray, after: State, settings: Setti
 
 
 def tell_again(
-    filtered: State, time_s: np.ndarray, said: Said, share: np.ndarray, first: State, settings: Settings
-) -> State:
+    filtered: State, time_s: np.ndarray, share: np.ndarray, told: np.ndarray, first: State, settings: Settings
+) -> tuple[State, np.ndarray]:
     """Filter one person over consecutive frames again, with another share of what each frame said.
 
     Args:
         filtered: a State with frames where people stand; it is left as it is.
         time_s: shape (frame,), ascending.
-        said: by the frames after the first.
         share: shape (frame,): which of what the filter was told is told now.
+        told: shape (frame,): by how much the filter was told less than frames say at face value.
         first: a State of one person, in the first frame, that knows of the share already.
         settings: of the tracker whose states they are.
+
+    Returns:
+        The states; and shape (frame, pose + shape, pose + shape): what frames say at face value, in the axes of those
+        states; 0 for the first, which is not gone into.
     """
-    out = chosen(filtered, np.arange(len(time_s)))
+    frames, size = len(time_s), settings.tree.n_pose + settings.tree.n_shape
+    out = State(*(each.copy() for each in filtered[:-2]), np.empty_like(filtered.covariance), filtered.free.copy())
     put(out, 0, first)
-    now = first
-    for k in range(1, len(time_s)):
-        now = next_with(
-            now, time_s[k] - time_s[k - 1], chosen(filtered, [k]), said.curvature[k - 1], said.gradient[k - 1],
-            share[k], settings,
-        )  # fmt: skip
-        put(out, k, now)
-    return out
+    information = np.empty((frames, size, size))
+    information[0] = 0.0
+    dt_s, walk = np.diff(time_s, prepend=time_s[:1]), settings.options.motion.shape_walk
+    changes = np.flatnonzero(np.diff(filtered.free) != 0) + 1
+    k = 1
+    while k < frames:
+        stop = next((int(each) for each in changes if each >= k), frames)
+        to = slice(k - 1, stop)
+        k += filter_again(
+            dt_s[to], settings.decay_s, settings.power, settings.most, walk, State(*(each[to] for each in filtered)),
+            share[to], told[to], State(*(each[to] for each in out)), information[to],
+        ) - 1  # fmt: skip
+        if k < frames:
+            _tell_one_again(filtered, k, float(dt_s[k]), float(share[k]), float(told[k]), out, information, settings)
+            k += 1
+    return out, information
+
+
+def _tell_one_again(
+    filtered: State,
+    k: int,
+    dt_s: float,
+    share: float,
+    told: float,
+    out: State,
+    information: np.ndarray,
+    settings: Settings,
+) -> None:
+    """Frame ``k`` of the same, by itself: where a shape begins or ends to be sought, and where rounding counts."""
+    seen = chosen(filtered, [k])
+    said = what_was_said(chosen(filtered, [k - 1]), np.array([dt_s]), seen, settings)
+    now = next_with(chosen(out, [k - 1]), dt_s, seen, said.curvature[0], said.gradient[0], share, settings)
+    put(out, k, now)
+    turn = bone_axes(now, seen, settings)[0]
+    information[k] = told * turn.T @ said.curvature[0] @ turn
 
 
 def first_with(state: State, share: float, settings: Settings) -> State:

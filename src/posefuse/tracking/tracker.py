@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views
+from posefuse.kernels.tally import note_matches, note_off
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
@@ -124,15 +126,14 @@ class ArticulatedTracker:
         rows, swapped = self._match(frame)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
-        alone_s = self.lately.alone_s
-        alone_s[:] = np.where((rows >= 0).sum(axis=1) == 1, alone_s + dt_s, 0.0)
+        note_matches(
+            rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
+            self.lately.ids,
+        )  # fmt: skip
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
         self._set_limbs_anew(frame, rows, uses, dt_s)
-        p, v = np.nonzero(rows >= 0)
-        self.lately.swapped[p, v] = swapped[p, rows[p, v]]
-        self.lately.ids[p, v] = frame.track_ids[rows[p, v]]
         self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
 
@@ -190,7 +191,8 @@ class ArticulatedTracker:
     def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, uses: Uses, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are where those show them, and as good as unknown."""
         gated, off_s = uses.gated, self.lately.off_s
-        off_s[:] = np.where((gated >= 2) & (gated > uses.used), off_s + dt_s, 0.0)
+        if note_off(uses.used, gated, dt_s, off_s) < self.settings.options.limb_anew_s:
+            return
         for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
             k = int(off_s[p].argmax())
             off_s[p] = 0.0
@@ -230,7 +232,9 @@ class ArticulatedTracker:
         s = self.settings
         as_labelled = np.arange(len(s.skeleton))
         if not swapped.any():
-            return np.broadcast_to(as_labelled, (*rows.shape, len(as_labelled))).copy()
+            labels = np.empty((*rows.shape, len(as_labelled)), dtype=np.int64)
+            labels[:] = as_labelled
+            return labels
         turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
         return np.ascontiguousarray(np.where(turned, s.skeleton.mirror, as_labelled))
 
@@ -320,7 +324,7 @@ class ArticulatedTracker:
         for v, refused, why in look_at(self.watch, supported[active], expected[active], free, dt_s):
             what = "camera refused" if refused else "camera trusted"
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
-        self._listen(frame, supported[active], expected[active], dt_s)
+        self._listen(frame, dt_s)
         scale = self.settings.tree.scale
         audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
@@ -334,19 +338,9 @@ class ArticulatedTracker:
                     self._conclude(finding, number)
                     renamed |= set(finding.names) if finding.exchange else set()
 
-    def _listen(self, frame: Frame, supported: np.ndarray, expected: np.ndarray, dt_s: float) -> None:
-        """Which cameras say nothing any more, or again.
-
-        Args:
-            frame: what the views show.
-            supported: shape (active person, view), bool.
-            expected: shape (active person, view), bool.
-            dt_s: since the last frame.
-        """
-        others = supported.sum(axis=1, keepdims=True) - supported
-        due = (expected & (others >= 2)).sum(axis=0)
-        shown = np.bincount(frame.view, minlength=len(self.settings.rig))
-        for v, silent, why in listen(self.silence, frame.recorded, shown, due, dt_s, self.settings):
+    def _listen(self, frame: Frame, dt_s: float) -> None:
+        """Which cameras say nothing any more, or again."""
+        for v, silent, why in listen(self.silence, frame.recorded, frame.shown, self.watch.due, dt_s, self.settings):
             what = "camera silent" if silent else "camera heard again"
             self.events.append(Event(frame.number, self.time_s, self.settings.rig.names[v], what, why))
 

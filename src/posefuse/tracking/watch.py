@@ -21,17 +21,20 @@ class Watch:
         matched_s: shape (view,): for how long they were.
         shown_s: shape (view,): for how long there was somebody that nobody is.
         refused: shape (view,), bool.
+        due: shape (view,), int64: how many people, whom two others show, it was to show in the last frame.
     """
 
     expected_s: np.ndarray
     matched_s: np.ndarray
     shown_s: np.ndarray
     refused: np.ndarray
+    due: np.ndarray
 
     @classmethod
     def over(cls, n_views: int) -> "Watch":
         """Nothing known of any view."""
-        return cls(np.zeros(n_views), np.zeros(n_views), np.zeros(n_views), np.zeros(n_views, dtype=bool))
+        times_s = np.zeros((3, n_views))
+        return cls(*times_s, np.zeros(n_views, dtype=bool), np.zeros(n_views, dtype=np.int64))
 
 
 def look_at(
@@ -54,7 +57,7 @@ def look_at(
         Views that are refused from now on (True) or trusted again (False), and why.
     """
     fade = float(np.exp(-dt_s / _TIME_S))
-    weigh_views(supported, expected, free, fade, dt_s, watch.expected_s, watch.matched_s, watch.shown_s)
+    weigh_views(supported, expected, free, fade, dt_s, watch.expected_s, watch.matched_s, watch.shown_s, watch.due)
     changes = []
     times = zip(watch.expected_s.tolist(), watch.matched_s.tolist(), watch.shown_s.tolist(), strict=True)
     for v, (expected_s, matched_s, shown_s) in enumerate(times):

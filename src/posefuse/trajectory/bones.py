@@ -17,16 +17,23 @@ class Bones:
     Attributes:
         ends: shape (bone, 2), int64.
         order: shape (tree bone, 2), int64: bones of a forest, those nearest to a root first, and which end is outer.
+        rigid: shape (bone,), bool: whether the skeleton says that it keeps its length.
     """
 
     ends: np.ndarray
     order: np.ndarray
+    rigid: np.ndarray
+
+    @classmethod
+    def none(cls) -> Self:
+        """No keypoint is joined to another."""
+        return cls(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=np.bool_))
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
         """The skeleton's edges, each once."""
         if not len(skeleton.edge_indices):
-            return cls(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
+            return cls.none()
         ends = np.unique(np.sort(skeleton.edge_indices, axis=1), axis=0)
         n = len(skeleton)
         graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n)).tocsr()
@@ -39,4 +46,6 @@ class Bones:
                 inner = parent[outer]
                 bone = number[min(int(inner), int(outer)), max(int(inner), int(outer))]
                 order.append((bone, int(ends[bone, 0] != outer)))
-        return cls(np.ascontiguousarray(ends, dtype=np.int64), np.array(order, dtype=np.int64).reshape(-1, 2))
+        stiff = {frozenset((skeleton.index(a), skeleton.index(b))) for a, b in skeleton.rigid}
+        rigid = np.array([frozenset((int(a), int(b))) in stiff for a, b in ends])
+        return cls(np.ascontiguousarray(ends, dtype=np.int64), np.array(order, dtype=np.int64).reshape(-1, 2), rigid)

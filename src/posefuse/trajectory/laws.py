@@ -136,7 +136,7 @@ def learn(parts: Iterable[Measured], skeleton: Skeleton, options: TrajectoryOpti
             own.add(observed, bones, options, law)
     if errors is None:
         raise DetectionsError("The trajectory solve was given no frames to learn from.")
-    lengths = [each.lengths(options) for each in sums]
+    lengths = [each.lengths(bones.rigid, options) for each in sums]
     correlation_s, share = errors.law(options)
     return Laws(
         density=np.stack([each.density(options) for each in sums]),
@@ -257,8 +257,7 @@ class _Sums:
     def add(self, observed: Observed, bones: Bones, options: TrajectoryOptions, law: Law) -> None:
         """A part more."""
         smoothness = Smoothness.of(options.prior, observed.time_s)
-        alone = Bones(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64))
-        solver = Solver(observed, smoothness, alone, replace(options, burst_s=0.0))
+        solver = Solver(observed, smoothness, Bones.none(), replace(options, burst_s=0.0))
         paths, density, known, errors = fit_density(solver, law)
         if law.correlation_s > 0.0:
             # What lasts may be motion or error. Taken for motion it costs little, taken for error the motion is gone.
@@ -317,13 +316,19 @@ class _Sums:
         """Shape (keypoint,)."""
         return _filled(self._lasting, self._known)
 
-    def lengths(self, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
-        """Lengths, and how much they differ from themselves; NaN and inf where too few frames tell."""
+    def lengths(self, rigid: np.ndarray, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths, and how much they differ from themselves; NaN and inf where too few frames tell.
+
+        Args:
+            rigid: shape (bone,), bool: what such a bone seems to vary by beyond reason is error.
+            options: of the solve.
+        """
         tells = self._count >= _FEWEST_LENGTHS
         count = np.maximum(self._count, 1.0)
         mean = self._length / count
         variance = self._square / count - mean**2 - self._noise / count
-        sd = np.sqrt(np.maximum(variance, (options.least_bone_share * mean) ** 2))
+        most = np.where(rigid, options.rigid_bone_share * mean, np.inf)
+        sd = np.clip(np.sqrt(np.maximum(variance, 0.0)), options.least_bone_share * mean, most)
         tells &= options.bones & (mean > 0.0)
         return np.where(tells, mean, np.nan), np.where(tells, sd, np.inf)
 

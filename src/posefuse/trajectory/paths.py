@@ -56,6 +56,9 @@ STEADIEST = 1e6
 
 _LEAST_SCALE, _MOST_SCALE = 0.5, 4.0
 
+_BONE_REACH = 3.0
+"""In units of what a bone gives and views leave open: so far beside its length it holds a quarter as tightly."""
+
 _STIFFEST = 10.0
 """Bones are taken for no stiffer than so many times what views say along them: stiffer ones would tell hardly more, and
 the solve would take long."""
@@ -207,7 +210,7 @@ class Solver:
         band, pull, seen = self._terms(residuals, jacobians, sigma, weights, law, stiffness, paths)
         variance = usual_variance(seen, weights)
         steps, covariance = self._step(
-            paths.paths_m, band, pull, seen, self._tightness(law, alive, variance), law.length_m
+            paths.paths_m, band, pull, seen, self._tightness(paths.paths_m, law, alive, variance), law.length_m
         )
         moved = paths.paths_m + self._shortened(steps)
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
@@ -357,9 +360,11 @@ class Solver:
         told = count > 0.5
         if not told.any():
             return 1.0, STEADIEST
-        total, count = total[told], count[told]
-        fresh = float(total.sum() / count.sum())
-        varies = float((count * np.square(total / count / fresh - 1.0)).sum() / count.sum())
+        # A spell that no scale reaches is no size of errors: one of a wrong limb would make all frames uncertain.
+        count = count[told]
+        size = np.minimum(total[told] / count, _MOST_SCALE**2)
+        fresh = float((count * size).sum() / count.sum())
+        varies = float((count * np.square(size / fresh - 1.0)).sum() / count.sum())
         chance = 2.0 * len(count) / float(count.sum())
         return fresh, min(2.0 / max(varies - chance, 2.0 / STEADIEST), STEADIEST)
 
@@ -370,14 +375,22 @@ class Solver:
             kept[1:] = np.exp(-np.diff(self.observed.time_s) / correlation_s)
         return kept
 
-    def _tightness(self, law: Law, alive: np.ndarray, variance_m2: np.ndarray) -> np.ndarray:
-        """Shape (bone, frame): one over the variance of each length, as if frames told of it one by one."""
+    def _tightness(self, paths_m: np.ndarray, law: Law, alive: np.ndarray, variance_m2: np.ndarray) -> np.ndarray:
+        """Shape (bone, frame): one over the variance of each length, as if frames told of it one by one.
+
+        A bone farther from its length than its give and what views leave open gives way (Geman and McClure's weight).
+        """
         one, other = self.bones.ends.T
         share = min(self.observed.step_s / (2.0 * _BONE_S), 1.0)
+        seen_m2 = np.nan_to_num(variance_m2[one] + variance_m2[other], nan=np.inf)
+        give_m2 = np.square(law.length_sd_m)
         with np.errstate(divide="ignore"):
-            own = share / np.square(law.length_sd_m)
-        own = np.minimum(own, _STIFFEST / np.nan_to_num(variance_m2[one] + variance_m2[other], nan=np.inf))
-        return np.where(alive[one] & alive[other], own[:, None], 0.0)
+            own = np.minimum(share / give_m2, _STIFFEST / seen_m2)
+        off_m = np.linalg.norm(paths_m[one] - paths_m[other], axis=-1) - law.length_m[:, None]
+        reach_m2 = _BONE_REACH**2 * (give_m2 + seen_m2)[:, None]
+        with np.errstate(invalid="ignore"):
+            held = np.square(1.0 / (1.0 + np.nan_to_num(np.square(off_m) / reach_m2)))
+        return np.where(alive[one] & alive[other], own[:, None] * held, 0.0)
 
     def _step(
         self,

@@ -17,16 +17,16 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.skeletons import Skeleton
-from posefuse.model.status import PointStatus, ViewStatus
+from posefuse.model.status import ViewStatus
 from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.linear import linear_rows
 from posefuse.triangulation.pairs.evidence import robust_evidence
 from posefuse.triangulation.registry import load_method
 from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.registry import decide_sides
-from posefuse.triangulation.sides.results import PairsInTime
+from posefuse.triangulation.sides.results import UNKNOWN_RATE_HZ, PairsInTime
 from posefuse.triangulation.sides.worth import cost, settled
+from posefuse.triangulation.stretches import alone, around, part_of, signs_of_swaps, with_parts
 
 _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
@@ -34,9 +34,6 @@ _RARE, _RAREST, _MOST = 0.02, 1e-4, 0.4
 _ROUNDS = 10
 _MOST_EVIDENCE = 200.0
 _SAYS_NOTHING = (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED, ViewStatus.LOW_CONFIDENCE, ViewStatus.BEYOND_LENS)
-# Farther off says nothing more, and how much less an exchange must cost, in squared sigmas.
-_FAR_SIGMA = 5.0
-_MUCH = 15.0
 
 
 def solve(
@@ -54,10 +51,27 @@ def solve(
     Returns:
         The measured layer, and which views took left for right.
     """
+    layer = load_method(options.triangulation.method).solve(rig, detections, tracks, noise, options.triangulation)
+    if not _can_tell(rig, options):
+        return put_right(rig, detections, tracks, noise, options, layer)
+    layout, swaps = Layout.of(detections.skeleton), _as_labelled(layer, detections.skeleton)
+    signs = signs_of_swaps(rig, detections, tracks, noise, layer, layout.chain_of)
+    asked = around(signs, 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ))
+    state, parts = np.array(swaps.state), []
+    for person in np.flatnonzero(asked.any(axis=0)):
+        frames = np.flatnonzero(asked[:, person])
+        mine = alone(detections, tracks, int(person), frames)
+        better, found = put_right(rig, *mine, noise, options, part_of(layer, int(person), frames))
+        parts.append((int(person), frames, better))
+        state[frames, person] = np.asarray(found.state)[:, 0]
+    return (with_parts(layer, parts), replace(swaps, state=state)) if parts else (layer, swaps)
+
+
+def put_right(
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options, layer: Layer
+) -> tuple[Layer, Swaps]:
+    """Points with sides put right, by not believing the labels in any frame; ``layer``: points by labels."""
     method, skeleton = load_method(options.triangulation.method), detections.skeleton
-    layer = method.solve(rig, detections, tracks, noise, options.triangulation)
-    if _can_tell(rig, options) and not shows_swaps(rig, detections, tracks, noise, layer):
-        return layer, _as_labelled(layer, skeleton)
     pairs, chain_of = skeleton.pair_indices, Layout.of(skeleton).chain_of
 
     def exchanged(swapped: np.ndarray) -> Layer:
@@ -107,71 +121,6 @@ def _can_tell(rig: CameraRig, options: Options) -> bool:
     """Whether points made by labels would show that some are swapped, and nobody asked for another rule than labels."""
     usual = options.pairs == "enumerate" and options.sides == "chains"
     return usual and options.triangulation.method == "consensus" and len(rig) > 2
-
-
-def shows_swaps(rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, layer: Layer) -> bool:
-    """Whether views look as if left and right were swapped, in two pairs of a limb or two frames on end.
-
-    Where none does in all of a range of frames, not believing the labels would come to the same points; asking costs
-    next to nothing. A wrong detection comes to lie near the other side's point by chance now and then, but not two
-    together.
-
-    Args:
-        rig: the cameras.
-        detections: in memory.
-        tracks: whose detection is whose.
-        noise: of the detections.
-        layer: points by ``consensus``, labels believed.
-    """
-    pairs = detections.skeleton.pair_indices
-    left, right = (np.asarray(layer.view_status)[:, :, side] for side in pairs.T)
-    looks = np.zeros(left.shape, dtype=bool)
-    places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
-    looks[places] = _better_exchanged(rig, detections, tracks, noise, layer, pairs, places)
-    # Where rays of both sides fix no points there may be two pairs of rays that do.
-    status = np.asarray(layer.status)
-    contested = (status == PointStatus.OUTLIER) | (status == PointStatus.UNDECIDED)
-    contested = contested[:, :, pairs[:, 0]] & contested[:, :, pairs[:, 1]]
-    looks[contested] = (left[contested] == ViewStatus.NOT_USED) & (right[contested] == ViewStatus.NOT_USED)
-    chain_of = Layout.of(detections.skeleton).chain_of
-    together = [looks[:, :, chain_of == c].sum(axis=2).max(initial=0) > 1 for c in np.unique(chain_of)]
-    return bool((looks[1:] & looks[:-1]).any() or any(together))
-
-
-def _better_exchanged(
-    rig: CameraRig,
-    detections: Detections,
-    tracks: Tracks,
-    noise: NoiseModel,
-    layer: Layer,
-    pairs: np.ndarray,
-    places: tuple[np.ndarray, ...],
-) -> np.ndarray:
-    """Shape (n,): where a view's two observations fit a pair's points much better the other way round.
-
-    Args:
-        rig: the cameras.
-        detections: in memory.
-        tracks: whose detection is whose.
-        noise: of the detections.
-        layer: of points.
-        pairs: shape (pair, 2): keypoints, left and right.
-        places: frame, person, pair and view, shape (n,) each.
-    """
-    frame, person, pair, view = places
-    row = tracks.rows(detections)[frame, person, view]
-    keypoints_px, points_m = np.asarray(detections.keypoints_px), np.asarray(layer.points_m)
-    gain = np.zeros(len(frame))
-    for own, other in (pairs[pair].T, pairs[pair, ::-1].T):
-        there = np.asarray(layer.view_error_px)[frame, person, own, view]
-        across = np.empty(len(frame))
-        for v in range(len(rig)):
-            mine = view == v
-            pixels, points = keypoints_px[row[mine], other[mine]], points_m[frame[mine], person[mine], own[mine]]
-            across[mine] = np.hypot(*linear_rows(rig.select(rig.names[v : v + 1]), points, pixels[:, None])[0][:, 0].T)
-        there, across = (np.minimum(off / noise.scale_px[view], _FAR_SIGMA) ** 2 for off in (there, across))
-        gain += np.nan_to_num(there - across)
-    return gain > _MUCH
 
 
 def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:

@@ -9,7 +9,8 @@ import pytest
 
 from posefuse.errors import ResultError
 from posefuse.evaluation.heads import HEAD_RULES, JOINTS, joints_14
-from posefuse.evaluation.people import PeoplePoints, ScoringOptions, only_in_states, people_points, score_people
+from posefuse.evaluation.people import ScoringOptions, score_people
+from posefuse.evaluation.together import PeoplePoints, only_in_states, people_points
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.tracks import Tracks, TrackState

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.articulated import GATED, UNSEEN, USED
-from posefuse.kernels.tally import foretell_views, weigh_views
+from posefuse.kernels.tally import foretell_views, note_matches, note_off, weigh_views
 from posefuse.tracking.bodies import Uses
 
 SEEDS = range(5)
@@ -50,8 +50,34 @@ def test_how_well_views_fit(seed):
     supported, expected = rng.random((5, 4)) < 0.6, rng.random((5, 4)) < 0.7
     free, before, dt_s, fade = rng.integers(0, 3, 4), rng.random((3, 4)), 0.04, 0.9
     after = before.copy()
-    weigh_views(supported, expected, free, fade, dt_s, *after)
+    due = np.empty(4, dtype=np.int64)
+    weigh_views(supported, expected, free, fade, dt_s, *after, due)
     sure = expected & (supported.sum(axis=1, keepdims=True) - supported >= 2)
+    np.testing.assert_array_equal(due, sure.sum(axis=0))
     missed = (sure & ~supported).sum(axis=0)
     now = np.stack([sure.sum(axis=0), (sure & supported).sum(axis=0), np.minimum(free, missed)])
     np.testing.assert_allclose(after, fade * before + dt_s * now)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_the_last_matches_were_like(seed):
+    rng = np.random.default_rng(seed)
+    rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
+    ids, alone_s = rng.integers(-1, 9, 6), rng.random(5)
+    rows[0] = [-1, 3, -1, -1]
+    was, known, before = rng.integers(0, 2, (5, 4, 2)).astype(np.int8), rng.integers(-1, 9, (5, 4)), alone_s.copy()
+    swapped_then, ids_then = was.copy(), known.copy()
+    note_matches(rows, swapped, ids, 0.04, alone_s, was, known)
+    there = rows >= 0
+    np.testing.assert_array_equal(known, np.where(there, ids[rows], ids_then))
+    np.testing.assert_array_equal(was, np.where(there[..., None], swapped[np.arange(5)[:, None], rows], swapped_then))
+    np.testing.assert_allclose(alone_s, np.where(there.sum(axis=1) == 1, before + 0.04, 0.0))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_for_how_long_keypoints_are_seen_elsewhere(seed):
+    rng = np.random.default_rng(seed)
+    used, gated, off_s = rng.integers(0, 4, (3, 7)), rng.integers(0, 4, (3, 7)), rng.random((3, 7))
+    expected = np.where((gated >= 2) & (gated > used), off_s + 0.1, 0.0)
+    assert note_off(used, gated, 0.1, off_s) == expected.max()
+    np.testing.assert_array_equal(off_s, expected)

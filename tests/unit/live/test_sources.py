@@ -1,5 +1,6 @@
 """Lines over real sockets: TCP, UNIX, ZeroMQ, NATS; each server is started by its test."""
 
+import os
 import shutil
 import socket
 import socketserver
@@ -154,7 +155,8 @@ def test_nats_protocol():
 
 def test_nats_server():
     nats = pytest.importorskip("nats", reason="nats-py is not installed (extra live)")
-    binary = shutil.which("nats-server")
+    # Debian puts it where users do not look.
+    binary = shutil.which("nats-server", path=f"{os.environ.get('PATH', '')}{os.pathsep}/usr/sbin")
     if binary is None:
         pytest.skip("there is no nats-server on this machine; its protocol is tested with a tiny one above")
     import asyncio

@@ -98,6 +98,17 @@ def test_a_core_of_other_keypoints_is_refused(core, words):
         parse_skeleton(f'name = "mouse"\nkeypoints = ["nose"]\ncore = {core}', "mouse.toml")
 
 
+def test_what_is_rigid_is_rigid_on_both_sides():
+    arm = parse_skeleton(
+        'name = "arm"\nkeypoints = ["neck", "left_elbow", "right_elbow"]\n'
+        'edges = [["neck", "left_elbow"], ["neck", "right_elbow"]]\nrigid = [["neck", "left_elbow"]]',
+        "arm.toml",
+    )
+    assert arm.rigid == (("neck", "left_elbow"), ("neck", "right_elbow"))
+    with pytest.raises(SkeletonError, match="rigid names 'left_elbow' and 'neck', which no edge joins"):
+        parse_skeleton('name = "arm"\nkeypoints = ["neck", "left_elbow"]\nrigid = [["left_elbow", "neck"]]', "arm.toml")
+
+
 def test_names_are_found_however_written():
     assert find_skeleton("COCO-17") == find_skeleton("coco_17")
     assert find_skeleton("body20").name == "body_20"

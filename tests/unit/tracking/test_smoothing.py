@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.articulated import State
-from posefuse.kernels.smoothing import apply_changes, compare_states
+from posefuse.kernels.smoothing import add_information, apply_changes, compare_states
 from posefuse.model.noise import NoiseModel
 from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.tracker_options import TrackerOptions
@@ -17,7 +17,8 @@ from posefuse.tracking.history import Run
 from posefuse.tracking.posing import newborn
 from posefuse.tracking.settings import Settings, tempering
 from posefuse.tracking.smoothing import smooth_run, smooth_states
-from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again, what_was_said
+from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again
+from tests.reference import tempering as reference
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree
@@ -128,6 +129,49 @@ def covariance0(states: State, k: int, at) -> np.ndarray:
     return states.covariance[k][at]
 
 
+def smoothed_densely(states: State, time_s: np.ndarray, settings: Settings) -> np.ndarray:
+    """The covariances of a smoother with one dense matrix for everything."""
+    covariance = states.covariance.copy()
+    for k in range(len(time_s) - 2, -1, -1):
+        dt_s = time_s[k + 1] - time_s[k]
+        rows = uncertain(N, H, bool(states.free[k]))
+        at = np.ix_(rows, rows)
+        fade, f = np.exp(-dt_s / settings.decay_s), np.eye(2 * N + H)
+        f[:N, N + H :], f[N + H :, N + H :] = np.diag(settings.decay_s * (1.0 - fade)), np.diag(fade)
+        before, f = states.covariance[k][at], f[at]
+        foretold = ahead(chosen(states, [k]), np.array([dt_s]), settings).covariance[0][at]
+        gain = np.linalg.solve(foretold, f @ before).T
+        covariance[k][at] = before + gain @ (covariance[k + 1][at] - foretold) @ gain.T
+    return covariance
+
+
+@pytest.mark.parametrize("dt_s", [0.01, DT_S, 5.0])
+@pytest.mark.parametrize("kept_from", [12, 10**6])
+def test_covariances_are_those_of_one_dense_matrix(settings, rng, dt_s, kept_from):
+    """Frames seconds apart too, over which velocities fade away."""
+    settings = replace(settings, most=np.full(N, np.inf))
+    states = filtered(settings, 20, rng, kept_from)
+    smooth = smooth_states(states, dt_s * np.arange(20), settings)
+    expected = smoothed_densely(states, dt_s * np.arange(20), settings)
+    sd = np.sqrt(np.diagonal(expected, axis1=1, axis2=2))
+    assert (np.abs(smooth.covariance - expected) <= 1e-7 * sd[:, :, None] * sd[:, None] + 1e-15).all()
+
+
+@pytest.mark.parametrize("free", [0, 1])
+def test_more_is_known_by_what_is_said_besides(settings, rng, free):
+    states = filtered(settings, 6, rng, kept_from=10**6 if free else 0)
+    root = rng.normal(0.0, 3.0, (6, N + H, N + H)) * (np.arange(N + H) < (N + H if free else N))
+    information = root.transpose(0, 2, 1) @ root
+    found, m = states.covariance.copy(), N + H if free else N
+    assert add_information(information, 0.3, states.free, N, found) == 6
+    known = np.linalg.inv(states.covariance[:, :m, :m]) + 0.3 * information[:, :m, :m]
+    np.testing.assert_allclose(found[:, :m, :m] @ known, np.tile(np.eye(m), (6, 1, 1)), atol=1e-6)
+    found[:, :m, :m] = states.covariance[:, :m, :m]
+    np.testing.assert_array_equal(found, states.covariance)
+    found[2, 0, 0] = -1.0
+    assert add_information(information, 0.3, states.free, N, found) == 2
+
+
 def test_smoothing_knows_more_than_filtering(settings, rng):
     states = filtered(settings, 40, rng, kept_from=30)
     smooth = smooth_states(states, times(40), settings)
@@ -161,11 +205,32 @@ def test_the_shape_kept_is_the_shape_all_along(settings, rng):
 
 
 def told_again(states: State, share: np.ndarray, settings: Settings) -> State:
-    t = times(len(share))
-    said = what_was_said(
-        State(*(each[:-1] for each in states)), np.diff(t), State(*(each[1:] for each in states)), settings
-    )
-    return tell_again(states, t, said, share, first_with(chosen(states, [0]), share[0], settings), settings)
+    first = first_with(chosen(states, [0]), share[0], settings)
+    return tell_again(states, times(len(share)), share, np.ones(len(share)), first, settings)[0]
+
+
+@pytest.mark.parametrize("kept_from", [8, 10**6])
+def test_it_is_what_dense_matrices_say_frame_by_frame(settings, rng, kept_from):
+    frames = 30
+    states = filtered(settings, frames, rng, kept_from, turn=0.05)
+    share, told = rng.uniform(0.2, 1.0, (2, frames))
+    first = first_with(chosen(states, [0]), share[0], settings)
+    given = states, times(frames), share, told, first, settings
+    (ours, information), (theirs, expected) = tell_again(*given), reference.tell_again(*given)
+    close(ours, theirs, 1e-9)
+    size = np.sqrt(np.einsum("kii,kjj->kij", np.abs(expected), np.abs(expected)))
+    assert (np.abs(information - expected) <= 1e-7 * size + 1e-6 * np.abs(expected).max()).all()
+    assert np.abs(information[1:]).max(axis=(1, 2)).min() > 0.0
+
+
+def test_what_rounding_broke_is_told_by_itself(settings, rng):
+    """A covariance that is none ends the quick way; dense matrices make of it what they can."""
+    states = filtered(settings, 12, rng, turn=0.05)
+    states.covariance[6, 3, 3] *= -1.0
+    share, told = np.full((2, 12), 0.5)
+    first = first_with(chosen(states, [0]), 0.5, settings)
+    given = states, times(12), share, told, first, settings
+    close(tell_again(*given)[0], reference.tell_again(*given)[0], 1e-7)
 
 
 def test_told_all_of_it_again_the_filter_finds_what_it_found(settings, rng):
@@ -225,13 +290,11 @@ def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng,
             keep_shape(now)
         states = joined(states, now)
     share, t = np.full(frames, 0.4), times(frames)
-    said = what_was_said(
-        State(*(each[:-1] for each in states)), np.diff(t), State(*(each[1:] for each in states)), settings
-    )
     first = first_with(chosen(states, [0]), share[0], settings)
-    straight = tell_again(states, t, said, share, first, settings)
-    turned = tell_again(states, t, said, share, with_bones_turned(first, angles), settings)
+    straight, said = tell_again(states, t, share, share, first, settings)
+    turned, turned_said = tell_again(states, t, share, share, with_bones_turned(first, angles), settings)
     close(turned, with_bones_turned(straight, angles), 1e-9)
+    np.testing.assert_allclose(np.trace(said, axis1=1, axis2=2), np.trace(turned_said, axis1=1, axis2=2), rtol=1e-6)
 
 
 def test_axes_of_bones_are_carried_into_others(settings, rng):

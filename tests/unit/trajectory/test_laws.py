@@ -1,13 +1,17 @@
 """What is learned of a recording."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.laws import Laws, learn, margin_s, mean_cosine
+from posefuse.trajectory.observed import Observed
+from posefuse.trajectory.paths import Law, Solver
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
 from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
@@ -41,6 +45,32 @@ def test_bones_are_found_and_how_stiff_they_are():
     assert laws.length_m[0] == pytest.approx([0.3, 0.25], rel=0.01)
     assert laws.length_sd_m[0, 0] < 0.003
     assert laws.length_sd_m[0, 1] == pytest.approx(0.25 * 0.1 / np.sqrt(2.0), rel=0.2)
+
+
+def test_rigid_bones_vary_no_more_than_reason_has_it():
+    truth = swinging(600)
+    stretched = 1.0 + 0.2 * np.sin(np.arange(600) * np.pi / 100.0)[:, None]
+    truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
+    given = measured(truth)
+    soft = learn([given], ARM, TrajectoryOptions())
+    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(rigid_bone_share=0.02))
+    assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
+    assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
+    assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]
+
+
+def test_one_wild_spell_does_not_make_all_frames_uncertain(monkeypatch):
+    count = np.full((3, 600, 4), 20.0)
+    total = np.random.default_rng(0).chisquare(20.0, count.shape)
+    wild = total.copy()
+    wild[1, 100:103, 2] *= 150.0**2
+    observed = Observed.of(measured(swinging(600)), 0)
+    law = Law(np.empty(0), np.empty(0), np.empty(0), 0.0, 1.0)
+    solver = Solver(observed, Smoothness.of("jerk", observed.time_s), Bones.none(), TrajectoryOptions())
+    monkeypatch.setattr(Solver, "_new_errors", lambda *_: (wild, count))
+    fresh, steady = solver.steadiness(law)
+    assert fresh == pytest.approx(1.0, abs=0.02)
+    assert steady > 5.0
 
 
 def lasting_noise(shape: tuple[int, ...], kept: float, rng: np.random.Generator) -> np.ndarray:
@@ -122,6 +152,7 @@ def test_nothing_to_learn_from_is_an_error():
         ("burst_s", -1.0),
         ("calm", 0.0),
         ("least_bone_share", -0.1),
+        ("rigid_bone_share", 0.001),
         ("correlation_s", -1.0),
         ("max_gap_s", np.inf),
         ("max_sd_share", 0.0),

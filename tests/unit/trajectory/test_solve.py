@@ -279,6 +279,16 @@ def test_where_all_views_agree_for_a_while_the_path_goes_there():
     assert np.median(errors_m(layer, truth)[100:117, 2]) < 0.02
 
 
+@pytest.mark.parametrize("away_m", [(0.15, 0.1, 0.1), (0.6, 0.0, 0.2)])
+def test_views_that_agree_are_believed_rather_than_the_length_of_a_bone(away_m):
+    laws = learn([measured(swinging(400))], ARM, TrajectoryOptions())
+    truth = swinging(400)
+    truth[150:260, 2] += away_m
+    errors = errors_m(solved(measured(truth), laws), truth)
+    assert np.median(errors[150:260, 2]) < 0.006
+    assert np.median(errors[150:260, 1]) < 0.004
+
+
 def test_a_swapped_view_is_exchanged_first():
     skeleton = Skeleton("feet", ("left_foot", "right_foot"), pairs=(("left_foot", "right_foot"),))
     truth = swinging(90)[:, 1:]

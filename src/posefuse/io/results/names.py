@@ -1,15 +1,17 @@
 """Names that files and their parts can have, made of names that people and keypoints have."""
 
-import re
+import unicodedata
 from collections.abc import Sequence
 
-_REFUSED = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
-_DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
+from posefuse.io.files import DEVICES, REFUSED
+
 _LONGEST_BYTES = 100
 
 
 def safe_names(names: Sequence[str]) -> tuple[str, ...]:
-    """A name for each that is one on every file system and leads nowhere else; all different, also to who ignores case.
+    """A name for each that is one on every file system and leads nowhere else.
+
+    All are different, also to whoever ignores case or how accents are spelt.
 
     What is safe already stays as it is, unless somebody before has it.
     """
@@ -18,15 +20,20 @@ def safe_names(names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         stem = _safe(name)
         candidate, number = stem, 1
-        while candidate.casefold() in taken:
+        while _told_apart(candidate) in taken:
             number += 1
             candidate = f"{stem}_{number}"
-        taken.add(candidate.casefold())
+        taken.add(_told_apart(candidate))
         found.append(candidate)
     return tuple(found)
 
 
 def _safe(name: str) -> str:
-    clean = _REFUSED.sub("_", name).strip(" .")
+    clean = REFUSED.sub("_", name).strip(" .")
     clean = clean.encode("utf-8", "replace")[:_LONGEST_BYTES].decode("utf-8", "ignore").strip(" .")
-    return f"_{clean}" if not clean or _DEVICES.fullmatch(clean) else clean
+    return f"_{clean}" if not clean or DEVICES.fullmatch(clean) else clean
+
+
+def _told_apart(name: str) -> str:
+    """What of a name every file system tells from others."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

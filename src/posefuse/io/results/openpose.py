@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import ResultError
-from posefuse.io.files import replacing_folder
+from posefuse.io.files import file_name, replacing_folder
 from posefuse.model.cameras import Camera
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -35,15 +35,12 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
         What the files cannot say, in sentences.
 
     Raises:
-        ResultError: if the points are no places in the world, or a camera's name cannot be that of a folder.
-        FileError: if the folder holds other files.
+        ResultError: if the points are no places in the world.
+        FileError: if a camera's name cannot be that of a folder, or the folder holds other files.
     """
     if result.unit != "m":
         raise ResultError(f"This result is in {result.unit}, one camera's image plane; it has no points to project.")
-    for name in result.rig.names:
-        if not name or name != Path(name).name or name.startswith("."):
-            raise ResultError(f"Camera {name!r} cannot be the name of a folder. Rename it in the calibration.")
-    folders = [f"{name}_json" for name in result.rig.names]
+    folders = [f"{file_name(name)}_json" for name in result.rig.names]
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
             (staging / each).mkdir()

@@ -119,6 +119,7 @@ def _renamed(skeleton: Skeleton, names: dict[str, str]) -> dict[str, object]:
     return {
         "keypoints": tuple(names[name] for name in skeleton.keypoints), "edges": (), "pairs": (), "chains": {},
         "derived": {}, "plausible_m": (), "names": {}, "core": (), "tree": None, "parts": (),
+        "rigid": (),
     }  # fmt: skip
 
 

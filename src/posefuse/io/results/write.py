@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import ResultError, choices, suggestion
+from posefuse.io.files import must_be_texts
 from posefuse.io.formats import Format, by_name
 from posefuse.io.results import c3d, csv, figures, netcdf, openpose, opensim, trc
 from posefuse.io.results.names import safe_names
@@ -68,8 +69,10 @@ def write(
 
     Raises:
         ResultError: if there is no such format, or it cannot hold the result.
+        FileError: if a name in the result is no text, or the file cannot be written.
     """
     path = Path(path)
+    must_be_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
     form = _format_of(path, format)
     layer, points = result.best_layer(result.options.layer)
     if form.name == "netcdf":

@@ -10,7 +10,7 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.pairs.results import SolvedPairs
 
-_UNKNOWN_RATE_HZ = 30.0
+UNKNOWN_RATE_HZ = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def frame_times(detections: Detections) -> np.ndarray:
     By the rate, or 30 Hz, where times are unknown or run backwards.
     """
     numbers = detections.frame_numbers.astype(np.float64)
-    step_s = 1.0 / (detections.rate_hz or _UNKNOWN_RATE_HZ)
+    step_s = 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ)
     by_rate = (numbers - numbers[:1]) * step_s
     times = np.asarray(detections.time_s)
     known = np.isfinite(times)

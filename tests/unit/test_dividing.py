@@ -1,0 +1,87 @@
+"""A recording reconstructed in pieces: the same people, and the same points where they have the same detections."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posefuse.dividing import Team, is_long, prepare_divided, reconstruct_divided
+from posefuse.model.gathering import gathered
+from posefuse.model.options import Options
+from posefuse.model.postprocess_options import PostprocessOptions
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline import reconstruct
+from posefuse.progress import Silent
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+
+
+def here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+    """In the reverse order: no piece needs another."""
+    for piece in reversed(pieces):
+        work(piece)
+
+
+def divided(scene, options: Options, folder: Path, window_s: float) -> Reconstruction:
+    folder.mkdir()
+    team = Team(folder, here, window_s)
+    plan = prepare_divided(scene.rig, scene.detections, options, team, Silent())
+    return gathered(reconstruct_divided(plan, team, Silent()), plan.detections.n_frames)
+
+
+def crowd_of(seconds: float, people: int, seed: int, **more) -> CrowdScene:
+    return simulate_crowd(CrowdOptions("crowd", people=people, cameras=4, duration_s=seconds, seed=seed, **more))
+
+
+def check_same(whole: Reconstruction, pieces: Reconstruction, layer: str, share: float) -> None:
+    """Identities and what happened are equal, and such a share of points within 0.1 mm."""
+    assert pieces.person_ids == whole.person_ids
+    assert pieces.events == whole.events
+    assert whole.tracks is not None
+    assert pieces.tracks is not None
+    np.testing.assert_array_equal(pieces.tracks.state, whole.tracks.state)
+    one, other = np.asarray(whole.layers[layer].points_m), np.asarray(pieces.layers[layer].points_m)
+    apart_m = np.linalg.norm(one - other, axis=-1)
+    both_missing = np.isnan(one[..., 0]) & np.isnan(other[..., 0])
+    assert np.mean((apart_m < 1e-4) | both_missing) >= share
+
+
+def test_people_of_two_windows_are_those_of_one_run(tmp_path):
+    scene = crowd_of(9.0, 2, 3)
+    options = Options(people="many", noise_scale_px=14.0, pairs="labels")
+    options = replace(options, tracker=replace(options.tracker, forget_after_s=0.5))
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 4.5)
+    check_same(whole, pieces, "measured", 0.999)
+    assert any("in 2 windows" in note for note in pieces.provenance.notes)
+    apart_m = np.linalg.norm(
+        np.asarray(whole.layers["model"].points_m) - np.asarray(pieces.layers["model"].points_m), axis=-1
+    )
+    assert np.nanmedian(apart_m) < 0.005
+    assert list((tmp_path / "x").glob("*.todo")) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("solve", ["frame", "trajectory"])
+def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
+    scene = crowd_of(60.0, 4, 1)
+    options = Options(people="many", solve=solve, noise_scale_px=14.0)
+    options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 20.0)
+    check_same(whole, pieces, "measured", 0.99)
+    check_same(whole, pieces, "measured" if solve == "frame" else "solved", 0.95)
+
+
+def test_points_of_one_subject_are_the_same_bits(tmp_path):
+    scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
+    options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 4.0)
+    assert pieces == whole
+
+
+def test_a_recording_is_long_if_it_holds_two_windows():
+    scene = simulate(SceneOptions(duration_s=1.0, rate_hz=50.0, cameras=2))
+    assert [is_long(scene.detections, Options(), window_s) for window_s in (0.4, 0.5, 0.6)] == [True, True, False]
