@@ -8,7 +8,9 @@ import pytest
 
 from posefuse import read_cameras
 from posefuse.errors import CameraError, FileError, PosefuseError
-from posefuse.io.calibration import anipose
+from posefuse.io.calibration import anipose, pose2sim
+from posefuse.io.calibration.read import find_format
+from posefuse.io.calibration.write import write_like
 from posefuse.model.cameras import CameraRig, LensModel
 from tests.files import anipose_toml, pose2sim_toml, qualisys_xml
 from tests.scenes import ring
@@ -220,3 +222,24 @@ def test_writing_leaves_nothing_half_done(tmp_path, monkeypatch):
 
 def test_lenses_survive_by_model():
     assert ring(2, "fisheye").cameras[0].lens is LensModel.FISHEYE
+
+
+@pytest.mark.parametrize("up", ["z", None])
+def test_a_calibration_is_written_like_the_one_that_was_read(up, tmp_path):
+    rig = replace(four_coefficients(ring(3, "mild")), up_axis="z", notes=("Refined.",), left_out=("cam_9",))
+    original = tmp_path / "Calib.toml"
+    pose2sim.write(rig, original)
+    said = write_like(replace(rig, up_axis=up), tmp_path / "refined.toml", original)
+    again = read_cameras(tmp_path / "refined.toml")
+    assert ("in pose2sim's" in said) is (up == "z")
+    assert find_format(tmp_path / "refined.toml").name == ("pose2sim" if up == "z" else "anipose")
+    assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, up)
+    assert_same_cameras(again, rig)
+
+
+def test_lenses_that_do_not_fit_are_written_as_anipose(tmp_path):
+    pose2sim.write(replace(ring(2), up_axis="z"), tmp_path / "a.toml")
+    fish = replace(ring(2, "fisheye"), up_axis="z")
+    said = write_like(fish, tmp_path / "b.toml", tmp_path / "a.toml")
+    assert "anipose" in said
+    assert "k1 k2 p1 p2" in said
