@@ -140,6 +140,15 @@ class PeopleSmoother:
                 found += self._take(stop, 0.0)
         return found
 
+    @property
+    def memory(self) -> "Memory":
+        """What the next range of frames goes on from."""
+        return Memory(self.done, self._from, self._windows)
+
+    def goes_on_from(self, memory: "Memory") -> None:
+        """Go on from where another smoother of the same history was."""
+        self.done, self._from, self._windows = memory.done, memory.since, memory.windows
+
     def _memory_s(self, place: int) -> float:
         """How far other frames tell anything of one: while somebody's shape is sought, until it is kept."""
         options = self.settings.options
@@ -179,6 +188,21 @@ class PeopleSmoother:
         body = _described(kept, window.information[first:last], self.settings)
         begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
         return body, rest, begins
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What a smoother goes on from.
+
+    Attributes:
+        done: the first frame, counted from 0, that has not been given.
+        since: the first frame that has a bearing on it.
+        windows: by number, those followed, filtered again from there on.
+    """
+
+    done: int
+    since: int
+    windows: "dict[int, _Window]"
 
 
 @dataclass(frozen=True, eq=False)
