@@ -293,7 +293,11 @@ def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     since_s = dt_s + np.append(0.0, np.where(tentative, part.missing_s[:-1], 0.0))
     if part.fresh:
         since_s[0] = np.inf
-    told = tempering(since_s, memory_s(_alone_s(part), settings.options))
+    # Births temper by the memory itself: they average over little time, whatever the views.
+    n_views = (part.rows >= 0).sum(axis=1)
+    memory = memory_s(n_views, _alone_s(part), since_s, settings.options)
+    born = np.append(False, tentative) | (part.life == TrackState.TENTATIVE)
+    told = tempering(since_s, np.where(born, settings.options.error_memory_s, memory))
     return told, tempering(dt_s, settings.options.smoother_error_memory_s)
 
 
