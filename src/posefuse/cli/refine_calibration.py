@@ -25,7 +25,13 @@ Names = tuple[str, ...]
 def refine_calibration(
     recording: Recording,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Calibration to write, in Anipose's format.")],
+    output: Annotated[
+        Path,
+        Parameter(
+            name=["--output", "-o"],
+            help="Calibration to write, in the format of the one that is read if that is pose2sim's, else anipose's.",
+        ),
+    ],
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     source: Annotated[
@@ -43,7 +49,7 @@ def refine_calibration(
 
     The calibration that is read stays as it is. Cameras that cannot be helped are left out by name.
     """
-    from posefuse.io.calibration.anipose import write
+    from posefuse.io.calibration.write import write_like
     from posefuse.refining import refine_calibration as refined
 
     progress = Bars()
@@ -55,8 +61,8 @@ def refine_calibration(
         options = replace(options, people="one")
     result = refined(rig, detections, options, chosen, progress=progress)
     describe(result)
-    write(_with_provenance(result, place, source), output)
-    note(f"Wrote {output}")
+    form = write_like(_with_provenance(result, place, source), output, place)
+    note(f"Wrote {output} {form}")
     say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")
 
 

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from posefuse.health.findings import Finding, Kind, certainty_of
+from posefuse.health.hypotheses import CLOCKS
 from posefuse.health.search import Found
 
 if TYPE_CHECKING:
     from posefuse.health.examine import Examination
 
-CLOCKS = ("late", "drift")
+_WHOLE = 0.5
 
 
 def find(examination: "Examination") -> tuple[Finding, ...]:
@@ -36,14 +37,15 @@ def _finding(examination: "Examination", view: int, items: list[Found], coarse_g
     rivals = [r.score for item in items for r in item.rivals if r.hypothesis.view != view]
     certainty = certainty_of(score if not coarse_gain else 100.0, [] if two else rivals)
     name = f"View {cameras[0]!r}" if not two else f"View {cameras[view]!r} (beside {cameras[1 - view]!r})"
-    steps = [item for item in items if item.hypothesis.since is not None]
+    # Frames are dropped whole.
+    steps = [i for i in items if i.hypothesis.since is not None and abs(i.values[-1]) > _WHOLE * evidence.period_s]
     sd = float(items[-1].sds[0]) / evidence.period_s if items else np.nan
     remedy = "posefuse sync measures the offsets of all views; reconstruct --sync FILE uses them."
     if steps:
         return _dropped(examination, cameras, name, steps[0], late, sd, certainty, 0.5 * score, remedy)
     drifts = [item for item in items if item.hypothesis.kind == "drift"]
     if drifts:
-        ppm, spread = 1e6 * float(sum(i.values[1] for i in drifts)), 1e6 * float(drifts[0].sds[1])
+        ppm, spread = 1e6 * float(sum(i.values[-1] for i in drifts)), 1e6 * float(drifts[0].sds[-1])
         sentence = (
             f"{name} drifts: from {late[0]:+.1f} frames at the start to {late[-1]:+.1f} at the end, {ppm:+.0f} +- "
             f"{spread:.0f} ppm."

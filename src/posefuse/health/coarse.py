@@ -24,6 +24,8 @@ _SUSPECT = 0.04
 _LEAST_GAIN = 0.05
 _SAME = 0.02
 _LEAST_ZOOM = 0.08
+_SCANNED = 3
+"""Of the samples every third is looked at while values are tried one after the other."""
 _GROSS = 0.2
 """What a turned or resized image gains at least."""
 _FAR, _FAR_AT_LEAST = 0.15, 0.45
@@ -159,9 +161,15 @@ class _Asked:
     def _simple(self, state: State, table: np.ndarray, v: int) -> Iterator[Guess]:
         """Guesses about one view that change neither its place nor anybody else."""
         others = self.looks(state)
+        few = state.frames[::_SCANNED]
+        few_others = self.looks(state.at(few))
 
         def judged(kind: str, tried: State) -> Guess:
             return self._judged(kind, v, tried, table, others)
+
+        def best_of(kind: str, states: list[State]) -> Guess:
+            scanned = [_number(self._judged(kind, v, tried.at(few), table, few_others).after) for tried in states]
+            return judged(kind, states[int(np.argmin(scanned))])
 
         was = state.images[v]
         for turns in range(4):
@@ -174,9 +182,9 @@ class _Asked:
             tried = [
                 state.with_image(v, replace(was, scale=was.scale * s)) for s in sizes if abs(np.log(s)) > _LEAST_ZOOM
             ]
-            yield self._best_of(judged, "image", tried)
-        rough = self._best_of(judged, "focal", [state.with_focal(v, f) for f in _FOCALS])
-        zoom = self._best_of(judged, "focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
+            yield best_of("image", tried)
+        rough = best_of("focal", [state.with_focal(v, f) for f in _FOCALS])
+        zoom = best_of("focal", [rough.state.with_focal(v, 1.0 + 0.005 * k) for k in range(-7, 8)])
         # Little is for the fine search, which knows how certain it is.
         if abs(float(np.log(zoom.state.focal[0, v, 0] / state.focal[0, v, 0]))) > _LEAST_ZOOM:
             yield zoom
@@ -184,12 +192,9 @@ class _Asked:
         reach = int(self.reach_s / step)
         tried = [state.with_late(v, step * k) for k in range(-reach, reach + 1) if k]
         if tried:
-            late = self._best_of(judged, "late", tried)
+            late = best_of("late", tried)
             fine = [late.state.with_late(v, 0.25 * step * k) for k in range(-3, 4)]
-            yield self._best_of(judged, "late", fine)
-
-    def _best_of(self, judged, kind: str, states: list[State]) -> Guess:
-        return min((judged(kind, tried) for tried in states), key=lambda guess: _number(guess.after))
+            yield best_of("late", fine)
 
     def _posed(self, state: State, table: np.ndarray, v: int) -> Iterator[Guess]:
         pose = relocated(self.evidence, state, v, self.scale)

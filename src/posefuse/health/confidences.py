@@ -21,8 +21,7 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
         return ()
     names = examination.evidence.rig.names
     told = relations(examination)
-    # A short recording tells little: then nothing is said.
-    mute = [v for v, (r, sd) in enumerate(told) if r > -_LEAST_RELATION and sd < _LEAST_RELATION]
+    mute = [v for v in range(len(told)) if _is_mute(told, v)]
     known = [v for v, (r, _) in enumerate(told) if np.isfinite(r)]
     remedy = "Do not weigh by them: --triangulation.confidence-exponent 0; posefuse calibrate-noise measures their law."
     if mute and mute == known:
@@ -38,6 +37,15 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
         )
         for v in mute
     )
+
+
+def _is_mute(told: list[tuple[float, float]], view: int) -> bool:
+    """Whether a view's relation is nearer to none than to that of the others."""
+    relation, sd = told[view]
+    others = [r for v, (r, _) in enumerate(told) if v != view and np.isfinite(r)]
+    least = max(_LEAST_RELATION, -0.5 * float(np.median(others)) if others else 0.0)
+    # A short recording tells little: then nothing is said.
+    return relation > -least and sd < _LEAST_RELATION
 
 
 def relations(examination: "Examination") -> list[tuple[float, float]]:

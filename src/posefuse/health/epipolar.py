@@ -12,6 +12,7 @@ import numpy as np
 from posefuse.health.evidence import Evidence
 from posefuse.health.points import usual_noise
 from posefuse.health.state import Sight, State
+from posefuse.kernels.epipolar import sampson
 
 _BOUND = 3.0
 _FEWEST = 40
@@ -66,16 +67,7 @@ def distances2(a: Look, b: Look) -> np.ndarray:
     zero = np.zeros_like(x)
     cross = np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
     essential = cross @ turn
-    if len(essential) == 1:
-        line_b = _wide(a.at) @ essential[0].T
-        line_a = _wide(b.at) @ essential[0]
-    else:
-        line_b = (essential @ _wide(a.at)[..., None])[..., 0]
-        line_a = (np.swapaxes(essential, -1, -2) @ _wide(b.at)[..., None])[..., 0]
-    error = (_wide(b.at) * line_b).sum(axis=-1)
-    spread = b.sigma**2 * np.square(line_b[..., :2]).sum(axis=-1) + a.sigma**2 * np.square(line_a[..., :2]).sum(axis=-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(spread > 0, error**2 / spread, np.nan)
+    return sampson(a.at, a.sigma, b.at, b.sigma, np.ascontiguousarray(essential))
 
 
 def table(looked: list[Look]) -> np.ndarray:
@@ -84,7 +76,3 @@ def table(looked: list[Look]) -> np.ndarray:
     for a, b in combinations(range(len(looked)), 2):
         out[a, b] = out[b, a] = disagreement(looked[a], looked[b])
     return out
-
-
-def _wide(at: np.ndarray) -> np.ndarray:
-    return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)

@@ -1,7 +1,7 @@
 """The health check: look at the detections, search for what is wrong, and say so in findings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ _COARSE_EVERY_S, _COARSE_MOST, _COARSE_COLUMNS = 0.1, 100, 13
 _MUCH = 0.05
 _LEAST_SAMPLES = 8
 _BLOCK_S, _FEWEST_BLOCKS = 1.0, 12
+_PLACES, _FEWEST_PLACED = ("pose", "turn", "across"), 3
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,16 @@ def examine(evidence: Evidence, effort: Effort = DEEP, free: Sequence[str] = ("p
     if (shares > _MUCH).any():
         shares, mended = _without_exchanges(evidence, state)
     fine = search.search(mended, state, free, _block_s(evidence))
+    if _nobody_stands(rough, fine, evidence.n_views):
+        return Examination(evidence, evidence, replace(rough, agreed=False), None, shares, None)
     return Examination(mended, evidence, rough, fine, shares, fine.last.points)
+
+
+def _nobody_stands(rough: Coarse, fine: Fine, views: int) -> bool:
+    """Whether all cameras but one had to be placed anew: what fits then is not the calibration that was given."""
+    placed = {guess.view for guess in rough.guesses if guess.kind == "pose"}
+    placed |= {found.hypothesis.view for found in fine.found if found.hypothesis.kind in _PLACES}
+    return len(placed) >= max(views - 1, _FEWEST_PLACED)
 
 
 def findings_of(examination: Examination) -> tuple[Finding, ...]:

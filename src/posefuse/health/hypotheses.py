@@ -1,6 +1,6 @@
 """What may be a little wrong with one view, and how much the linearised problem says for it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +10,17 @@ from posefuse.health.system import Sums, System
 
 _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 """How far off each unknown is at most believed to be, one standard deviation; keeps what nothing tells at 0."""
+CLOCKS = ("late", "drift", "dropped")
+"""Kinds of hypotheses about when a view took its frames."""
 _LEAST_BLOCKS = 3
 _POOLED = 40.0
 _LEAST_FREEDOM = 0.5
 _SPENT = 4.0
 """What a few seconds tell may be one posture's habit."""
 _PENALTY_PER_UNKNOWN = 3.0
-_PENALTY_OF_A_MOMENT = 10.0
+_PENALTY_OF_A_MOMENT = 7.0
+"""Twice the logarithm of how many moments there are."""
+_BEYOND_CHANCE = 1.645
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,8 @@ class Hypothesis:
     """Something that may be wrong.
 
     Attributes:
-        kind: ``pose``, ``along``, ``across``, ``turn``, ``focal``, ``lens``, ``aspect``, ``late``, ``drift``.
+        kind: ``pose``, ``along``, ``across``, ``turn``, ``focal``, ``lens``, ``aspect``, ``late``, ``drift``,
+            ``dropped``.
         view: of the view.
         unknowns: that it frees.
         since: the block from which on it holds, or None where it always does.
@@ -72,6 +77,7 @@ class Verdict:
         values: shape (unknown,): of the hypothesis.
         sds: shape (unknown,): their standard deviations.
         effect: how many observations count as one.
+        raw: the gain as if all observations were independent.
     """
 
     hypothesis: Hypothesis
@@ -79,6 +85,7 @@ class Verdict:
     values: np.ndarray
     sds: np.ndarray
     effect: float
+    raw: float
 
     @property
     def score(self) -> float:
@@ -108,6 +115,7 @@ def hypotheses(system: System, view: int, free: Sequence[str]) -> Iterator[Hypot
         yield make("aspect", (Column.ASPECT, always))
     if "late" in free:
         yield make("late", (Column.LATE, always))
+        yield make("drift", (Column.LATE, system.time_s - system.time_s[0]))
         yield make("drift", (Column.LATE, always), (Column.LATE, middle))
     for since in range(_LEAST_BLOCKS, blocks - _LEAST_BLOCKS + 1):
         later = (np.arange(blocks) >= since).astype(float)
@@ -116,8 +124,59 @@ def hypotheses(system: System, view: int, free: Sequence[str]) -> Iterator[Hypot
             yield make("turn", *((c, later) for c in pose[:3]), since=since)
             yield make("pose", *((c, later) for c in pose), since=since)
         if "late" in free:
-            yield make("late", (Column.LATE, later), since=since)
-            yield make("late", (Column.LATE, always), (Column.LATE, later), since=since)
+            yield make("dropped", (Column.LATE, later), since=since)
+            yield make("dropped", (Column.LATE, always), (Column.LATE, later), since=since)
+
+
+def promising(
+    system: System, accepted: Sequence[Unknown], every: Iterable[Hypothesis], usual_effect: float
+) -> Iterator[Hypothesis]:
+    """Those that could be worth their penalty if the scatter were as small as it can be; most are not."""
+    before = solve(system, accepted)[2] if accepted else 0.0
+    for group in _alike(every):
+        for one, gain in zip(group, _gains(system, accepted, group), strict=True):
+            raw = max(float(gain) - before, 0.0) / _least_effect(system, one, usual_effect)
+            if _told(system, raw) > one.penalty:
+                yield one
+
+
+def left_over(system: System, accepted: Sequence[Unknown], every: Iterable[Hypothesis], effect: float) -> float:
+    """What is not explained about a view: the most that could be gained, or if that is less the penalty of it."""
+    before = solve(system, accepted)[2] if accepted else 0.0
+    most, worth = 0.0, 0.0
+    for group in _alike(every):
+        for one, gain in zip(group, _gains(system, accepted, group), strict=True):
+            told = _told(system, max(float(gain) - before, 0.0) / effect)
+            most, worth = max(most, told), max(worth, told - one.penalty)
+    return most - worth
+
+
+def _alike(every: Iterable[Hypothesis]) -> Iterable[list[Hypothesis]]:
+    """Hypotheses about the same numbers, from one moment on or another."""
+    groups: dict[tuple[int, ...], list[Hypothesis]] = {}
+    for one in every:
+        groups.setdefault(tuple(unknown.index for unknown in one.unknowns), []).append(one)
+    return groups.values()
+
+
+def _gains(system: System, accepted: Sequence[Unknown], group: Sequence[Hypothesis]) -> np.ndarray:
+    """Shape (hypothesis,): what :func:`solve` gains with each of several hypotheses about the same numbers."""
+    index = [unknown.index for unknown in (*accepted, *group[0].unknowns)]
+    profile = np.stack([np.stack([u.profile for u in (*accepted, *one.unknowns)]) for one in group])
+    normal = np.moveaxis(system.blocks.normal[:, index][:, :, index], 0, -1)
+    whole = (profile[:, :, None] * profile[:, None] * normal).sum(axis=-1)
+    total = (profile * system.blocks.right[:, index].T).sum(axis=-1)
+    columns = [unknown.column for unknown in (*accepted, *group[0].unknowns)]
+    prior = _PRIOR[columns] / np.maximum(np.abs(profile).max(axis=-1), 1e-9)
+    values = np.linalg.solve(whole + np.eye(len(index)) * prior[:, None, :] ** -2.0, total[..., None])[..., 0]
+    return (total * values).sum(axis=-1)
+
+
+def _told(system: System, raw: float) -> float:
+    """What a likelihood ratio is worth whose variance is known from so many clusters only: it grows more slowly."""
+    told = independent(system)
+    freedom = max(told - _SPENT, _LEAST_FREEDOM) + min(_POOLED, told)
+    return freedom * float(np.log1p(raw / freedom))
 
 
 def reduced(sums: Sums, unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:
@@ -148,14 +207,10 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     both = (*accepted, *hypothesis.unknowns)
     values, inverse, gain = solve(system, both)
     before = solve(system, accepted)[2] if accepted else 0.0
-    n = len(accepted)
+    n, raw = len(accepted), max(gain - before, 0.0)
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
-    # The scatter is known from so many clusters only: a likelihood ratio of unknown variance grows more slowly.
-    freedom = max(independent(system) - _SPENT, _LEAST_FREEDOM)
-    return Verdict(
-        hypothesis, freedom * float(np.log1p(max(gain - before, 0.0) / effect / freedom)), values[n:], sds, effect
-    )
+    return Verdict(hypothesis, _told(system, raw / effect), values[n:], sds, effect, raw)
 
 
 def independent(system: System) -> float:
@@ -169,7 +224,8 @@ def independent(system: System) -> float:
 def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual: float) -> float:
     """How many observations count as one: by the scatter of blocks of time and of columns about the answer.
 
-    Where columns scatter more than is usual, keypoints have habits of their own and the scatter is taken as it is.
+    A scatter is known the better the more clusters there are; what is usual counts as so many clusters more. Where
+    columns scatter more than is usual by more than chance explains, keypoints have habits: it is taken as it is.
     """
     normal, right = reduced(system.blocks, hypothesis.unknowns)
     by_time, freedom = _scatter(normal, right, values)
@@ -178,7 +234,14 @@ def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual:
     by_column, more = _scatter(system.columns.normal[:, index][:, :, index], system.columns.right[:, index], None)
     time_effect = (by_time * freedom + usual * _POOLED) / (freedom + _POOLED)
     column_effect = (by_column * more + usual * _POOLED) / (more + _POOLED)
-    return max(time_effect, column_effect, by_column, 1.0)
+    habits = by_column > usual * (1.0 + _BEYOND_CHANCE * np.sqrt(2.0 / max(more, 1.0)))
+    return max(time_effect, by_column if habits else column_effect, 1.0)
+
+
+def _least_effect(system: System, hypothesis: Hypothesis, usual: float) -> float:
+    """What :func:`effect_of` is at least."""
+    most = (len(system.time_s) - 1) * len(hypothesis.unknowns)
+    return max(usual * _POOLED / (most + _POOLED), 1.0)
 
 
 def _scatter(normal: np.ndarray, right: np.ndarray, values: np.ndarray | None) -> tuple[float, float]:
@@ -199,13 +262,16 @@ def _scatter(normal: np.ndarray, right: np.ndarray, values: np.ndarray | None) -
 
 
 def usual_effect(system: System, accepted: Sequence[Unknown], views: int) -> float:
-    """The median over views and unknowns of how many observations count as one."""
-    effects = []
+    """The median over views and unknowns of how many observations count as one, by blocks or by columns."""
+    by_time, by_column = [], []
     always = np.ones(len(system.time_s))
     for view in range(views):
         for columns in (POSE, (Column.FOCAL,), (Column.LATE,)):
             free = [Unknown(view, Column(c), always) for c in columns]
             values = solve(system, free)[0]
             normal, right = reduced(system.blocks, free)
-            effects.append(_scatter(normal, right, values)[0])
-    return max(float(np.median(effects)), 1.0)
+            by_time.append(_scatter(normal, right, values)[0])
+            index = [unknown.index for unknown in free]
+            sums = system.columns
+            by_column.append(_scatter(sums.normal[:, index][:, :, index], sums.right[:, index], None)[0])
+    return max(float(np.median(by_time)), float(np.median(by_column)), 1.0)

@@ -21,8 +21,9 @@ def footage_of(result: Reconstruction, videos: Mapping[str, Path], options: Over
         ResultError: if a video has another size than its camera.
     """
     clock = Clock.of(result)
+    middle_s = (clock.first_s + clock.end_s) / 2
     found = {}
-    for source in open_sources(result.rig, videos, options, clock.timed):
+    for source in open_sources(result.rig, videos, options, clock.timed, result.options.sync):
         if source.reading is None:
             continue
         facts = source.reading.facts
@@ -30,7 +31,8 @@ def footage_of(result: Reconstruction, videos: Mapping[str, Path], options: Over
         found[source.camera.name] = Footage(
             content,
             picture_times_s(facts.path),
-            source.offset_s,
+            # The viewer knows one offset a video: that in the middle, if it drifts.
+            source.true_s(middle_s) - middle_s,
             source.by_number,
             facts.first_s if is_played(facts) else 0.0,
         )

@@ -1,12 +1,15 @@
 """Which video is which camera's, whether it fits, and which of its pictures belongs to a time."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from posefuse.errors import MatchError, ResultError, choices
 from posefuse.io.videos.reading import Reading, VideoFacts, VideoImage, open_video
 from posefuse.model.cameras import Camera, CameraRig
+from posefuse.model.sync_options import SyncOptions
 from posefuse.overlay.options import OverlayOptions
 from posefuse.viewer.clock import Clock
 
@@ -24,6 +27,7 @@ class Source:
         reading: of its video, or None for a plain background.
         offset_s: the result's time at which the video begins.
         by_number: whether the n-th picture belongs to frame number n.
+        sync: how much later than they say views took their pictures, by which the result put them in step.
     """
 
     camera: Camera
@@ -31,6 +35,12 @@ class Source:
     reading: Reading | None = None
     offset_s: float = 0.0
     by_number: bool = False
+    sync: SyncOptions = field(default_factory=SyncOptions)
+
+    def true_s(self, said_s: float) -> float:
+        """The result's time of a picture that says it is of a time."""
+        began_s = said_s + self.offset_s
+        return began_s + float(self.sync.late(self.camera.name, np.array(began_s)))
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -43,10 +53,10 @@ class Source:
             return
         if self.by_number:
             for image in self.reading.images():
-                yield clock.time_of_number(image.number) + self.offset_s, image
+                yield self.true_s(clock.time_of_number(image.number)), image
         else:
-            for image in self.reading.images(from_s - self.offset_s):
-                yield image.time_s + self.offset_s, image
+            for image in self.reading.images(from_s - max(self.true_s(from_s) - from_s, self.offset_s)):
+                yield self.true_s(image.time_s), image
 
     def remarks(self, clock: Clock, until_s: float) -> list[str]:
         """What is worth saying after it has been read.
@@ -64,9 +74,9 @@ class Source:
                 f"{facts.path.name} breaks off after {last_s:.3f} s ({self.reading.n_read} pictures read; "
                 f"{self.reading.broken}): what was written ends there."
             )
-        elif self.reading.ended and not self.by_number and last_s + self.offset_s < until_s - clock.period_s:
+        elif self.reading.ended and not self.by_number and self.true_s(last_s) < until_s - clock.period_s:
             said.append(
-                f"{facts.path.name} ends at {last_s + self.offset_s:.3f} s of the result, which goes on to "
+                f"{facts.path.name} ends at {self.true_s(last_s):.3f} s of the result, which goes on to "
                 f"{until_s:.3f} s."
             )
         return [*said, *self._drift(facts, clock)]
@@ -87,7 +97,11 @@ class Source:
 
 
 def open_sources(
-    rig: CameraRig, videos: Mapping[str, Path], options: OverlayOptions, clock_known: bool
+    rig: CameraRig,
+    videos: Mapping[str, Path],
+    options: OverlayOptions,
+    clock_known: bool,
+    sync: SyncOptions = SyncOptions(),  # noqa: B008
 ) -> tuple[Source, ...]:
     """The cameras that are drawn, in the rig's order.
 
@@ -96,6 +110,7 @@ def open_sources(
         videos: camera to its video.
         options: how they are drawn.
         clock_known: whether the result says when its frames were taken; if not, frames are matched by number.
+        sync: by what the result put views in step.
 
     Raises:
         MatchError: if a video or an offset names no camera, or there is none to draw.
@@ -117,7 +132,7 @@ def open_sources(
         reading = open_video(videos[name]) if name in videos else None
         if reading is not None:
             check_size(camera, reading.facts, rescale=options.rescale)
-        sources.append(Source(camera, rig.index(name), reading, options.offset_s.get(name, 0.0), by_number))
+        sources.append(Source(camera, rig.index(name), reading, options.offset_s.get(name, 0.0), by_number, sync))
     return tuple(sources)
 
 

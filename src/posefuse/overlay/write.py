@@ -63,7 +63,7 @@ def write_overlays(
     """
     layer, _ = result.best_layer(options.layer)
     clock = Clock.of(result)
-    sources = open_sources(result.rig, videos, options, clock.timed)
+    sources = open_sources(result.rig, videos, options, clock.timed, result.options.sync)
     places = clock.places(options.start_s, options.end_s)
     if not places:
         raise nothing_between(clock)

@@ -89,8 +89,9 @@ class Scene:
         early = max(0.0, -float(self.late_s.min())) + 0.1
         taken = np.arange(self.n_frames)[:, None] / self.rate_hz + self.late_s + early
         columns = figure.columns(self.skeleton)
-        points = self.motion.positions(figure, taken.ravel())[:, columns]
-        points = points.reshape(self.n_frames, len(self.rig), len(self.skeleton), 3)
+        moments, which = np.unique(np.round(taken, 9), return_inverse=True)
+        points = self.motion.positions(figure, moments)[:, columns]
+        points = points[which.ravel()].reshape(self.n_frames, len(self.rig), len(self.skeleton), 3)
         seen = detect(self.rig, points, self.skeleton, self.rate_hz, options or DetectorOptions(), rng)
         pixels, confidence = seen.dense()
         for change in self.after:

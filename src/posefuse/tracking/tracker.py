@@ -21,6 +21,7 @@ from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
+from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
@@ -130,16 +131,20 @@ class ArticulatedTracker:
             rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
             self.lately.ids,
         )  # fmt: skip
+        alone = self.lately.alone_s > 0.0
+        keep_posture(self.state if before is None else before, self.lately, alone, dt_s, s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
+        note_posture(self.state, self.lately, self.supported.sum(axis=1), dt_s)
         self._set_limbs_anew(frame, rows, uses, dt_s)
         self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
 
     def _unknown(self, tracks: int) -> Lately:
         s = self.settings
-        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton))
+        movers = len(s.tree.segments) + len(s.tree.bones)
+        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton), movers)
 
     def _move_on(self, state: State, dt_s: float) -> None:
         s = self.settings

@@ -7,6 +7,7 @@ import pytest
 
 from posefuse.errors import FileError, MatchError, OptionsError, ResultError
 from posefuse.model.status import ViewStatus
+from posefuse.model.sync_options import SyncOptions
 from posefuse.overlay.options import OverlayOptions
 from posefuse.overlay.write import write_overlays
 from posefuse.viewer.colours import PEOPLE, REJECTED
@@ -95,6 +96,17 @@ def test_an_offset_says_when_the_video_began(result, video, tmp_path):
     assert codes_of(pictures) == list(range(N_FRAMES - 3))
     pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
     assert looks_like(pictures[0], pixels[3, 0, 1], PEOPLE[0])
+
+
+def test_views_that_were_put_in_step_are_drawn_in_step(result, video, tmp_path):
+    sync = SyncOptions(("cam0",), (0.0,), (2 / RATE_HZ,), (0.0,))
+    in_step = replace(result, options=replace(result.options, sync=sync))
+    for match in ("time", "frame"):
+        (written,) = write_overlays(in_step, {"cam0": video}, tmp_path / match, OverlayOptions(match=match))
+        pictures = pictures_of(written.path)
+        assert codes_of(pictures) == list(range(N_FRAMES - 2))
+        pixels = result.rig.project(np.asarray(result.layers["measured"].points_m))[0]
+        assert looks_like(pictures[0], pixels[2, 0, 1], PEOPLE[0])
 
 
 def test_a_stretch_of_time(result, video, tmp_path):

@@ -12,9 +12,17 @@ from typing import Any
 import tomli_w
 
 from posefuse.errors import FileError, choices, suggestion
-from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, guessed_unit
+from posefuse.io.calibration.tables import (
+    METRES,
+    camera_from_table,
+    camera_tables,
+    guessed_unit,
+    table_from_camera,
+    texts,
+    told,
+)
 from posefuse.io.files import read_toml, replacing
-from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis, vector_from_rotation
+from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis
 from posefuse.model.options import LengthUnit
 
 
@@ -49,16 +57,9 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         chosen = guessed_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
         notes = (f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",)
     cameras = tuple(camera_from_table(path, key, table, METRES[chosen]) for key, table in tables.items())
-    notes = (*_texts(path, metadata, "notes"), *notes)
-    left_out = _texts(path, metadata, "left_out")
+    notes = (*texts(path, metadata, "notes"), *notes)
+    left_out = texts(path, metadata, "left_out")
     return CameraRig(cameras, _up_axis(path, metadata), path.name, METRES[chosen], notes, left_out)
-
-
-def _texts(path: Path, metadata: dict[str, Any], key: str) -> tuple[str, ...]:
-    values = metadata.get(key, [])
-    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-        raise FileError(f"{path}: metadata.{key} should be a list of texts, got {values!r}.")
-    return tuple(values)
 
 
 def _up_axis(path: Path, metadata: dict[str, Any]) -> UpAxis | None:
@@ -78,21 +79,10 @@ def write(rig: CameraRig, path: Path) -> None:
     """
     data: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
-        distortion = list(camera.distortion) or [0.0] * 5
-        data[f"cam_{i}"] = {
-            "name": camera.name,
-            "size": list(camera.size_px),
-            "matrix": camera.matrix.tolist(),
-            "distortions": distortion,
-            "rotation": vector_from_rotation(camera.rotation).tolist(),
-            "translation": camera.translation_m.tolist(),
-        }
+        data[f"cam_{i}"] = table_from_camera(camera, camera.distortion or [0.0] * 5)
         if camera.lens is LensModel.FISHEYE:
             data[f"cam_{i}"]["fisheye"] = True
     data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis else {})
-    if rig.left_out:
-        data["metadata"] |= {"left_out": list(rig.left_out)}
-    if rig.notes:
-        data["metadata"] |= {"notes": list(rig.notes)}
+    data["metadata"] |= told(rig)
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")

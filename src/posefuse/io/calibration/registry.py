@@ -15,7 +15,7 @@ CALIBRATIONS = (
         "pose2sim",
         "posefuse.io.calibration.pose2sim",
         reads=True,
-        writes=False,
+        writes=True,
         files="*.toml, a table a camera",
         conventions="metres, z up, world to camera, Rodrigues vector; distortion as written",
     ),

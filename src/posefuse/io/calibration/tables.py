@@ -8,7 +8,7 @@ import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.files import natural_key
-from posefuse.model.cameras import Camera, rotation_from_vector
+from posefuse.model.cameras import Camera, CameraRig, rotation_from_vector, vector_from_rotation
 from posefuse.model.options import LengthUnit
 
 METRES: dict[LengthUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -50,7 +50,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
         raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.")
     try:
         numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.") from None
     wild = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= BEYOND_REASON)]
     if wild:
@@ -74,6 +74,36 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
         raise CameraError(f"{path}: {error}") from None
 
 
+def table_from_camera(camera: Camera, distortion: Iterable[float]) -> dict[str, Any]:
+    """The table of a camera, in metres, with these distortion coefficients."""
+    return {
+        "name": camera.name,
+        "size": list(camera.size_px),
+        "matrix": camera.matrix.tolist(),
+        "distortions": list(distortion),
+        "rotation": vector_from_rotation(camera.rotation).tolist(),
+        "translation": camera.translation_m.tolist(),
+    }
+
+
+def texts(path: Path, metadata: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """A list of texts that ``[metadata]`` holds, empty where it does not.
+
+    Raises:
+        FileError: if it holds something else.
+    """
+    values = metadata.get(key, [])
+    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+        raise FileError(f"{path}: metadata.{key} should be a list of texts, got {values!r}.")
+    return tuple(values)
+
+
+def told(rig: CameraRig) -> dict[str, list[str]]:
+    """What ``[metadata]`` says of a rig for :func:`texts`."""
+    every = {"left_out": list(rig.left_out), "notes": list(rig.notes)}
+    return {key: values for key, values in every.items() if values}
+
+
 def _has_bool(value: Any) -> bool:
     return any(map(_has_bool, value)) if isinstance(value, list) else isinstance(value, bool)
 
@@ -93,7 +123,7 @@ def guessed_unit(poses: Iterable[tuple[Any, Any]]) -> LengthUnit:
                 return "mm"
             matrix = rotation_from_vector(turn.ravel()) if turn.size == 3 else turn.reshape(3, 3)
             centres.append(-matrix.T @ np.asarray(translation, dtype=np.float64).reshape(3))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return "mm"
     points = np.array(centres).reshape(-1, 3)
     widest = np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0)

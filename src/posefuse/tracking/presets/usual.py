@@ -52,7 +52,8 @@ class LawfulNoise:
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        temper = tempering(np.full(len(rows), dt_s), memory_s(lately.alone_s, settings.options))
+        since_s = np.full(len(rows), dt_s)
+        temper = tempering(since_s, memory_s((rows >= 0).sum(axis=1), lately.alone_s, since_s, settings.options))
         return Trust(settings.law, frame.confidence, temper)
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:

@@ -1,0 +1,74 @@
+"""``posefuse refine-calibration`` from the command line: a turned camera comes back, in the format that was read."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.calibration.gauge import pose_changes
+from posefuse.io.calibration import pose2sim
+from posefuse.io.keypoints import native
+from posefuse.model.cameras import CameraRig, rotation_from_vector
+from posefuse.model.detections import Detections
+from tests.scenes import ring, skeleton_of
+
+TURN_DEG = 1.0
+
+
+def turned(rig: CameraRig) -> CameraRig:
+    """The rig, its third camera turned."""
+    camera = rig.cameras[2]
+    pose = camera.camera_from_world.copy()
+    pose[:3] = rotation_from_vector(np.radians([0.0, TURN_DEG, 0.0])) @ pose[:3]
+    return replace(rig, cameras=(*rig.cameras[:2], replace(camera, camera_from_world=pose), *rig.cameras[3:]))
+
+
+@pytest.fixture
+def truth() -> CameraRig:
+    return replace(ring(4), up_axis="z")
+
+
+@pytest.fixture
+def turned_recording(tmp_path, truth, rng) -> Path:
+    """Points that jump about before four cameras, one of which is turned by a degree in the calibration."""
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    skeleton = skeleton_of(8)
+    points = rng.uniform([-1.5, -1.5, 0.0], [1.5, 1.5, 2.0], (40, 8, 3))
+    pixels = np.moveaxis(truth.project(points), 0, 1)
+    pixels += rng.normal(0.0, 1.0, pixels.shape)
+    native.write(Detections.from_dense(skeleton, truth.names, pixels, rate_hz=30.0), folder / "keypoints.nc")
+    pose2sim.write(turned(truth), folder / "Calib.toml")
+    return folder
+
+
+def test_a_turned_camera_is_put_right_and_what_was_read_stays(run, turned_recording, truth, tmp_path):
+    before = (turned_recording / "Calib.toml").read_bytes()
+    refined = tmp_path / "refined.toml"
+    code, out, err = run("refine-calibration", turned_recording, "--output", refined, "--people", "one")
+    assert code == 0, err
+    assert (turned_recording / "Calib.toml").read_bytes() == before
+    assert "px before" in out
+    assert "pose2sim's format" in out
+    rig = posefuse.read_cameras(refined)
+    assert np.degrees(np.abs(pose_changes(truth, rig)[:, :3]).max()) < 0.2 * TURN_DEG
+    assert "SHA-256" in rig.notes[0]
+
+
+def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording):
+    place = turned_recording / "Calib.toml"
+    before = place.read_bytes()
+    code, _, err = run("refine-calibration", turned_recording, "--output", place)
+    assert code != 0
+    assert "Name another" in err
+    assert place.read_bytes() == before
+
+
+def test_what_cannot_be_told_is_refused_and_nothing_is_written(run, turned_recording, tmp_path):
+    refined = tmp_path / "refined.toml"
+    code, _, err = run("refine-calibration", turned_recording, "--output", refined, "--fix", "cam_7")
+    assert code != 0
+    assert "cam_7" in err
+    assert not refined.exists()
