@@ -2,19 +2,15 @@
 
 A recording of four views is written, a JSON file a frame and view, as OpenPose writes them (BODY_25, one person, some
 frames without), and read in a process of its own: wall and processor time, and memory. Several lengths show whether
-time is linear in frames.
+time is linear in frames; ``--cold`` reads what the system does not remember.
 """
 
-import argparse
 import json
-import resource
-import subprocess
-import sys
-import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+
+from benchmarks.reading import Benchmark, run
 
 _VIEWS = 4
 _KEYPOINTS = 25
@@ -44,36 +40,17 @@ def read(folder: Path) -> dict[str, float]:
     from posefuse.io.keypoints.request import Request
     from posefuse.model.skeletons import find_skeleton
 
-    wall, used = time.perf_counter(), time.process_time()
     found = read_keypoints(folder, Request(find_skeleton("body_25"), 30.0, progress=Bars()))
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return {
-        "frames": found.n_frames,
-        "files": int(found.recorded.sum()),
-        "wall_s": time.perf_counter() - wall,
-        "processor_s": time.process_time() - used + children.ru_utime + children.ru_stime,
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-    }
+    return {"frames": found.n_frames, "files": int(found.recorded.sum())}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, nargs="+", default=[25_000])
-    parser.add_argument("--folder", type=Path, help="a recording to read; by default one is made")
-    chosen = parser.parse_args()
-    if chosen.folder is not None:
-        print(json.dumps(read(chosen.folder)))
-        return
-    for frames in chosen.frames:
-        with tempfile.TemporaryDirectory() as folder:
-            write(frames, Path(folder) / "pose")
-            command = [sys.executable, "-m", "benchmarks.openpose_files", "--folder", f"{folder}/pose"]
-            took = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        print(
-            f"{took['files']:.0f} files: {took['wall_s']:.1f} s, processor {took['processor_s']:.1f} s, "
-            f"{took['peak_mb']:.0f} MB"
-        )
+def line(took: dict[str, float]) -> str:
+    """What is said of a recording."""
+    return (
+        f"{took['files']:.0f} files: {took['wall_s']:.1f} s, processor {took['processor_s']:.1f} s, "
+        f"{took['peak_mb']:.0f} MB"
+    )
 
 
 if __name__ == "__main__":
-    main()
+    run(Benchmark("benchmarks.openpose_files", __doc__ or "", "frames", (25_000,), int, write, read, line))

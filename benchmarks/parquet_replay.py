@@ -5,16 +5,12 @@ read range by range, a thousand frames each, in a process of its own. The same a
 the memory grows with it.
 """
 
-import argparse
-import json
-import resource
-import subprocess
-import sys
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+
+from benchmarks.reading import Benchmark, run
 
 _VIEWS, _PEOPLE, _KEYPOINTS = 4, 3, 133
 _PIECE = 2000
@@ -64,7 +60,7 @@ def _table(rng: np.random.Generator, start: int):
 
 
 def read(folder: Path) -> dict[str, float]:
-    """Read a recording range by range; what it took."""
+    """Read a recording range by range."""
     from posefuse import read_detections
 
     start = time.perf_counter()
@@ -73,36 +69,16 @@ def read(folder: Path) -> dict[str, float]:
     total = 0.0
     for chunk in found.chunks(1000):
         total += float(np.nansum(np.asarray(chunk.keypoints_px)[:, 0, 0]))
-    return {
-        "frames": found.n_frames,
-        "people": int(found.offsets[-1]),
-        "open_s": opened,
-        "read_s": time.perf_counter() - start - opened,
-        "processor_s": time.process_time(),
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "checksum": total,
-    }
+    return {"frames": found.n_frames, "people": int(found.offsets[-1]), "open_s": opened, "checksum": total}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--gigabytes", type=float, nargs="+", default=[0.25, 1.0])
-    parser.add_argument("--folder", type=Path, help="a recording to read; by default one is made")
-    chosen = parser.parse_args()
-    if chosen.folder is not None:
-        print(json.dumps(read(chosen.folder)))
-        return
-    for gigabytes in chosen.gigabytes:
-        with tempfile.TemporaryDirectory() as folder:
-            write(gigabytes, Path(folder) / "replay")
-            size = sum(file.stat().st_size for file in Path(folder).rglob("*.parquet"))
-            command = [sys.executable, "-m", "benchmarks.parquet_replay", "--folder", f"{folder}/replay"]
-            took = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        print(
-            f"{size / 1e9:.2f} GB, {took['frames']} frames, {took['people']} people: peak {took['peak_mb']:.0f} MB, "
-            f"opened in {took['open_s']:.1f} s, read in {took['read_s']:.1f} s (processor {took['processor_s']:.1f} s)"
-        )
+def line(took: dict[str, float]) -> str:
+    """What is said of a recording."""
+    return (
+        f"{took['gigabytes']:.2f} GB, {took['frames']} frames, {took['people']} people: peak {took['peak_mb']:.0f} MB, "
+        f"opened in {took['open_s']:.1f} s, read in {took['wall_s']:.1f} s (processor {took['processor_s']:.1f} s)"
+    )
 
 
 if __name__ == "__main__":
-    main()
+    run(Benchmark("benchmarks.parquet_replay", __doc__ or "", "gigabytes", (0.25, 1.0), float, write, read, line))

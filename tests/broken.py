@@ -2,7 +2,7 @@
 
 import numpy as np
 
-_WORDS = (b"nan", b"1e999", b"null", b"true", b"-", b"[", b"{", b'"', b"99999999999999999999", b",,")
+_WORDS = (b"nan", b"1e999", b"null", b"true", b"-", b"[", b"{", b'"', b"99999999999999999999", b",,", b"1" + 400 * b"0")
 
 
 def broken(original: bytes, rng: np.random.Generator) -> bytes:

@@ -130,6 +130,41 @@ def easymocap(detections: Detections, folder: Path) -> Path:
     return folder
 
 
+def opencap(detections: Detections, folder: Path) -> Path:
+    """A pickle a camera, as OpenCap makes them of OpenPose's files."""
+    for v, name in enumerate(detections.view_names):
+        frames = [
+            [
+                {"person_id": [place], "pose_keypoints_2d": rows.ravel().tolist()}
+                for place, (_, rows) in enumerate(people_of(detections, f, v))
+            ]
+            for f in range(detections.n_frames)
+        ]
+        file = folder / name / "OutputPkl_default" / "walk" / "walk_rotated_pp.pkl"
+        file.parent.mkdir(parents=True)
+        file.write_bytes(pickle.dumps(frames, protocol=3))
+    return folder
+
+
+def eks(detections: Detections, folder: Path) -> Path:
+    """Ensembles' CSV of one animal, with variances."""
+    deeplabcut(detections, folder)
+    more = ("x_ens_median", "y_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
+    for path in folder.glob("*.csv"):
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        longer = [row[:1] for row in rows]
+        for at in range(1, len(rows[0]), 3):
+            for row, out in zip(rows, longer, strict=True):
+                out += row[at : at + 3]
+            for title, out in zip(("ensemble", rows[1][at]), longer[:2], strict=True):
+                out += [title] * len(more)
+            longer[2] += more
+            for row, out in zip(rows[3:], longer[3:], strict=True):
+                out += [*row[at : at + 2], "9", "16", "4", "6"]
+        path.write_text("\n".join(",".join(row) for row in longer) + "\n")
+    return folder
+
+
 def deeplabcut_many(detections: Detections, folder: Path) -> Path:
     """CSV with individuals."""
     for name, columns, numbers, values in _deeplabcut(detections):
@@ -357,6 +392,7 @@ WRITERS: dict[str, Callable[[Detections, Path], Path]] = {
         openpose, mmpose, rtmlib, alphapose, coco_results, coco_annotations, easymocap, deeplabcut_many, deeplabcut_h5,
         label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder, replay_lines,
         replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide, mediapipe_long,
+        opencap, eks,
     )
 }  # fmt: skip
 

@@ -8,12 +8,13 @@ from posefuse.errors import DetectionsError
 from posefuse.health.examine import DEEP, SHORT
 from posefuse.health.findings import Finding
 from posefuse.health.timing import ViewTiming
+from posefuse.measuring import Plan
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.matching import match_views
 from posefuse.model.options import Options
 from posefuse.model.sync_options import SyncOptions
-from posefuse.pipeline import Plan, who_is_followed
+from posefuse.pipeline import who_is_followed
 from posefuse.progress import Progress, Silent
 from posefuse.settled import cut_time, settle_people
 

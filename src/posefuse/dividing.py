@@ -21,12 +21,13 @@ from posefuse.association.subjects import Subjects
 from posefuse.following.followed import Followed
 from posefuse.following.stitching import Stitched, stitch
 from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
+from posefuse.measuring import Plan, context_frames, measure
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline import Plan, context_frames, measure, prepare, who_is_followed
+from posefuse.pipeline import prepare, who_is_followed
 from posefuse.progress import Progress, watched
 from posefuse.solving import BLOCK_FRAMES, Solver, clock_of, windows
 
@@ -97,7 +98,7 @@ def prepare_divided(rig: CameraRig, detections: Detections, options: Options, te
             return who_is_followed(rig, detections, options, progress)
         return _followed(rig, detections, options, team), None
 
-    plan = prepare(rig, detections, options, progress, who)
+    plan = prepare(rig, detections, options, progress, who=who)
     if not isinstance(plan.subjects, Stitched):
         return plan
     number, beside_s = len(plan.subjects.starts) - 1, options.tracker.forget_after_s
@@ -109,7 +110,7 @@ def prepare_divided(rig: CameraRig, detections: Detections, options: Options, te
 
 
 def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[Reconstruction]:
-    """As :func:`posefuse.pipeline.reconstruct_chunks`, of a plan from :func:`prepare_divided`.
+    """As :func:`posefuse.measuring.reconstruct_chunks`, of a plan from :func:`prepare_divided`.
 
     The one subject's body, if there is one, is given by its smoother, which goes through the recording once.
     """

@@ -1,7 +1,7 @@
 """The recipe: from a rig and detections to a reconstruction, wired from the stages. Reads top to bottom."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from platform import python_version
@@ -9,7 +9,7 @@ from platform import python_version
 import numpy as np
 
 from posefuse import following, retiming, solving, survey
-from posefuse.alignment.apply import after_scaling, laid, scaled_layer, scaled_rig, unchanged
+from posefuse.alignment.apply import after_scaling, scaled_layer, scaled_rig, unchanged
 from posefuse.alignment.lay import lay
 from posefuse.alignment.size import scale_of
 from posefuse.arrays import ranges
@@ -17,8 +17,9 @@ from posefuse.association import one_subject
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError, OptionsError
-from posefuse.following import Followed, WholeSmoother
-from posefuse.model.alignment import Alignment
+from posefuse.following import Followed
+from posefuse.keeping import NOTHING, Keeper
+from posefuse.measuring import Plan, measure, partial_note, reconstruct_chunks
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
@@ -29,49 +30,15 @@ from posefuse.model.options import Options
 from posefuse.model.postprocess_options import PostprocessOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.skeletons import Skeleton, find_skeleton
-from posefuse.model.swaps import Swaps
 from posefuse.model.timeline import align_views
 from posefuse.model.tracker_options import TrackerOptions
-from posefuse.model.tracks import Tracks
 from posefuse.model.weights import weighed
 from posefuse.postprocess.bones import usual_bones
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent
 from posefuse.settled import cut_time, settle_method, settle_min_views, settle_pairs, settle_people, settle_solve
 from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
 from posefuse.triangulation import noise as noise_scale
-from posefuse.triangulation import paired, single_view
-from posefuse.triangulation.registry import load_method
-
-_CONTEXT_S = 5.0
-_MOST_CONTEXT_FRAMES = 1024
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is settled before the first frame: matched views, options with nothing left open, noise.
-
-    Attributes:
-        rig: one camera per view, in the views' order.
-        detections: the frames and views to reconstruct.
-        options: as given, with ``pairs`` and ``min_views`` settled.
-        subjects: who is followed.
-        bodies: fitted to them, or None.
-        noise: of the detections.
-        provenance: how the result is made.
-        solver: makes the solved layer, or None where there is to be none.
-        alignment: of the world of the result, or None where it is the calibration's.
-    """
-
-    rig: CameraRig
-    detections: Detections
-    options: Options
-    subjects: Subjects
-    bodies: Followed | None
-    noise: NoiseModel
-    provenance: Provenance
-    solver: Solver | None = None
-    alignment: Alignment | None = None
 
 
 def reconstruct(
@@ -107,17 +74,30 @@ def triangulate(rig: CameraRig, detections: Detections, options: Options | None 
 
 
 def prepare(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, who: "Who | None" = None
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    keeper: Keeper = NOTHING,
+    who: "Who | None" = None,
 ) -> Plan:
     """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver.
 
-    ``who`` finds whose detections are whose, by default :func:`who_is_followed`.
+    Args:
+        rig: calibrated cameras.
+        detections: 2D keypoints.
+        options: what to do.
+        progress: told how far the work is.
+        keeper: keeps what was followed of a long recording. If it does, the plan of a recording whose following is
+            interrupted is of the frames that were followed.
+        who: finds whose detections are whose, by default :func:`who_is_followed`.
     """
-    who = who or who_is_followed
-    examined, sample = look(rig, detections, options, progress, who)
+    examined, sample = look(rig, detections, options, progress, who or partial(who_is_followed, keeper=keeper))
     plan, scale = settle(examined), None
     if options.align.scales:
         scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
+        again = keeper.within(f"resized_{examined.detections.n_frames}")
+        who = who or partial(who_is_followed, keeper=again)
         plan, sample = resized(examined, plan, sample, scale, progress, who)
     return settle_solver(settle_world(with_findings(plan, sample), scale))
 
@@ -142,8 +122,11 @@ def resized(
     if plan.bodies is None and isinstance(plan.subjects, OneSubject):
         return replace(plan, rig=rig), None if sample is None else scaled_layer(sample, scale)
     subjects, bodies = who(rig, examined.detections, examined.options, progress)
-    noise, sample = survey.survey(rig, examined.detections, examined.options, subjects, progress)
-    return settle(replace(examined, rig=rig, subjects=subjects, bodies=bodies, noise=noise)), sample
+    detections, notes = as_far_as_followed(examined.detections, bodies or subjects)
+    noise, sample = survey.survey(rig, detections, examined.options, subjects, progress)
+    provenance = examined.provenance.with_notes(notes)
+    examined = replace(examined, rig=rig, detections=detections, provenance=provenance)
+    return settle(replace(examined, subjects=subjects, bodies=bodies, noise=noise)), sample
 
 
 def with_findings(plan: Plan, sample: Layer | None) -> Plan:
@@ -204,16 +187,27 @@ def look(
         detections, notes = step.detections, (*notes, *step.notes)
     options, detections, own = own_noise(rig, detections, options)
     subjects, bodies = (who or who_is_followed)(rig, detections, options, progress)
+    detections, cut = as_far_as_followed(detections, bodies or subjects)
     if step is not None:
-        detections = retiming.at_frame_times(step, subjects.follow(0, detections.n_frames))
+        n = detections.n_frames
+        step = replace(step, detections=detections, time_s=step.time_s[:n])
+        detections = retiming.at_frame_times(step, subjects.follow(0, n))
     if options.people == "one":
         notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, sample = survey.survey(rig, detections, options, subjects, progress)
     provenance = Provenance(
         versions={"posefuse": version("posefuse"), "numpy": np.__version__, "python": python_version()},
-        notes=(*rig.notes, *detections.notes, *notes, *own),
+        notes=(*cut, *rig.notes, *detections.notes, *notes, *own),
     )
     return Plan(rig, detections, options, subjects, bodies, noise, provenance), sample
+
+
+def as_far_as_followed(detections: Detections, known: Subjects) -> tuple[Detections, tuple[str, ...]]:
+    """The frames through which people were followed, and what is to be said if those are not all."""
+    n_frames = detections.n_frames
+    if not isinstance(known, Followed) or known.n_frames == n_frames:
+        return detections, ()
+    return detections.between(0, known.n_frames), (partial_note(known.n_frames, n_frames),)
 
 
 def own_noise(rig: CameraRig, detections: Detections, options: Options) -> tuple[Options, Detections, tuple[str, ...]]:
@@ -235,9 +229,16 @@ def own_noise(rig: CameraRig, detections: Detections, options: Options) -> tuple
 
 
 def who_is_followed(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
 ) -> tuple[Subjects, Followed | None]:
     """Whose detections are whose, and their bodies if any are fitted.
+
+    Args:
+        rig: the cameras.
+        detections: of the recording.
+        options: of its reconstruction.
+        progress: told how far the work is.
+        keeper: keeps what was followed.
 
     Raises:
         DetectionsError: if one subject is asked for and nobody said which, or frames of many have no times.
@@ -247,7 +248,7 @@ def who_is_followed(
     if options.people == "many" or options.bodies == "fit":
         following.warn_of_idle(options, detections.skeleton)
     if options.people == "many":
-        many = following.follow(rig, detections, options, progress)
+        many = following.follow(rig, detections, options, progress, keeper)
         many = many.only(options.person) if options.person else many
         return many, None if options.bodies == "none" else many
     subject = OneSubject.of(detections, options.pick)
@@ -255,7 +256,7 @@ def who_is_followed(
         return subject, None
     if len(rig) == 1:
         raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
-    followed = following.follow_subject(rig, detections, subject, options, progress)
+    followed = following.follow_subject(rig, detections, subject, options, progress, keeper)
     if not followed.tracks.person_ids:
         raise DetectionsError(
             "bodies = 'fit' found no frame in which two cameras show the subject well enough to begin. Look at the "
@@ -318,81 +319,6 @@ def sampled(plan: Plan) -> Iterator[Reconstruction]:
 def points_of(parts: Iterable[Reconstruction]) -> list[np.ndarray]:
     """The measured points of ranges of frames, each of shape (frame, person, keypoint, 3)."""
     return [np.asarray(part.layers["measured"].points_m) for part in parts]
-
-
-def reconstruct_chunks(plan: Plan, progress: Progress, size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
-    """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory."""
-    n_frames = plan.detections.n_frames
-    smoother = None if plan.bodies is None else plan.bodies.smoother()
-    parts = (measure(plan, start, stop, smoother) for start, stop in ranges(n_frames, size))
-    if plan.solver is not None:
-        parts = plan.solver.solve(parts, n_frames)
-    if plan.alignment is not None:
-        parts = laid(parts, plan.alignment)
-    yield from watched(parts, n_frames, "triangulating", progress)
-
-
-def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = None) -> Reconstruction:
-    """What is known of the frames ``start`` to ``stop``: points as measured, and bodies where people were followed.
-
-    Args:
-        plan: what is settled.
-        start: the first frame, counted from 0.
-        stop: the frame after the last.
-        smoother: of the followed people, if it is to give bodies; it has given those up to ``start``.
-    """
-    # Sides are decided over time: some of what comes before and after is looked at too.
-    around = context_frames(plan)
-    first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
-    seen = plan.detections.frames(first, last)
-    followed = plan.subjects.follow(first, last)
-    layer, swaps = measure_layer(plan, seen, followed)
-    detections, tracks = seen.frames(start - first, stop - first), followed.frames(start - first, stop - first)
-    layers = {"measured": layer.frames(start - first, stop - first)}
-    poses, events = None, ()
-    known = plan.bodies or plan.subjects
-    if isinstance(known, Followed):
-        events = known.events
-    if plan.bodies is not None and smoother is not None:
-        layers["model"], poses = plan.bodies.bodies(plan.rig, detections, start, smoother.take(stop))
-    return Reconstruction(
-        rig=plan.rig,
-        skeleton=detections.skeleton if plan.bodies is None else plan.bodies.skeleton,
-        person_ids=tracks.person_ids,
-        frame_numbers=detections.frame_numbers,
-        time_s=solving.mean_times(detections),
-        layers=layers,
-        tracks=tracks,
-        noise=plan.noise,
-        swaps=None if swaps is None else swaps.frames(start - first, stop - first),
-        poses=poses,
-        events=events,
-        rate_hz=detections.rate_hz,
-        unit="px" if len(plan.rig) == 1 else "m",
-        options=plan.options,
-        provenance=plan.provenance,
-    )
-
-
-def context_frames(plan: Plan) -> int:
-    """How many frames before and after a range its sides are decided with."""
-    if plan.options.pairs == "labels":
-        return 0
-    return min(round(_CONTEXT_S * (plan.detections.rate_hz or 30.0)), _MOST_CONTEXT_FRAMES)
-
-
-def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[Layer, Swaps | None]:
-    """The points of a range of frames, and which views took left for right; one camera is only flattened."""
-    rig, noise, options = plan.rig, plan.noise, plan.options
-    if len(rig) == 1:
-        return single_view.solve(detections, tracks, noise, options.triangulation), None
-    swaps = None
-    if options.pairs == "labels":
-        method = load_method(options.triangulation.method)
-        layer = method.solve(rig, detections, tracks, noise, options.triangulation)
-    else:
-        layer, swaps = paired.solve(rig, detections, tracks, noise, options)
-    return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * noise.spread**2), swaps
 
 
 class Tracker:

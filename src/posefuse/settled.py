@@ -19,7 +19,7 @@ _TELLING_S = 10.0
 
 
 def cut_time(detections: Detections, options: Options) -> Detections:
-    """The frames between ``start_s`` and ``end_s`` (exclusive), in memory only if something is cut.
+    """The frames between ``start_s`` and ``end_s`` (exclusive); what is in a file stays there.
 
     Raises:
         DetectionsError: if the times are unknown or nothing is left.
@@ -37,7 +37,7 @@ def cut_time(detections: Detections, options: Options) -> Detections:
             f"No frame lies between start_s = {options.start_s} and end_s = {options.end_s}; the recording runs from "
             f"{times[0]:.3f} s to {times[-1]:.3f} s."
         )
-    return detections.frames(start, stop)
+    return detections.between(start, stop)
 
 
 def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:

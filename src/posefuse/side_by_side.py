@@ -8,12 +8,13 @@ from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
 from posefuse.evaluation.together import PeoplePoints
+from posefuse.measuring import Plan, measure_layer, reconstruct_chunks
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.gathering import gathered
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline import Plan, examine, measure_layer, reconstruct_chunks, settle
+from posefuse.pipeline import examine, settle
 from posefuse.progress import Progress, Silent
 
 _FEWEST_TURNS, _MOST_TURNS, _ENOUGH_S = 3, 20, 0.2

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -216,17 +217,24 @@ class Solver:
         """How many frames around a range its steps look at."""
         return round(sum(step.margin_s for step in self.steps) / self.period_s) + 1
 
+    @property
+    def size(self) -> int:
+        """How many frames are solved at a time: those of a block, or as many as the steps look at on either side."""
+        return max(BLOCK_FRAMES, self.margin)
+
     def solve(
-        self, parts: Iterable[Reconstruction], n_frames: int, block: int = BLOCK_FRAMES
+        self, parts: Iterable[Reconstruction], n_frames: int, size: int | None = None, done: int = 0, begin: int = 0
     ) -> Iterator[Reconstruction]:
         """The recording with its solved layer, in ranges of its own, the same however it comes.
 
         Args:
             parts: consecutive ranges of frames, with a measured layer.
             n_frames: of all of them.
-            block: so many frames are solved at a time, or as many as the steps look at on either side.
+            size: so many frames are solved at a time; :attr:`size` where it is left out.
+            done: so many ranges are left out.
+            begin: the first frame of the first part, counted from 0; no later than the first that is looked at.
         """
-        return map(self.solved, windows(iter(parts), n_frames, self.margin, max(block, self.margin)))
+        return map(self.solved, windows(iter(parts), n_frames, self.margin, size or self.size, done, begin))
 
     def solved(self, window: Window) -> Reconstruction:
         """The range of a window with its solved layer."""
@@ -252,20 +260,39 @@ def _inner(window: Window, solved: Layer) -> Reconstruction:
     return replace(part, layers=layers, events=window.part.events)
 
 
-def windows(parts: Iterator[Reconstruction], n_frames: int, margin: int, size: int) -> Iterator[Window]:
-    """Ranges of ``size`` frames with ``margin`` frames on either side, from consecutive ranges of any size."""
+def windows(
+    parts: Iterator[Reconstruction], n_frames: int, margin: int, size: int, done: int = 0, begin: int = 0
+) -> Iterator[Window]:
+    """Ranges of ``size`` frames with ``margin`` frames on either side, from consecutive ranges of any size.
+
+    Args:
+        parts: the ranges there are.
+        n_frames: of the recording.
+        margin: frames on either side.
+        size: of the ranges.
+        done: so many of them are left out.
+        begin: the first frame of the first part, counted from 0.
+    """
     held: list[Reconstruction] = []
-    begin = end = 0
-    for start, stop in ranges(n_frames, size):
+    end = begin
+    for start, stop in islice(ranges(n_frames, size), done, None):
         first, last = max(start - margin, 0), min(stop + margin, n_frames)
+        begin += _passed(held, first - begin)
         while end < last:
             held.append(next(parts))
             end += held[-1].n_frames
-        while begin + held[0].n_frames <= first:
-            begin += held.pop(0).n_frames
+            begin += _passed(held, first - begin)
         events = held[0].events
         part = Reconstruction.concatenate(held).frames(first - begin, last - begin)
         yield Window(replace(part, events=events), first, start, stop)
+
+
+def _passed(held: list[Reconstruction], frames: int) -> int:
+    """Let go of the ranges that lie within so many frames from the first; how many frames they have."""
+    passed = 0
+    while held and passed + held[0].n_frames <= frames:
+        passed += held.pop(0).n_frames
+    return passed
 
 
 def clock_of(detections: Detections) -> Clock:

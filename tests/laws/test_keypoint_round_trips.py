@@ -116,11 +116,11 @@ def test_replays_are_lossless(seed, frames, views):
         assert posefuse.read_detections(path) == given
 
 
-@given(**recordings)
+@given(**recordings, skeleton=st.sampled_from(["body_25", "openpose_137"]))
 @examples(10)
-def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views):
+def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views, skeleton):
     views = sorted(f"v{i}_{frames}" for i in range(len(views)))
-    given = any_detections(seed, frames, views, "body_25")
+    given = any_detections(seed, frames, views, skeleton)
     there = np.isfinite(np.asarray(given.keypoints_px)).all(axis=-1)
     trust = np.where(there, np.nan_to_num(np.asarray(given.confidence), nan=1.0), np.nan)
     given = replace(
@@ -132,4 +132,4 @@ def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views):
         path = Path(folder) / "pose"
         openpose.write(given, path)
         assert openpose.lost(given, path) == ("times and the frame rate",)
-        assert posefuse.read_detections(path, "body_25") == as_read(given)
+        assert posefuse.read_detections(path, skeleton) == as_read(given)

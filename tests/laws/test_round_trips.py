@@ -4,6 +4,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import ezc3d
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,10 +19,12 @@ from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
-from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.tracks import Tracks
+from tests.figures import model_layer
 from tests.laws import examples
-from tests.scenes import skeleton_of
+from tests.scenes import ring, skeleton_of
 from tests.unit.model.test_detections import ragged
 
 seeds = st.integers(0, 2**32 - 1)
@@ -112,10 +115,9 @@ def test_detections_are_lossless(seed, frames, views):
         assert posefuse.read_detections(path) == detections
 
 
-@given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), fisheye=st.booleans())
+@given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), lens=st.sampled_from(LensModel))
 @examples(25)
-def test_calibrations_keep_every_camera(seed, names, fisheye):
-    lens = LensModel.FISHEYE if fisheye else LensModel.BROWN
+def test_calibrations_keep_every_camera(seed, names, lens):
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "calibration.toml"
@@ -124,7 +126,8 @@ def test_calibrations_keep_every_camera(seed, names, fisheye):
     assert found.names == rig.names
     for a, b in zip(found.cameras, rig.cameras, strict=True):
         np.testing.assert_array_equal(a.matrix, b.matrix)
-        assert (a.lens, a.distortion, a.size_px) == (b.lens, b.distortion, b.size_px)
+        assert (a.lens, a.size_px) == (b.lens if lens is not LensModel.PINHOLE else a.lens, b.size_px)
+        assert a.distortion == b.distortion or not any((*a.distortion, *b.distortion))
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-12)
 
 
@@ -141,9 +144,76 @@ def test_trc_keeps_micrometres(seed, frames, up):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "someone.trc"
         posefuse.write(result, path)
-        found = trc.read(path)
+        found, stored = trc.read(path), posefuse.read_points(path)
+    assert (stored.person_ids, stored.keypoints, stored.unit) == (("someone",), result.skeleton.keypoints, "m")
+    np.testing.assert_array_equal(stored.points_m[:, 0], found.points_m)
+    np.testing.assert_array_equal(stored.time_s, found.time_s)
     places = result.frame_numbers - result.frame_numbers[0]
     np.testing.assert_allclose(found.points_m[places] @ y_up_from_world(up), points[:, 0], atol=6e-7)
     between = np.setdiff1d(np.arange(len(found.points_m)), places)
     assert np.isnan(found.points_m[between]).all()
     assert found.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)
+
+
+@given(seed=seeds, frames=st.integers(1, 12), views=st.integers(1, 9))
+@examples(15)
+def test_c3d_keeps_what_it_says(seed, frames, views):
+    """As another program reads it: single precision, the views of up to seven, and which points were filled."""
+    rng = np.random.default_rng(seed)
+    rig = any_rig(rng, [f"camera {v}" for v in range(views)], [LensModel.PINHOLE] * views)
+    result = any_result(rng, rig, ["someone"], frames)
+    layer = result.layers["measured"]
+    points = rng.uniform(-9, 9, layer.points_m.shape)
+    points[rng.random(points.shape[:-1]) < 0.3] = np.nan
+    status = np.where(np.isnan(points[..., 0]), PointStatus.NOT_SEEN, PointStatus.OK).astype(np.int8)
+    layer = replace(layer, points_m=points, status=status, covariance_m2=np.abs(layer.covariance_m2))
+    result = replace(result, layers={"measured": layer})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "someone.c3d"
+        posefuse.write(result, path)
+        content = ezc3d.c3d(str(path))
+    places = result.frame_numbers - result.frame_numbers[0]
+    found = content["data"]["points"][:3].transpose(2, 1, 0)[places]
+    np.testing.assert_allclose(found, 1000.0 * points[:, 0], rtol=1e-6)
+    residuals = content["data"]["meta_points"]["residuals"][0].T[places]
+    missing, filled = np.isnan(points[:, 0, :, 0]), np.asarray(layer.source)[:, 0] == Source.FILLED
+    np.testing.assert_array_equal(residuals == -1.0, missing)
+    unknown = np.isnan(layer.sd_m[:, 0]).any(axis=-1)
+    np.testing.assert_array_equal((residuals == 0.0) & ~missing, (filled | unknown) & ~missing)
+    masks = content["data"]["meta_points"]["camera_masks"].transpose(2, 1, 0)[places].astype(bool)
+    used = is_used(np.asarray(layer.view_status)[:, 0]) if views <= 7 else np.zeros((frames, 4, 7), dtype=bool)
+    np.testing.assert_array_equal((masks & ~missing[..., None])[..., : used.shape[-1]], used & ~missing[..., None])
+    assert content["parameters"]["POINT"]["RATE"]["value"][0] == pytest.approx(result.rate_hz, rel=1e-6)
+    assert content["parameters"]["POINT"]["LABELS"]["value"] == list(result.skeleton.keypoints)
+
+
+@given(
+    seed=seeds,
+    frames=st.integers(1, 5),
+    people=st.integers(1, 3),
+    skeleton=st.sampled_from(["openpose_137", "coco_17"]),
+)
+@examples(8)
+def test_overlays_are_read_as_detections(seed, frames, people, skeleton):
+    """Each point where its camera would see it, to a thousandth of a pixel; nobody who is not in the image."""
+    rng = np.random.default_rng(seed)
+    body, rig = shipped_skeleton(skeleton), ring(3)
+    points = rng.normal((0.0, 0.0, 1.0), 0.8, (frames, people, len(body), 3))
+    points[rng.random(points.shape[:-1]) < 0.3] = np.nan
+    result = replace(
+        any_result(rng, rig, [f"p{i}" for i in range(people)], frames),
+        skeleton=body, tracks=None, layers={"measured": model_layer(points)},
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        posefuse.write(result, Path(folder) / "overlay", "openpose")
+        found = posefuse.read_detections(Path(folder) / "overlay", skeleton)
+    np.testing.assert_array_equal(np.intersect1d(found.frame_numbers, result.frame_numbers), result.frame_numbers)
+    for f, number in enumerate(result.frame_numbers.tolist()):
+        for v, camera in enumerate(rig.cameras):
+            row = int(np.flatnonzero(found.frame_numbers == number)[0]) * len(rig) + v
+            start, stop = found.offsets[row : row + 2]
+            pixels, _ = camera.project(points[f])
+            inside = ((pixels >= -0.5) & (pixels <= np.array(camera.size_px) - 0.5)).all(axis=-1)
+            seen = np.where(inside[..., None], pixels, np.nan)[inside.any(axis=-1)]
+            np.testing.assert_allclose(np.asarray(found.keypoints_px)[start:stop], seen, atol=6e-4)
+            np.testing.assert_array_equal(np.asarray(found.track_ids)[start:stop], np.flatnonzero(inside.any(axis=-1)))

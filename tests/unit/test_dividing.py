@@ -72,7 +72,12 @@ def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
     options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 20.0)
     check_same(whole, pieces, "measured", 0.99)
-    check_same(whole, pieces, "measured" if solve == "frame" else "solved", 0.95)
+    if solve == "trajectory":
+        # What is learned of motion from a sample differs a little, and every point with it.
+        one, other = (np.asarray(each.layers["solved"].points_m) for each in (whole, pieces))
+        apart_m = np.linalg.norm(one - other, axis=-1)
+        assert np.nanmedian(apart_m) < 5e-4
+        assert np.nanquantile(apart_m, 0.99) < 0.03
 
 
 def test_points_of_one_subject_are_the_same_bits(tmp_path):

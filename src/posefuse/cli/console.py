@@ -135,6 +135,14 @@ def say(text: str) -> None:
     out.print(Text(text), soft_wrap=True)
 
 
+def lines(text: str, indent: int) -> list[str]:
+    """A text in lines of 80 columns, indented, those after the first by four more; no word is broken."""
+    first, others = " " * indent, " " * (indent + 4)
+    return textwrap.wrap(
+        text, _WIDTH, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+    )
+
+
 def wrote(files: Sequence[str], folder: object, remark: str = "") -> None:
     """Say what was written and where: as many names a line as fit 80 columns, none of them broken."""
     words = [f"{name}," for name in files[:-1]] + list(files[-1:])

@@ -1,6 +1,6 @@
 """``posefuse formats``."""
 
-from posefuse.cli.console import say
+from posefuse.cli.console import lines, say
 
 
 def formats() -> None:
@@ -13,5 +13,6 @@ def formats() -> None:
         say(title)
         for form in forms:
             does = " and ".join(verb for verb, can in (("read", form.reads), ("written", form.writes)) if can)
-            say(f"  {form.name} ({does}): {form.files}")
-            say(f"    {form.conventions}")
+            for text, indent in ((f"{form.name} ({does}): {form.files}", 2), (form.conventions, 4)):
+                for line in lines(text, indent):
+                    say(line)

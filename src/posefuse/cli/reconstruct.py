@@ -1,8 +1,13 @@
 """``posefuse reconstruct``."""
 
 import math
-from dataclasses import replace
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
+from platform import python_version
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -10,7 +15,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
-from posefuse.cli.reading import must_have_rate, read_inputs
+from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
 from posefuse.cli.types import (
     Also,
     CalibrationPath,
@@ -22,12 +27,13 @@ from posefuse.cli.types import (
     SyncPath,
     TimestampsPath,
 )
+from posefuse.keeping import NOTHING, Keeper
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracker_options import Smoother
 
 if TYPE_CHECKING:
-    from posefuse.pipeline import Plan
+    from posefuse.measuring import Plan
 
 FILTER_FIGURE = "debug/percentile_filter.png"
 
@@ -52,8 +58,12 @@ def reconstruct(
     Writes reconstruction.nc (everything), keypoints.csv (measured points), one .trc and .c3d a person, report.html;
     where points are solved over time solved.csv; where bodies are fitted model.csv, angles.csv, events.csv and one .bvh
     and .glb a person; with the method percentile_filter debug/percentile_filter.png.
+
+    A recording of more than --chunk-frames frames is done chunk by chunk. What is done is kept in OUTPUT/.parts until
+    the result is there: after whatever ended it, the same command goes on from the last finished chunk. Ctrl-C leaves a
+    result of what is done, which says that it is partial.
     """
-    from posefuse.io.files import replacing_folder
+    from posefuse.io.files import PARTS, replacing_folder
 
     must_be_written(also)
     short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
@@ -64,13 +74,47 @@ def reconstruct(
         from posefuse.io.options import read_sync
 
         options = replace(options, sync=read_sync(sync))
-    with replacing_folder(output) as staging:
-        files, layer = reconstruct_into(staging, recording, calibration, keypoints, options, edits, timestamps)
+    with told_of_parts(output / PARTS), replacing_folder(output) as staging:
+        made = reconstruct_into(
+            staging, recording, calibration, keypoints, options, edits, timestamps, parts=output / PARTS
+        )
         more, remarks = also_into(staging, also)
     single = "TRC, C3D and the other formats" if more else "TRC and C3D"
-    wrote([*files, *more], output, f"{single} hold the layer {layer}.")
+    wrote([*made.files, *more], output, f"{single} hold the layer {made.layer}.")
     for remark in remarks:
         note(f"note: {remark}")
+    if made.partial:
+        warn(made.partial)
+        sys.exit(130)
+    made.done()
+
+
+@dataclass(frozen=True)
+class Made:
+    """What was written of a recording.
+
+    Attributes:
+        files: their names.
+        layer: that TRC and C3D hold.
+        partial: what there is to say if it is not of the whole recording; empty if it is.
+        done: to be called when the files are where they belong: what was kept to go on from is not needed any more.
+    """
+
+    files: list[str]
+    layer: LayerName
+    partial: str
+    done: Callable[[], None]
+
+
+@contextmanager
+def told_of_parts(parts: Path) -> Iterator[None]:
+    """Whoever interrupts is told what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if parts.exists():
+            warn(f"Finished parts are kept in {parts}; the same command goes on from there.")
+        raise
 
 
 def reconstruct_into(
@@ -81,11 +125,19 @@ def reconstruct_into(
     options: Options,
     edits: Path | None = None,
     timestamps: Path | None = None,
-) -> tuple[list[str], str]:
+    parts: Path | None = None,
+) -> Made:
     """Read, reconstruct, write into an existing folder, and say what came out.
 
-    Returns:
-        The names of what was written, and the layer that TRC and C3D hold.
+    Args:
+        folder: where.
+        recording: its folder.
+        calibration: where it is, if not in the recording's folder.
+        keypoints: likewise.
+        options: of the reconstruction.
+        edits: to be applied to the result.
+        timestamps: as the calibration.
+        parts: folder for finished parts of a long recording, from which the same call goes on; none are kept otherwise.
     """
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)
@@ -97,21 +149,62 @@ def reconstruct_into(
     from posefuse.cli.edit import Done, write_edited
     from posefuse.diagnosis import with_health
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks
+    from posefuse.measuring import PARTIAL
+    from posefuse.pipeline import prepare
 
     done = None if edits is None else Done.read(edits)
-
-    plan = with_health(prepare(inputs.rig, inputs.detections, options, progress))
+    keeper, forget = keeper_of(parts, inputs, options)
+    plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, keeper))
     plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
     path = folder / "reconstruction.nc"
-    netcdf.write(reconstruct_chunks(plan, progress), path)
+    write_chunks(plan, progress, keeper, path)
     if done is not None:
         path = path.rename(folder / "unedited.nc")
         write_edited(netcdf.read_reconstruction(path), done, folder / "reconstruction.nc")
         path.unlink()
     result = netcdf.read_reconstruction(folder / "reconstruction.nc")
     files, layer = write_beside(result, folder, progress)
-    return ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)], layer
+    files = ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)]
+    partial = next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
+    return Made(files, layer, partial, forget)
+
+
+def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> None:
+    """Write the reconstruction; if that is interrupted and chunks are kept, those that are done."""
+    from posefuse.io.results import netcdf
+    from posefuse.measuring import finished_chunks, reconstruct_chunks
+
+    try:
+        netcdf.write(reconstruct_chunks(plan, progress, keeper), path)
+    except KeyboardInterrupt:
+        progress.finish()
+        if next(finished_chunks(plan, keeper), None) is None:
+            raise
+        warn("Interrupted: the result is made of what is done. Ctrl-C again stops at once.")
+        netcdf.write(finished_chunks(plan, keeper), path)
+
+
+def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Keeper, Callable[[], None]]:
+    """What keeps finished parts of a long recording, and what removes them; of a short one none are kept."""
+    if parts is None or inputs.detections.n_frames <= options.chunk_frames:
+        return NOTHING, lambda: None
+
+    from posefuse.io.netcdf import skeleton_text
+    from posefuse.io.parts import Parts, digest_of
+
+    told = {
+        "inputs": inputs.digests,
+        "options": asdict(options),
+        "skeleton": skeleton_text(inputs.detections.skeleton),
+        "versions": {"python": python_version()}
+        | {name: version(name) for name in ("posefuse", "numpy", "numba", "scipy")},
+    }
+    keeper, others = Parts.opened(parts, digest_of(told))
+    if others:
+        note(f"note: {parts} held {count(others, 'part')} of other input, options or versions; they are not used.")
+    elif parts.exists():
+        note(f"note: going on from the finished parts in {parts}.")
+    return keeper, keeper.remove
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
@@ -146,7 +239,8 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     if triangulation.method != "percentile_filter" or not percentile_filter.runs(plan.rig, triangulation):
         return []
     from posefuse.evaluation.filtering import error_profile
-    from posefuse.pipeline import reconstruct_chunks, settle
+    from posefuse.measuring import reconstruct_chunks
+    from posefuse.pipeline import settle
     from posefuse.report.percentile_filter import filter_picture
 
     before = error_profile(reconstruct_chunks(settle(plan, "simple"), progress))

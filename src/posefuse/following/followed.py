@@ -18,7 +18,7 @@ from posefuse.tracking.angle_sds import carried_angle_sds
 from posefuse.tracking.angles import angle_names, axes_at, whole_angle_names
 from posefuse.tracking.history import History
 from posefuse.tracking.parts import sure_directions
-from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
+from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 from posefuse.tracking.twist import full_rotations
 
 
@@ -68,6 +68,11 @@ class Followed:
     def follow(self, start: int, stop: int) -> Tracks:
         """Whose detections are whose in a range of frames."""
         return self.tracks.frames(start, stop)
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames people were followed through."""
+        return len(self.tracks.state)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -196,3 +201,13 @@ class WholeSmoother:
     def take(self, stop: int) -> SmoothedWhole:
         """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended."""
         return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
+
+    @property
+    def memory(self) -> tuple[Memory, ...]:
+        """What the next range of frames goes on from: of bodies, then of their parts."""
+        return tuple(each.memory for each in (self.body, *self.parts))
+
+    def goes_on_from(self, memory: tuple[Memory, ...]) -> None:
+        """Go on from where another smoother of the same people was."""
+        for each, known in zip((self.body, *self.parts), memory, strict=True):
+            each.goes_on_from(known)

@@ -1,28 +1,41 @@
 """Many people followed through a recording: association and tracking wired together."""
 
-from dataclasses import replace
+import warnings
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.association.subjects import Subjects
+from posefuse.errors import PosefuseWarning
 from posefuse.following.book import Book
 from posefuse.following.followed import Followed
 from posefuse.following.noise import rough_noise
 from posefuse.following.trackers import tracker_of, with_tree
+from posefuse.keeping import NOTHING, Keeper
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import CHUNK_FRAMES, Detections, with_lacking_times
 from posefuse.model.frames import Frame
 from posefuse.model.options import Options
+from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
+from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
 _SURE_LOG_ODDS = 1e9
 _ANYWHERE = 1e9
+_NAME = "following"
+_INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
 
 
 def follow_subject(
-    rig: CameraRig, detections: Detections, subject: Subjects, options: Options, progress: Progress
+    rig: CameraRig,
+    detections: Detections,
+    subject: Subjects,
+    options: Options,
+    progress: Progress,
+    keeper: Keeper = NOTHING,
 ) -> Followed:
     """Fit a body to the one subject of a recording: followed like many, from their detections alone.
 
@@ -30,51 +43,112 @@ def follow_subject(
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    everything = detections.frames(0, detections.n_frames)
-    theirs = subject.follow(0, detections.n_frames).rows(everything)[:, 0]
+    pieces = ranges(detections.n_frames, CHUNK_FRAMES)
+    tracks = Tracks.concatenate([subject.follow(*piece) for piece in pieces])
+    theirs = tracks.rows(detections)[:, 0]
     kept = theirs >= 0
-    rows = theirs[kept]
-    depth = None if everything.depth is None else np.asarray(everything.depth)[rows]
-    alone = replace(
-        everything,
-        offsets=np.concatenate([[0], np.cumsum(kept.ravel())]),
-        keypoints_px=np.asarray(everything.keypoints_px)[rows],
-        confidence=np.asarray(everything.confidence)[rows],
-        track_ids=np.asarray(everything.track_ids)[rows],
-        depth=depth,
-    )
+    alone = replace(detections, offsets=np.concatenate([[0], np.cumsum(kept.ravel())]), **detections.rows(theirs[kept]))
     # Whoever comes back is the subject.
     anywhere = replace(options.tracker.specification, reacquire_gate=_ANYWHERE)
     tracker = replace(
         options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
         specification=anywhere,
     )  # fmt: skip
-    return follow(rig, alone, replace(options, tracker=tracker), progress)
+    return follow(rig, alone, replace(options, tracker=tracker), progress, keeper)
 
 
-def follow(rig: CameraRig, detections: Detections, options: Options, progress: Progress) -> Followed:
+def follow(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
+) -> Followed:
     """Follow everybody through a recording.
+
+    Args:
+        rig: the cameras.
+        detections: of the recording.
+        options: of its reconstruction.
+        progress: told how far the work is.
+        keeper: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    noise = rough_noise(rig, detections, options)
-    tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
-    book = Book(History(tracker.settings), tuple(History(part.settings) for part in tracker.parts))
+    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper)
     progress.start("following people", detections.n_frames)
-    done = 0
+    progress.advance(stage.done)
     times_s = _times(detections)
-    for chunk in detections.chunks():
+    try:
+        for start, stop in ranges(detections.n_frames, options.chunk_frames):
+            if start >= stage.done:
+                stage.go_on(detections.frames(start, stop), times_s[start:stop])
+                stage = stage.keep(keeper)
+                progress.advance(stop - start)
+    except KeyboardInterrupt:
+        known = _Stage.kept(keeper)
+        if known is None or not keeper.keeps:
+            raise
+        stage = known
+        warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
+    progress.finish()
+    return stage.book.close(detections.between(0, stage.done) if stage.done < detections.n_frames else detections)
+
+
+@dataclass(eq=False)
+class _Stage:
+    """How far the following of a recording is.
+
+    Attributes:
+        tracker: after the last frame.
+        book: of all frames.
+        done: how many frames.
+    """
+
+    tracker: ArticulatedTracker
+    book: Book
+    done: int = 0
+
+    @classmethod
+    def first(cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper) -> "_Stage":
+        """Before the first frame."""
+        noise = rough_noise(rig, detections, options)
+        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+        spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
+        body, *parts = (part.settings for part in (tracker, *tracker.parts))
+        parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
+        return cls(tracker, Book(History(body, spools[0]), parts))
+
+    @classmethod
+    def kept(cls, keeper: Keeper) -> "_Stage | None":
+        """The last that was kept."""
+        stage = keeper.get(_NAME)
+        return None if stage is None else stage.going_on(keeper)
+
+    def keep(self, keeper: Keeper) -> "_Stage":
+        """Keep it; the same as whoever goes on from there has it."""
+        stage = keeper.put(_NAME, self)
+        return stage if stage is self else stage.going_on(keeper)
+
+    def going_on(self, keeper: Keeper) -> "_Stage":
+        """The same with its histories in the keeper's spools."""
+        histories = (self.book.history, *self.book.parts)
+        for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
+            spool = keeper.spool(name)
+            assert spool is not None
+            history.goes_on_in(spool)
+        return self
+
+    def go_on(self, chunk: Detections, times_s: np.ndarray) -> None:
+        """Follow people through more frames, those at these times, shape (frame,)."""
         for i in range(chunk.n_frames):
             frame = Frame.of(chunk, i)
             if not frame.recorded.any():
-                frame = replace(frame, time_s=np.full(len(rig), times_s[done + i]))
-            book.enter(tracker, tracker.update(frame))
-        done += chunk.n_frames
-        progress.advance(chunk.n_frames)
-    progress.finish()
-    return book.close(detections)
+                frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
+            self.book.enter(self.tracker, self.tracker.update(frame))
+        self.done += chunk.n_frames
+
+
+def _spools(parts: int) -> tuple[str, ...]:
+    return (f"{_NAME}.body", *(f"{_NAME}.part_{i}" for i in range(parts)))
 
 
 def _times(detections: Detections) -> np.ndarray:

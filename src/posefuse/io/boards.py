@@ -16,6 +16,7 @@ import numpy as np
 
 from posefuse.errors import FileError, RecordingError, choices
 from posefuse.io.files import must_exist, natural_key, reading
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
 
@@ -79,7 +80,7 @@ def read_board(path: str | Path, camera_names: Sequence[str]) -> Detections:
 
 
 def _from_h5(path: Path, camera_names: Sequence[str]) -> Detections:
-    with h5py.File(path) as content:
+    with open_hdf5(path, "file of board corners") as content:
         corners = np.asarray(content["detected_corners"], dtype=np.float64)
         frames = np.asarray(content["frames"]) if "frames" in content else np.arange(corners.shape[1])
     if corners.ndim != 4 or corners.shape[3] != 2 or len(frames) != corners.shape[1]:

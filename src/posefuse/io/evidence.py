@@ -29,6 +29,7 @@ _KEYPOINTS = {
     "freemocap": "output_data/raw_data/*2dData*.npy",
     "openpose": 'a folder a camera, JSON files with "people", numbered',
     "easymocap": 'a folder a camera, JSON files with "annots", numbered',
+    "opencap": "OutputPkl*/<trial>/*_pp.pkl in a folder a camera",
     "mmpose": 'JSON with "instances" of each frame',
     "alphapose": "JSON list with image_id as a file's name, and keypoints",
     "mvor": "JSON with multiview_images, or coco_keypoints",

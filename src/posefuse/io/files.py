@@ -227,6 +227,10 @@ RESULT_FILES = (
 )  # fmt: skip
 
 
+PARTS = ".parts"
+"""The folder, in that of a result, of the finished parts of a long reconstruction; see :mod:`posefuse.io.parts`."""
+
+
 @contextlib.contextmanager
 def replacing_folder(
     folder: Path, marker: str = "reconstruction.nc", owned: tuple[str, ...] = RESULT_FILES
@@ -240,9 +244,10 @@ def replacing_folder(
     """
     if folder.exists() and not folder.is_dir():
         raise FileError(f"--output {folder} is a file; give a folder.")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists():
+    others = sorted(entry.name for entry in folder.iterdir() if entry.name != PARTS) if folder.is_dir() else []
+    if others and not (folder / marker).exists():
         raise FileError(
-            f"--output {folder} already holds other files ({choices(sorted(e.name for e in folder.iterdir()), 5)}) "
+            f"--output {folder} already holds other files ({choices(others, 5)}) "
             "and is no result of this command. Choose a new or an empty folder."
         )
     staging = folder.with_name(f".{folder.name}.partial")

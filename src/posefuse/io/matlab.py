@@ -22,7 +22,8 @@ _NUMBERS = {
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT, _CHAR, _FIRST_NUMBER, _LAST_NUMBER = 1, 2, 4, 6, 15
 _HEADER_BYTES = 128
-_LARGEST_BYTES = 1_000_000_000
+_LARGE_BYTES = 256_000_000
+_MOST_UNFOLDED = 200
 _DEEPEST = 12
 
 
@@ -89,9 +90,10 @@ def _variables(data: memoryview, order: str, wanted: Any) -> Iterator[tuple[str,
     for kind, body in _elements(data, order):
         if kind == _COMPRESSED:
             inside = zlib.decompressobj()
-            unpacked = inside.decompress(body, _LARGEST_BYTES)
+            most = max(_LARGE_BYTES, _MOST_UNFOLDED * len(body))
+            unpacked = inside.decompress(body, most)
             if inside.unconsumed_tail:
-                raise _Broken(f"a variable unfolds to more than {_LARGEST_BYTES} bytes")
+                raise _Broken(f"a variable of {len(body)} bytes unfolds to more than {most}")
             kind, body = next(_elements(memoryview(unpacked), order), (0, memoryview(b"")))
         if kind == _MATRIX and len(body):
             name = _head(body, order)[2]

@@ -13,6 +13,7 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.errors import FileError
 from posefuse.io.files import must_be_texts, reading
+from posefuse.io.hdf5 import check_ranged
 from posefuse.model.parts import Part
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.trees import ADULT_M, Limit, Node, Tree
@@ -53,6 +54,8 @@ def open_file(path: Path, kind: str) -> h5netcdf.File:
     Raises:
         FileError: if it is not netCDF-4, is cut short, or holds something else than ``kind``.
     """
+    if h5py.is_hdf5(path):
+        check_ranged(path, "netCDF-4 file")
     try:
         file = h5netcdf.File(path, "r")
     except Exception as error:  # a broken file raises whatever its bytes lead to

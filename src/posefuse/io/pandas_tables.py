@@ -4,8 +4,6 @@ Columns have names of several levels. Layout after pandas' ``io.pytables``. In `
 pickled; of that pickle only texts, numbers and tuples and lists of them are built.
 """
 
-import io
-import pickle
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +12,7 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.pickles import must_be_small
+from posefuse.io.pickles import load_plain
 
 
 @dataclass(frozen=True)
@@ -113,16 +111,9 @@ def read_frame(group: h5py.Group) -> Frame:
     return Frame(list(zip(*levels, strict=True)), np.asarray(group["axis1"], dtype=np.int64), values)
 
 
-class _Names(pickle.Unpickler):
-    """Builds texts, numbers, tuples and lists, and refuses everything else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no table of numbers needs")
-
-
 def _read_table(group: h5py.Group) -> Frame:
     pickled: Any = group.attrs["non_index_axes"]
-    named = _Names(io.BytesIO(must_be_small(bytes(pickled)))).load()[0][1]
+    named = load_plain(bytes(pickled))[0][1]
     columns = [tuple(str(word) for word in column) for column in named]
     table = np.asarray(group["table"])
     values = np.asarray(table["values_block_0"], dtype=np.float64).reshape(len(table), -1)

@@ -25,6 +25,7 @@ _DEPTH = 4
 _CALIBRATION_SUFFIXES = (
     ".toml", ".txt", ".xml", ".xcp", ".yml", ".yaml", ".json", ".mat", ".parquet", ".calib", ".pickle", ".npy", ".npz",
 )  # fmt: skip
+_OF_FOLDERS = tuple(suffix for suffix in _CALIBRATION_SUFFIXES if suffix not in (".npy", ".npz"))
 _MOST_JSON_FILES = 50
 _SETTINGS = ("Config.toml", "pyproject.toml")
 
@@ -205,6 +206,9 @@ def _try_format(path: Path) -> Format | None:
 def _recordings_of(found: Found, calibrations: tuple[Found, ...]) -> list[Found]:
     """The recordings of a folder of a file a camera: usually one; several are told by the files' names."""
     form = by_name(KEYPOINTS, found.format)
+    trials_in = None if form is None else getattr(form.load(), "trials_in", None)
+    if trials_in is not None and len(trials := trials_in(found.path)) > 1:
+        return [replace(found, path=trial) for trial in trials]
     files_of = None if form is None else getattr(form.load(), "files_of", None)
     files = files_of(found.path) if files_of is not None and found.path.is_dir() else []
     if len({file.parent for file in files}) != 1:
@@ -230,22 +234,29 @@ def ignored_in(recording: Recording) -> tuple[Ignored, ...]:
     """What is in the folder and is not read, and why."""
     if recording.folder.is_file():
         return ()
-    used = {path for item in (*recording.calibrations, *recording.keypoints) for path in _used(item)}
+    used = {path for item in recording.calibrations for path in _calibration_files(item.path)}
+    used |= {path for item in recording.keypoints for path in _keypoint_files(item)}
     for keypoints in recording.keypoints:
         used.update(timestamps.find([keypoints.path, keypoints.path.parent, recording.folder]))
     return find_ignored(recording.folder, used, _DEPTH)
 
 
-def _used(item: Found) -> list[Path]:
-    """The files that are read, or whole folders of them."""
-    if not item.path.is_dir():
-        return files_at(item.path)
+def _calibration_files(path: Path) -> list[Path]:
+    """The files of a calibration."""
+    if not path.is_dir():
+        return files_at(path)
+    return [entry for entry in path.rglob("*") if entry.suffix in _OF_FOLDERS]
+
+
+def _keypoint_files(item: Found) -> list[Path]:
+    """The files of keypoints that are read, or whole folders of them."""
     form = by_name(KEYPOINTS, item.format)
-    files_of = None if form is None else getattr(form.load(), "files_of", getattr(form.load(), "arrays_in", None))
-    if files_of is not None:
-        return files_of(item.path)
-    beside = [entry for entry in item.path.rglob("*") if entry.suffix in (*_CALIBRATION_SUFFIXES[:-3], ".pickle")]
-    return [item.path, *beside] if form is not None else beside
+    module = None if form is None else form.load()
+    files_of = getattr(module, "files_of", getattr(module, "arrays_in", None))
+    if not item.path.is_dir():
+        beside = files_of(item.path) if files_of is not None and item.path.is_file() else []
+        return [*files_at(item.path), *beside]
+    return files_of(item.path) if files_of is not None else [item.path, *_calibration_files(item.path)]
 
 
 def _is_keypoint_array(path: Path) -> bool:

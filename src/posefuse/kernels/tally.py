@@ -182,3 +182,66 @@ def note_off(used, gated, dt_s, off_s):
             off_s[p, k] = off_s[p, k] + dt_s if gated[p, k] >= 2 and gated[p, k] > used[p, k] else 0.0
             longest = max(longest, off_s[p, k])
     return longest
+
+
+@kernel
+def believe_most_labels(rows, swapped):
+    """Where most views would have a limb's sides exchanged, it is the body that has: labels are right.
+
+    Args:
+        rows: shape (track, view), int64: the detections that are theirs, -1 for none.
+        swapped: shape (track, row, group), int8, in and out: whose sides are exchanged.
+    """
+    for p in range(rows.shape[0]):
+        for g in range(swapped.shape[2]):
+            views = 0
+            exchanged = 0
+            for v in range(rows.shape[1]):
+                if rows[p, v] >= 0:
+                    views += 1
+                    exchanged += 1 if swapped[p, rows[p, v], g] != 0 else 0
+            if exchanged > 0 and 2 * exchanged >= views:
+                for row in range(swapped.shape[1]):
+                    swapped[p, row, g] = 0
+
+
+@kernel
+def label_keypoints(rows, swapped, group_of, mirror, labels):
+    """Which of a detection's keypoints is the body's.
+
+    Args:
+        rows: shape (track, view), int64: the detections that are theirs, -1 for none.
+        swapped: shape (track, row, group), int8: whose sides are exchanged.
+        group_of: shape (keypoint,), int64: of which group each is, -1 of none.
+        mirror: shape (keypoint,), int64: the other side's.
+        labels: shape (track, view, keypoint), int64, written.
+    """
+    for p in range(rows.shape[0]):
+        for v in range(rows.shape[1]):
+            row = rows[p, v]
+            for k in range(group_of.shape[0]):
+                labels[p, v, k] = k
+                if row >= 0 and group_of[k] >= 0 and swapped[p, row, group_of[k]] != 0:
+                    labels[p, v, k] = mirror[k]
+
+
+@kernel
+def add_identities(ids, view, track_ids, worth, least, scores, explained):
+    """What detections are worth by the detector's identities, too.
+
+    Args:
+        ids: shape (track, view), int64: of the last match, -1 for none.
+        view: shape (row,), int64: of each detection.
+        track_ids: shape (row,), int64: its identity, -1 for none.
+        worth: of one that is the same.
+        least: a detection of more is somebody's.
+        scores: shape (track, row), in and out.
+        explained: shape (row,), bool, written: whether it is somebody's.
+    """
+    for row in range(view.shape[0]):
+        explained[row] = False
+        for p in range(ids.shape[0]):
+            if track_ids[row] >= 0 and ids[p, view[row]] == track_ids[row]:
+                scores[p, row] += worth
+            if scores[p, row] > least:
+                explained[row] = True

@@ -16,9 +16,10 @@ from posefuse.kernels.rotations import turn
 from posefuse.kernels.smoothing import difference, tilt_between
 from posefuse.kernels.symmetric import invert
 
-_Room = namedtuple("_Room", "fade reach change pull row said known after gain mixed rotation carried")
-"""How velocities act over a frame; how two states differ; what a frame pulls; rows; what it said; what was known
-before and is after; how velocities follow; how bones' frames lie to each other, cosines and sines; and one of them."""
+_Room = namedtuple("_Room", "fade reach change pull row before said known after gain mixed rotation carried")
+"""How velocities act over a frame; how two states differ; what a frame pulls; a row; what the first filter knew
+before it, what it said, what is known before it now and after; how velocities follow; how bones' frames lie to each
+other, cosines and sines; and one of them."""
 
 
 @kernel
@@ -47,7 +48,8 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
     n_bones = filtered.bones.shape[1]
     room = _Room(
         fade=np.empty(n), reach=np.empty(n), change=np.empty(2 * n + h), pull=np.empty(n + h), row=np.empty(n + h),
-        said=np.empty((n + h, n + h)), known=np.empty((n + h, n + h)), after=np.empty((n + h, n + h)),
+        before=np.empty((n + h, n + h)), said=np.empty((n + h, n + h)), known=np.empty((n + h, n + h)),
+        after=np.empty((n + h, n + h)),
         gain=np.empty((n, n + h)), mixed=np.empty((n, n + h)), rotation=np.empty((n_bones, 2)),
         carried=np.empty((3, 3)),
     )  # fmt: skip
@@ -57,32 +59,31 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
     )  # fmt: skip
     for k in range(1, frames):
         fade_over(dt_s[k], decay_s, room.fade, room.reach)
-        if not _what_was_said(filtered, k, dt_s[k], decay_s, power, most, walk, m, foretold, room):
-            return k
-        _move_on(state, k, dt_s[k], decay_s, power, most, walk if m > n else 0.0, room)
-        if not _learn(state, filtered, k, share[k], n, m, room):
-            return k
+        sought = walk if m > n else 0.0
+        _move_on(state, k, dt_s[k], decay_s, power, most, sought, room)
+        foretell(filtered, k - 1, room.fade, room.reach, room.change, foretold)
+        difference(foretold, 0, filtered, k, room.change)
+        covariance_ahead(
+            filtered.covariance[k - 1], dt_s[k], decay_s, power, room.fade, room.reach, sought, m, m, room.before
+        )
+        clip_triangle(room.before, most, m)
+        copy_triangle(filtered.covariance[k], m, room.said)
+        copy_triangle(state.covariance[k], m, room.known)
+        # One loop for all, so that its body is compiled once.
+        for i in range(4):
+            if i == 3:
+                _subtract(room.said, room.before, room.change, m, room.pull)
+                _hear(state, filtered, k, share[k], n, m, room)
+            matrix = room.before if i == 0 else room.said if i == 1 else room.known if i == 2 else room.after
+            if not invert(matrix, m, room.row):
+                return k
+        _learn(state, k, n, m, room)
         _lie_of_bones(state, filtered, k, room)
         _turned(room.said, m, n, told[k], room.rotation, room.after)
         for i in range(n + h):
             for j in range(n + h):
                 information[k, i, j] = room.after[i, j] if i < m and j < m else 0.0
     return frames
-
-
-@step
-def _what_was_said(filtered, k, dt, decay_s, power, most, walk, m, foretold, room):
-    """What frame ``k`` said: its curvature into ``said``, its gradient into ``pull``; whether it can be told."""
-    cov = filtered.covariance[k - 1]
-    foretell(filtered, k - 1, room.fade, room.reach, room.change, foretold)
-    difference(foretold, 0, filtered, k, room.change)
-    covariance_ahead(cov, dt, decay_s, power, room.fade, room.reach, walk, m, m, room.known)
-    clip_triangle(room.known, most, m)
-    copy_triangle(filtered.covariance[k], m, room.said)
-    if not invert(room.known, m, room.row) or not invert(room.said, m, room.row):
-        return False
-    _subtract(room.said, room.known, room.change, m, room.pull)
-    return True
 
 
 @dense
@@ -186,18 +187,18 @@ def _product(matrix, vector, m, out):
 
 
 @step
-def _learn(state, filtered, k, share, n, m, room):
-    """Put frame ``k`` right by a share of what it said; whether that can be done."""
+def _hear(state, filtered, k, share, n, m, room):
+    """What a share of what frame ``k`` said makes of what was known: the information after it, and where it pulls."""
     _lie_of_bones(state, filtered, k, room)
     difference(state, k, filtered, k, room.change)
-    copy_triangle(state.covariance[k], m, room.known)
-    if not invert(room.known, m, room.row):
-        return False
     _turned(room.said, m, n, share, room.rotation, room.after)
     _turn_pull(room.pull, n, room.rotation)
     _add_said(room.known, room.after, room.change, share, m, room.pull)
-    if not invert(room.after, m, room.row):
-        return False
+
+
+@step
+def _learn(state, k, n, m, room):
+    """Put frame ``k`` right by that."""
     _product(room.after, room.pull, m, room.change)
     spread_to_velocities(
         state.covariance[k], room.known, room.after, room.change, n, m, state.velocity[k], room.gain, room.mixed
@@ -205,4 +206,3 @@ def _learn(state, filtered, k, share, n, m, room):
     move(room.change, state.root[k], state.turns[k], state.bones[k])
     for i in range(m - n):
         state.shape[k, i] += room.change[n + i]
-    return True

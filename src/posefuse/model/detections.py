@@ -9,6 +9,7 @@ import numpy as np
 
 from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
+from posefuse.model.chosen_rows import chosen_rows
 from posefuse.model.skeletons import Skeleton
 
 CHUNK_FRAMES = 2048
@@ -231,6 +232,31 @@ class Detections:
             object.__setattr__(part, each.name, parts.get(each.name, getattr(self, each.name)))
         return part
 
+    def between(self, start: int, stop: int) -> "Detections":
+        """The frames ``start`` to ``stop`` (counted from 0); what is in a file stays there."""
+        if in_memory(self.keypoints_px):
+            return self.frames(start, stop)
+        start, stop, _ = slice(start, stop).indices(self.n_frames)
+        cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
+        return replace(
+            self,
+            frame_numbers=self.frame_numbers[start:stop],
+            time_s=self.time_s[start:stop],
+            offsets=cells - cells[0],
+            recorded=self.recorded[start:stop],
+            **self.rows(np.arange(int(cells[0]), int(cells[-1]))),
+        )
+
+    def rows(self, rows: np.ndarray) -> dict[str, ArraySource | None]:
+        """By name, the arrays of a row a person with some rows alone; what is in a file stays there.
+
+        Args:
+            rows: shape (row,), int64.
+        """
+        names = ("keypoints_px", "confidence", "track_ids", "depth", "sigma_px")
+        sources = {name: getattr(self, name) for name in names}
+        return {name: None if each is None else chosen_rows(each, rows) for name, each in sources.items()}
+
     def pieces(self, spans: Sequence[tuple[int, int]]) -> "Detections":
         """The frames of several ranges (counted from 0, ascending), one after the other, in memory."""
 
@@ -258,7 +284,7 @@ class Detections:
             yield self.frames(start, stop)
 
     def views(self, names: Sequence[str]) -> "Detections":
-        """The named views, in the given order, in memory.
+        """The named views, in the given order; what is in a file stays there.
 
         Raises:
             MatchError: if there is no such view.
@@ -270,18 +296,13 @@ class Detections:
         counts = self.people_counts[:, columns]
         starts = self.offsets[:-1].reshape(self.n_frames, self.n_views)[:, columns]
         rows = np.repeat(starts.ravel() - _starts(counts)[:-1], counts.ravel()) + np.arange(int(counts.sum()))
-        everything = self.frames(0, self.n_frames)
         return replace(
-            everything,
+            self,
             view_names=tuple(names),
             time_s=self.time_s[:, columns],
             offsets=_starts(counts),
-            keypoints_px=np.asarray(everything.keypoints_px)[rows],
-            confidence=np.asarray(everything.confidence)[rows],
             recorded=self.recorded[:, columns],
-            track_ids=np.asarray(everything.track_ids)[rows],
-            depth=None if everything.depth is None else np.asarray(everything.depth)[rows],
-            sigma_px=None if everything.sigma_px is None else np.asarray(everything.sigma_px)[rows],
+            **self.rows(rows),
         )
 
     def with_rate(self, rate_hz: float) -> "Detections":

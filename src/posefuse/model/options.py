@@ -260,6 +260,8 @@ class Options:
         postprocess: What is done with points over time, once they are solved.
         subject: Of whom the recording is.
         align: How the world of the result is laid.
+        chunk_frames: How many frames are worked on at once; of a longer recording every chunk is kept when it is done,
+            and the same command goes on from there after it was ended.
     """
 
     people: People = "auto"
@@ -295,9 +297,10 @@ class Options:
     postprocess: PostprocessOptions = field(default_factory=PostprocessOptions)
     subject: SubjectOptions = field(default_factory=SubjectOptions)
     align: AlignOptions = field(default_factory=AlignOptions)
+    chunk_frames: int = 2048
 
     def __post_init__(self) -> None:
-        for name in ("rate_hz", "noise_scale_px"):
+        for name in ("rate_hz", "noise_scale_px", "chunk_frames"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise OptionsError(f"{name} must be positive, got {value}.")

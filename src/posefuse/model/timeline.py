@@ -1,14 +1,13 @@
 """Views of unequal length, start or rate on one line of frames: put together by when they took them, not by index."""
 
 from collections import Counter
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from posefuse.errors import DetectionsError, choices, suggestion
 from posefuse.model.detections import Detections
 
-_INDEX = ("frame_numbers", "time_s", "offsets", "recorded")
 _SAME_RATE = 0.01
 _SAME_STEP = 0.2
 # Half an interval, but for what rounding makes of frames that lie exactly between two others.
@@ -223,24 +222,18 @@ def _gathered(detections: Detections, line: _Line, known: np.ndarray) -> Detecti
     counts = np.where(has, np.diff(detections.offsets)[cells], 0)
     offsets = np.concatenate([[0], np.cumsum(counts.ravel())])
     rows = np.repeat(detections.offsets[:-1][cells].ravel() - offsets[:-1], counts.ravel()) + np.arange(offsets[-1])
-    everything = detections.frames(0, detections.n_frames)
-    parts = {
-        each.name: np.asarray(value)[rows]
-        for each in fields(Detections)
-        if each.name not in _INDEX and hasattr(value := getattr(everything, each.name), "shape")
-    }
     numbers = _numbers(detections, line, periods)
     rate = nominal_rate_hz(numbers, line.time_s) or 1.0 / line.period_s
     told = detections.rate_hz
     return replace(
-        everything,
+        detections,
         frame_numbers=numbers,
         time_s=np.where(has, detections.time_s.ravel()[cells], np.nan),
         offsets=offsets,
         recorded=has,
         rate_hz=told if told is not None and abs(told / rate - 1.0) < _SAME_RATE else rate,
         notes=(*detections.notes, *_notes(detections, line, known, periods)),
-        **parts,
+        **detections.rows(rows),
     )
 
 

@@ -107,7 +107,7 @@ class PartOptions:
     """
 
     model_floor_m: float = 0.004
-    error_memory_s: float = 0.08
+    error_memory_s: float = 0.094
     smoother_error_memory_s: float = 0.25
     smoother_own_share: float = 0.0
     turn_decay_s: float = 0.3
@@ -143,7 +143,8 @@ class TrackerOptions:
         limb_anew_s: A limb that most views see elsewhere for this long is turned to where their detections put it, and
             sought anew.
         model_floor_m: By how much a body's points are not what the detector means by their name.
-        error_memory_s: For how long detections' errors last: so much less a frame counts.
+        error_memory_s: For how long detections' errors last, where five views show somebody 20 times a second: so much
+            less a frame counts. Where fewer do it is longer.
         limit_sigma: How far a joint limit is overstepped, as a sine or cosine.
         clutter_m: A wrong detection's keypoints may lie anywhere within this of a person.
         match_evidence: The least evidence, in nats, for a detection to be a person's.

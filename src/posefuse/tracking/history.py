@@ -7,11 +7,12 @@ import tempfile
 import weakref
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import IO
+from typing import Any
 
 import numpy as np
 
 from posefuse.errors import DetectionsError
+from posefuse.keeping import Spool
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import chosen
@@ -70,53 +71,70 @@ class Run:
 
 @dataclass(eq=False)
 class _Block:
-    """Some seconds of entries, by number and place; in a file, from some byte on, once nothing is added any more."""
+    """Some seconds of entries, by number and place; in a spool, at some place, once nothing is added any more."""
 
     first: int
     entries: dict[int, dict[int, Entries]] = field(default_factory=dict)
-    file: IO[bytes] | None = None
-    start: int = 0
+    spooled_at: int | None = None
 
     def joined(self, start: int, stop: int) -> dict[int, Entries]:
-        """Everybody in the frames from ``start`` to ``stop`` of the history, by number, of a block in no file."""
+        """Everybody in the frames from ``start`` to ``stop`` of the history, by number, of a block in no spool."""
         found = {
             number: [entries[place] for place in sorted(entries) if start <= place < stop]
             for number, entries in self.entries.items()
         }
         return {number: Entries.joined(parts) for number, parts in found.items() if parts}
 
-    def spool(self, file: IO[bytes]) -> None:
-        """To the end of a file."""
-        self.file, self.start = file, file.seek(0, os.SEEK_END)
-        pickle.dump(self.joined(0, sys.maxsize), file, protocol=pickle.HIGHEST_PROTOCOL)
-        self.entries = {}
+    def spool(self, spool: Spool) -> None:
+        """Put the entries there."""
+        self.spooled_at, self.entries = spool.add(self.joined(0, sys.maxsize)), {}
 
-    def read(self) -> dict[int, Entries]:
-        """From the file."""
-        assert self.file is not None
-        self.file.seek(self.start)
-        return pickle.load(self.file)
+
+class _TemporarySpool:
+    """A temporary file without a name, which is gone when this is; see :class:`posefuse.keeping.Spool`."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)
+        weakref.finalize(self, self._file.close)
+
+    def add(self, value: Any) -> int:
+        """Take a value; where in the file it begins."""
+        place = self._file.seek(0, os.SEEK_END)
+        pickle.dump(value, self._file, protocol=pickle.HIGHEST_PROTOCOL)
+        return place
+
+    def read(self, place: int) -> Any:
+        """The value that begins there."""
+        self._file.seek(place)
+        return pickle.load(self._file)
 
 
 class History:
     """Records a tracker's frames, and gives them back by ranges.
 
-    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in a temporary file
-    without a name, which is gone when the history is: of a body of 20 keypoints 14 kB a person and frame, 1.2 GB an
-    hour at 25 fps.
+    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in a spool: of a body
+    of 20 keypoints 14 kB a person and frame, 1.2 GB an hour at 25 fps.
 
     Args:
         settings: of the tracker.
+        spool: where; a temporary file without a name, which is gone when the history is, where it is left out.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, spool: Spool | None = None) -> None:
         self.settings = settings
         self.numbers: list[int] = []
         self.time_s: list[float] = []
         self._blocks: list[_Block] = []
         self._recent: dict[int, dict[int, Entries]] = {}
-        self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)
-        weakref.finalize(self, self._file.close)
+        self._spool = spool or _TemporarySpool()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what lies in the spool: whoever goes on from a pickle says where that is, with :meth:`goes_on_in`."""
+        return {name: value for name, value in vars(self).items() if name not in ("_spool", "_recent")}
+
+    def goes_on_in(self, spool: Spool) -> None:
+        """Take a spool, that of the history which this one is a pickle of, for one's own."""
+        self._spool, self._recent = spool, {}
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -159,8 +177,8 @@ class History:
         if not self._blocks or time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
             self._blocks.append(_Block(here))
             # A block stays open for another one, since people are believed some time after they were first seen.
-            if len(self._blocks) > 2 and self._blocks[-3].file is None:
-                self._blocks[-3].spool(self._file)
+            if len(self._blocks) > 2 and self._blocks[-3].spooled_at is None:
+                self._blocks[-3].spool(self._spool)
         return here
 
     def _add_past(self, number: int, past: list[Remembered], here: int) -> bool:
@@ -227,12 +245,12 @@ class History:
 
     def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
         """Of some frames of a block, by number; those of the last few that were read from files are at hand."""
-        if block.file is None:
+        if block.spooled_at is None:
             return block.joined(start, stop)
         if block.first not in self._recent:
             while len(self._recent) >= _AT_HAND:
                 del self._recent[next(iter(self._recent))]
-            self._recent[block.first] = block.read()
+            self._recent[block.first] = self._spool.read(block.spooled_at)
         inside = {number: entries.within(start, stop) for number, entries in self._recent[block.first].items()}
         return {number: entries for number, entries in inside.items() if len(entries)}
 

@@ -24,7 +24,7 @@ from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
 from posefuse.tracking.clock import moments
 from posefuse.tracking.records import Evidence, Person
-from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.settings import Settings, memory_s, tempering
 
 _VARIANCES = np.array([0, 3, 5])
 _SURE_SHARE = 0.35
@@ -160,8 +160,9 @@ class PartFollower:
         use = np.full((n, *labels.shape[1:]), -1, dtype=np.int64)
         if not n:
             return use
-        temper = tempering(np.full(n, dt_s), s.options.error_memory_s)
         labels, rows = np.ascontiguousarray(labels[order]), bodies.rows[order]
+        since_s = np.full(n, dt_s)
+        temper = tempering(since_s, memory_s((rows >= 0).sum(axis=1), np.zeros(n), since_s, s.options))
         now_s, times = time_s - dt_s, moments(frame, time_s)
         for k, (moment_s, views) in enumerate(times):
             dt = np.full(n, max(moment_s - now_s, 0.0))

@@ -53,6 +53,10 @@ class Lately(NamedTuple):
         noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
         renewed: shape (track,), bool: whose states the last frame changed.
         alone_s: shape (track,): for how long one view alone has shown each.
+        looked_s: shape (track,): for how long several views have shown each.
+        leans: shape (track, segment + bone): cosines between each one's third axis and the trunk's, on average lately.
+        leans_variance: shape (track, segment + bone): of these over time.
+        upright: shape (track, 3): the trunk's third axis, on average lately.
     """
 
     swapped: np.ndarray
@@ -61,10 +65,14 @@ class Lately(NamedTuple):
     noise_px2: np.ndarray
     renewed: np.ndarray
     alone_s: np.ndarray
+    looked_s: np.ndarray
+    leans: np.ndarray
+    leans_variance: np.ndarray
+    upright: np.ndarray
 
     @classmethod
-    def unknown(cls, tracks: int, views: int, groups: int, keypoints: int) -> "Lately":
-        """Of people just believed."""
+    def unknown(cls, tracks: int, views: int, groups: int, keypoints: int, movers: int) -> "Lately":
+        """Of people just believed, whose bodies have so many segments and bones."""
         return cls(
             np.zeros((tracks, views, groups), dtype=np.int8),
             np.full((tracks, views), -1, dtype=np.int64),
@@ -72,6 +80,10 @@ class Lately(NamedTuple):
             np.full((tracks, views, keypoints), np.nan),
             np.ones(tracks, dtype=bool),
             np.zeros(tracks),
+            np.zeros(tracks),
+            np.zeros((tracks, movers)),
+            np.zeros((tracks, movers)),
+            np.zeros((tracks, 3)),
         )
 
     def joined(self, other: "Lately") -> "Lately":

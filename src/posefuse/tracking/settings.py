@@ -15,6 +15,12 @@ from posefuse.model.trees import Tree
 from posefuse.tracking.bodies import body_of
 from posefuse.tracking.posing import motion_laws, widest
 
+# The filter's memory of errors is the first of these longer with all views, and by the second, shared among them.
+_MANY, _FEW = 0.53, 2.35
+# It is by the first of these shorter where frames are very often, and grows with the time between them, s; frames
+# rarer than the last, s, are as those.
+_OFTEN, _FRAMES_S, _RARELY_S = 0.67, 0.075, 0.2
+
 
 @dataclass(frozen=True, eq=False)
 class Settings(Rebuilt):
@@ -109,21 +115,27 @@ class Settings(Rebuilt):
         return (self.law.scale_px[view][:, None] * trust**-self.law.exponent) ** 2
 
 
-def memory_s(alone_s: np.ndarray, options: TrackerOptions) -> np.ndarray:
+def memory_s(n_views: np.ndarray, alone_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions) -> np.ndarray:
     """For how long the filter takes the errors of people's detections to last.
 
-    How far away somebody is whom one view alone shows follows from how large they look, which hardly changes: of that
-    the filter averages so many frames that errors last as long as they do for the smoother.
+    Errors last longer than the filter looks back. The fewer views there are the less each frame says, so that it looks
+    back further and lasting errors weigh more; the rarer frames are the fewer of them tell of the same moment. How far
+    away somebody is whom one view alone shows follows from how large they look, which hardly changes: of that the
+    filter averages so many frames that errors last as long as they do for the smoother.
 
     Args:
+        n_views: shape (person,), int64: how many views show each.
         alone_s: shape (person,): for how long one view alone has shown them.
-        options: of the tracker.
+        dt_s: shape (person,): since the last frame.
+        options: of the tracker; their ``error_memory_s`` is that of five views and 20 frames a second.
 
     Returns:
         Shape (person,).
     """
-    longer = max(options.smoother_error_memory_s, options.error_memory_s)
-    return np.where(alone_s > options.weak_after_s, longer, options.error_memory_s)
+    few = _MANY + _FEW / np.maximum(n_views, 1)
+    mine = options.error_memory_s * few * np.hypot(_OFTEN, np.minimum(dt_s, _RARELY_S) / _FRAMES_S)
+    longer = np.maximum(options.smoother_error_memory_s, mine)
+    return np.where(alone_s > options.weak_after_s, longer, mine)
 
 
 def tempering(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarray:

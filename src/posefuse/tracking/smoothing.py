@@ -140,6 +140,15 @@ class PeopleSmoother:
                 found += self._take(stop, 0.0)
         return found
 
+    @property
+    def memory(self) -> "Memory":
+        """What the next range of frames goes on from."""
+        return Memory(self.done, self._from, self._windows)
+
+    def goes_on_from(self, memory: "Memory") -> None:
+        """Go on from where another smoother of the same history was."""
+        self.done, self._from, self._windows = memory.done, memory.since, memory.windows
+
     def _memory_s(self, place: int) -> float:
         """How far other frames tell anything of one: while somebody's shape is sought, until it is kept."""
         options = self.settings.options
@@ -179,6 +188,21 @@ class PeopleSmoother:
         body = _described(kept, window.information[first:last], self.settings)
         begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
         return body, rest, begins
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What a smoother goes on from.
+
+    Attributes:
+        done: the first frame, counted from 0, that has not been given.
+        since: the first frame that has a bearing on it.
+        windows: by number, those followed, filtered again from there on.
+    """
+
+    done: int
+    since: int
+    windows: "dict[int, _Window]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +293,11 @@ def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     since_s = dt_s + np.append(0.0, np.where(tentative, part.missing_s[:-1], 0.0))
     if part.fresh:
         since_s[0] = np.inf
-    told = tempering(since_s, memory_s(_alone_s(part), settings.options))
+    # Births temper by the memory itself: they average over little time, whatever the views.
+    n_views = (part.rows >= 0).sum(axis=1)
+    memory = memory_s(n_views, _alone_s(part), since_s, settings.options)
+    born = np.append(False, tentative) | (part.life == TrackState.TENTATIVE)
+    told = tempering(since_s, np.where(born, settings.options.error_memory_s, memory))
     return told, tempering(dt_s, settings.options.smoother_error_memory_s)
 
 

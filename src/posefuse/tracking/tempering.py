@@ -175,6 +175,19 @@ def see_pose(state: State, seen: State, settings: Settings) -> None:
     _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
 
 
+def see_of_pose(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
+    """Tell a state of one person, in place, what is known of the pose beside detections.
+
+    Args:
+        state: of one person.
+        curvature: shape (pose, pose): of the negative log likelihood.
+        gradient: shape (pose,): of the log likelihood, at the state.
+        settings: of the tracker whose states they are.
+    """
+    n, h = settings.tree.n_pose, settings.tree.n_shape
+    _learn(state, chosen(state, [0]), curvature, gradient, uncertain(n, h, bool(state.free[0])), n)
+
+
 def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
     """Tell a state of one person, in place, whose lengths are sought, what another source knows of them.
 

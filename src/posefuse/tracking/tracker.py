@@ -9,7 +9,7 @@ from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
 from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
 from posefuse.kernels.matching import match_views
-from posefuse.kernels.tally import note_matches, note_off
+from posefuse.kernels.tally import believe_most_labels, label_keypoints, note_matches, note_off
 from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
@@ -21,6 +21,7 @@ from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
+from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
@@ -130,16 +131,20 @@ class ArticulatedTracker:
             rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
             self.lately.ids,
         )  # fmt: skip
+        alone = self.lately.alone_s > 0.0
+        keep_posture(self.state if before is None else before, self.lately, alone, dt_s, s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
+        note_posture(self.state, self.lately, self.supported.sum(axis=1), dt_s)
         self._set_limbs_anew(frame, rows, uses, dt_s)
         self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
 
     def _unknown(self, tracks: int) -> Lately:
         s = self.settings
-        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton))
+        movers = len(s.tree.segments) + len(s.tree.bones)
+        return Lately.unknown(tracks, len(s.rig), s.n_groups, len(s.skeleton), movers)
 
     def _move_on(self, state: State, dt_s: float) -> None:
         s = self.settings
@@ -218,7 +223,7 @@ class ArticulatedTracker:
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
-        _believe_most_labels(rows, found.swapped)
+        believe_most_labels(rows, found.swapped)
         return rows, found.swapped
 
     def _hold_back_lost(self, rows: np.ndarray) -> None:
@@ -230,13 +235,9 @@ class ArticulatedTracker:
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
         s = self.settings
-        as_labelled = np.arange(len(s.skeleton))
-        if not swapped.any():
-            labels = np.empty((*rows.shape, len(as_labelled)), dtype=np.int64)
-            labels[:] = as_labelled
-            return labels
-        turned = _of_matches(swapped, rows)[:, :, s.group_of] & (s.group_of >= 0)
-        return np.ascontiguousarray(np.where(turned, s.skeleton.mirror, as_labelled))
+        labels = np.empty((*rows.shape, len(s.skeleton)), dtype=np.int64)
+        label_keypoints(rows, swapped, s.group_of, s.skeleton.mirror, labels)
+        return labels
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
         """Who is supported, who is lost, who is forgotten."""
@@ -512,23 +513,3 @@ class ArticulatedTracker:
                     )
                 )
         return People(number, self.time_s, tuple(people), tuple(self.events))
-
-
-def _believe_most_labels(rows: np.ndarray, swapped: np.ndarray) -> None:
-    """Where most views would have a limb's sides exchanged, it is the body that has: labels are right.
-
-    Args:
-        rows: shape (track, view).
-        swapped: shape (track, row, group), in and out.
-    """
-    if not swapped.any():
-        return
-    matched = (rows >= 0).sum(axis=1)
-    most = 2 * _of_matches(swapped, rows).sum(axis=1) >= np.maximum(matched, 1)[:, None]
-    swapped *= ~most[:, None, :]
-
-
-def _of_matches(swapped: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Shape (track, view, group), bool: whose sides are exchanged in the detections they are matched with."""
-    of = swapped[np.arange(len(rows))[:, None], rows] != 0
-    return of & (rows >= 0)[..., None]

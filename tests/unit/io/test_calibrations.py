@@ -1,5 +1,6 @@
 """Calibration files: conventions, units, order, and what is said of broken ones."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,33 @@ def test_qualisys(tmp_path):
     found = read_cameras(path)
     assert_same_cameras(found, rig, 1e-9)
     assert (found.up_axis, found.metres_per_unit) == ("z", 0.001)
+
+
+def test_qualisys_videos_of_fewer_lines_have_fewer_pixels(tmp_path):
+    """720 of 1080 lines: as if the images of the calibration had been made smaller."""
+    path, rig = tmp_path / "x.qca.txt", ring(2)
+    path.write_text(qualisys_xml(rig).replace('viewrotation="0"', 'viewrotation="0" video_resolution="720p"'))
+    for found, camera in zip(read_cameras(path).cameras, rig.cameras, strict=True):
+        assert found.size_px == (1280, 720)
+        points = np.random.default_rng(0).normal((0.0, 0.0, 1.0), 0.3, (20, 3))
+        np.testing.assert_allclose(
+            found.project(points)[0], (camera.project(points)[0] + 0.5) * (2.0 / 3.0) - 0.5, atol=1e-9
+        )
+    for same in ("1080p", "N/A"):
+        path.write_text(qualisys_xml(rig).replace('viewrotation="0"', f'viewrotation="0" video_resolution="{same}"'))
+        np.testing.assert_allclose(read_cameras(path).cameras[1].matrix, rig.cameras[1].matrix)
+
+
+def test_qualisys_cameras_for_markers_are_left_out(tmp_path):
+    path = tmp_path / "x.qca.txt"
+    kinds = iter(["Miqus Video", "Miqus M3", "Miqus Hybrid"])
+    text = re.sub('model="none"', lambda _: f'model="{next(kinds)}"', qualisys_xml(ring(3)))
+    path.write_text(text)
+    found = read_cameras(path)
+    assert found.names == ("cam_0", "cam_2")
+    assert found.notes == ("x.qca.txt: cameras for markers are left out: cam_1.",)
+    path.write_text(re.sub('model="[^"]*"', 'model="Oqus 210c"', text))
+    assert len(read_cameras(path)) == 3
 
 
 def test_qualisys_counts_the_principal_point_from_the_video(tmp_path):

@@ -16,8 +16,8 @@ from tests.broken import broken
 from tests.keypoint_files import WRITERS
 
 NO_CONFIDENCE = ("coco_annotations", "label3d")
-ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long")
-NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long")
+ONE = ("label3d", "deeplabcut", "mediapipe_wide", "mediapipe_long", "eks")
+NAMELESS = ("payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "opencap")
 BODY = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "mediapipe_long": "mediapipe_33"}
 
 
@@ -137,7 +137,7 @@ def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
     folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Evil(), protocol=0))
-    with pytest.raises(FileError, match="no table of keypoints needs"):
+    with pytest.raises(FileError, match="which nothing but numbers and texts needs"):
         read_detections(folder)
 
 
@@ -195,3 +195,59 @@ def test_broken_files_are_errors_that_say_so(name, tmp_path):
 @pytest.mark.parametrize("name", WRITERS)
 def test_very_many_broken_files(name, tmp_path):
     assert read_broken(name, tmp_path / "k", 10_000) < 10_000
+
+
+A_FILE_A_CAMERA = (
+    "mmpose", "rtmlib", "alphapose", "coco_results", "coco_annotations", "deeplabcut_many", "deeplabcut_h5",
+    "deeplabcut", "sleap", "opencap", "eks", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long",
+    "detection_folder",
+)  # fmt: skip
+
+
+def damage(kind: str, content: bytes) -> bytes:
+    """Nothing; zeros, as a failing disk leaves; or the first half of it, up to a comma where there are any."""
+    half = content.rfind(b",", 0, len(content) // 2)
+    return {"empty": b"", "zeros": bytes(len(content)), "half": content[:half]}[kind]
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("kind", ["empty", "zeros", "half"])
+@pytest.mark.parametrize("name", A_FILE_A_CAMERA)
+def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tmp_path):
+    given = some(1 if name in ONE else 2, body=BODY.get(name))
+    path = WRITERS[name](given, tmp_path / "keypoints")
+    for file in sorted(file for file in path.rglob("*") if file.is_file()):
+        whole = file.read_bytes()
+        file.write_bytes(damage(kind, whole))
+        with pytest.raises(FileError) as error:
+            read_detections(path, given.skeleton)
+        assert file.name in str(error.value)
+        file.write_bytes(whole)
+
+
+@pytest.mark.parametrize("name", ["alphapose", "coco_results", "rtmlib"])
+def test_a_camera_in_which_nobody_was_seen_stays(name, tmp_path):
+    given = some()
+    path = WRITERS[name](given, tmp_path / "keypoints")
+    next(file for file in path.rglob("*.json") if "right" in str(file)).write_text("[]")
+    found = read_detections(path, given.skeleton)
+    assert found.view_names == ("left", "right")
+    assert found.people_counts[:, 1].tolist() == [0] * 6
+
+
+@pytest.mark.parametrize("name", ["alphapose", "coco_results", "mmpose", "payload_arrays", "mediapipe_json"])
+def test_other_files_beside_them_are_passed_over(name, tmp_path):
+    given = some(body=BODY.get(name))
+    path = WRITERS[name](given, tmp_path / "keypoints")
+    (path / "settings.json").write_text('{"model": "large", "loss": NaN}')
+    (path / "._left.json").write_bytes(b"\0\5\x16\7")
+    assert read_detections(path, given.skeleton).view_names == given.view_names
+
+
+@pytest.mark.parametrize("name", ["openpose", "easymocap"])
+def test_the_first_frame_of_a_camera_that_is_damaged_is_named(name, tmp_path):
+    path = WRITERS[name](some(), tmp_path / "keypoints")
+    first = min(path.rglob("*.json"))
+    first.write_bytes(b"")
+    with pytest.raises(FileError, match=first.name):
+        read_detections(path, "coco_17")

@@ -1,13 +1,14 @@
 """Whole recordings as programs lay them out: found, matched, and said of what is left."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
 
 from posefuse import Options, read_cameras, read_detections
 from posefuse.cli.main import main
-from posefuse.errors import FileError, PosefuseError
+from posefuse.errors import FileError
 from posefuse.io.calibration import anipose
 from posefuse.io.files import read_npz
 from posefuse.io.keypoints.names import recordings_in
@@ -17,7 +18,6 @@ from posefuse.model.names import has_name
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests import calibrations, keypoint_files
-from tests.broken import broken
 from tests.files import write_openpose
 
 SCENE = simulate(SceneOptions(skeleton="body_25", duration_s=0.2, cameras=2))
@@ -66,6 +66,11 @@ def opencap(folder):
     (folder / "Videos" / "out.pkl").touch()
 
 
+def opencap_pickles(folder):
+    calibrations.opencap(SCENE.rig, folder / "Videos")
+    keypoint_files.opencap(SCENE.detections, folder / "Videos")
+
+
 def caliscope(folder):
     calibrations.caliscope_old(SCENE.rig, folder)
     header = "sync_index,cam_id,frame_index,frame_time,object_id,keypoint_id,img_loc_x,img_loc_y"
@@ -80,6 +85,7 @@ LAYOUTS = {
     anipose_session: ("anipose", "deeplabcut"),
     easymocap: ("easymocap", "easymocap"),
     opencap: ("opencap", "openpose"),
+    opencap_pickles: ("opencap", "opencap"),
     caliscope: ("caliscope", "caliscope"),
 }
 
@@ -119,6 +125,45 @@ def test_what_is_not_read_is_said_with_its_reason(tmp_path):
     assert "3D" in reasons["person.trc"]
     assert "pickled" in reasons["Videos/out.pkl"]
     assert "known format" in reasons["strange.json"]
+
+
+def test_opencap_s_trials_are_recordings_and_all_of_each_is_read(tmp_path):
+    opencap_pickles(tmp_path)
+    for camera in VIEWS:
+        folder = tmp_path / "Videos" / camera / "OutputPkl_default"
+        (folder / "jump").mkdir()
+        whole = (folder / "walk" / "walk_rotated_pp.pkl").read_bytes()
+        (folder / "jump" / "jump_rotated_pp.pkl").write_bytes(whole)
+        (folder / "jump" / "jump_rotated.pkl").write_bytes(b"the detector's own")
+    found = find_recording(tmp_path)
+    assert [item.path.name for item in found.keypoints] == ["jump_rotated_pp.pkl", "walk_rotated_pp.pkl"]
+    assert read_detections(found.keypoints[1].path).view_names == VIEWS
+    with pytest.raises(FileError, match=r"has 2 trials of OpenCap's.*\n  --keypoints .*jump_rotated_pp.pkl"):
+        read_detections(tmp_path / "Videos")
+    left = {name for each in ignored_in(found) for name in each.names}
+    assert left == {f"Videos/{camera}/OutputPkl_default/jump/jump_rotated.pkl" for camera in VIEWS}
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (pickle.dumps([[print]]), "asks for builtins.print"),
+        (pickle.dumps({"frames": []}), "expected a list of frames"),
+        (pickle.dumps([[{"preds_with_flip": [1.0]}]]), "frame 0: a person without pose_keypoints_2d"),
+        (pickle.dumps([["nobody"]]), "frame 0: a person without pose_keypoints_2d"),
+        (pickle.dumps([[{"pose_keypoints_2d": ["x"]}]]), "frame 0: a person without pose_keypoints_2d"),
+        (pickle.dumps([[{"pose_keypoints_2d": [10**400] * 75}]]), "frame 0: a person's keypoints are not all numbers"),
+        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}] * 1000] * 10**4), "would unfold to 6000000000 bytes"),
+        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}]])[:-40], "is not a whole pickle of OpenCap's keypoints"),
+    ],
+)
+def test_pickles_that_are_not_opencap_s(content, words, tmp_path):
+    opencap_pickles(tmp_path)
+    file = tmp_path / "Videos" / VIEWS[1] / "OutputPkl_default" / "walk" / "walk_rotated_pp.pkl"
+    file.write_bytes(content)
+    with pytest.raises(FileError, match=words) as error:
+        read_detections(tmp_path / "Videos")
+    assert str(file) in str(error.value)
 
 
 def test_several_trials_of_a_folder_are_several_recordings(tmp_path):
@@ -190,31 +235,31 @@ class TestArrays:
             read_detections(tmp_path / "evil.npy")
 
 
+def operating_room(folder):
+    """MVOR's files, made small."""
+    pose = np.eye(4)
+    pose[:3, 3] = 1000.0, 0.0, 0.0
+    lens = {"focallength": [500, 510], "principalpoint": [320, 240], "imagesize": [640, 480], "skew_value": 0}
+    parameters = {"intrinsics": [lens, lens], "extrinsics": [np.eye(4).ravel().tolist(), pose.ravel().tolist()]}
+    people = [{"image_id": 21, "person_id": 4, "keypoints": [5, 6, 2, 0, 0, 0]}]
+    data = {
+        "multiview_images": [{"images": [{"id": 10 * f + v} for v in (1, 2)]} for f in (1, 2)],
+        "annotations": people, "categories": [{"keypoints": ["head", "neck"], "skeleton": [[1, 2]]}],
+        "cameras_info": {"camParams": parameters},
+    }  # fmt: skip
+    (folder / "camma_mvor_2018.json").write_text(json.dumps(data))
+    found = [{"image_id": 12, "coco_keypoints": [1.0, 2.0, 0.5] * 17, "keypoints": []}]
+    (folder / "openpose_kps.json").write_text(json.dumps(found))
+
+
 class TestMvor:
-    """The operating room's files, made small."""
-
-    def write(self, folder):
-        pose = np.eye(4)
-        pose[:3, 3] = 1000.0, 0.0, 0.0
-        lens = {"focallength": [500, 510], "principalpoint": [320, 240], "imagesize": [640, 480], "skew_value": 0}
-        parameters = {"intrinsics": [lens, lens], "extrinsics": [np.eye(4).ravel().tolist(), pose.ravel().tolist()]}
-        people = [{"image_id": 21, "person_id": 4, "keypoints": [5, 6, 2, 0, 0, 0]}]
-        data = {
-            "multiview_images": [{"images": [{"id": 10 * f + v} for v in (1, 2)]} for f in (1, 2)],
-            "annotations": people, "categories": [{"keypoints": ["head", "neck"], "skeleton": [[1, 2]]}],
-            "cameras_info": {"camParams": parameters},
-        }  # fmt: skip
-        (folder / "camma_mvor_2018.json").write_text(json.dumps(data))
-        found = [{"image_id": 12, "coco_keypoints": [1.0, 2.0, 0.5] * 17, "keypoints": []}]
-        (folder / "openpose_kps.json").write_text(json.dumps(found))
-
     def test_poses_lead_to_the_first_camera(self, tmp_path):
-        self.write(tmp_path)
+        operating_room(tmp_path)
         rig = read_cameras(tmp_path / "camma_mvor_2018.json")
         np.testing.assert_allclose(rig.cameras[1].centre_m, [1.0, 0.0, 0.0])
 
     def test_people_by_hand_and_detected(self, tmp_path):
-        self.write(tmp_path)
+        operating_room(tmp_path)
         by_hand = read_detections(tmp_path / "camma_mvor_2018.json")
         assert (by_hand.view_names, by_hand.n_frames) == (("camera_1", "camera_2"), 2)
         assert by_hand.people_counts.tolist() == [[0, 0], [1, 0]]
@@ -225,35 +270,6 @@ class TestMvor:
         (tmp_path / "camma_mvor_2018.json").unlink()
         with pytest.raises(FileError, match="beside it says which belong together"):
             read_detections(tmp_path / "openpose_kps.json")
-
-
-def test_broken_arrays_and_rooms_are_errors_that_say_so(tmp_path):
-    """Readers that no writer of the tests covers, fed broken files."""
-    room = tmp_path / "room"
-    room.mkdir()
-    TestMvor().write(room)
-    np.savez(tmp_path / "cameras.npz", K=np.ones((2, 3, 3)), R=np.ones((2, 3, 3)), t=np.ones((2, 3)))
-    np.savez(tmp_path / "points2d.npz", points2d_px=np.ones((2, 3, 38, 2)))
-    np.save(tmp_path / "points.npy", np.ones((2, 3, 25, 2)))
-    freemocap(tmp_path / "free")
-    array = next((tmp_path / "free" / "output_data" / "raw_data").glob("*2dData*"))
-    cases = [
-        (room / "camma_mvor_2018.json", read_cameras), (room / "camma_mvor_2018.json", read_detections),
-        (room / "openpose_kps.json", read_detections), (tmp_path / "cameras.npz", read_cameras),
-        (tmp_path / "points2d.npz", read_detections), (tmp_path / "points.npy", read_detections),
-        (array, lambda _: read_detections(tmp_path / "free")),
-    ]  # fmt: skip
-    rng = np.random.default_rng(9)
-    for file, read in cases:
-        original, refused = file.read_bytes(), 0
-        for _ in range(40):
-            file.write_bytes(broken(original, rng))
-            try:
-                read(file)
-            except PosefuseError:
-                refused += 1
-        file.write_bytes(original)
-        assert refused > 5, file.name
 
 
 def test_frames_that_no_recording_has_are_an_error(tmp_path):

@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import GATED, UNSEEN, USED
-from posefuse.kernels.tally import foretell_views, note_matches, note_off, weigh_views
+from posefuse.kernels.tally import (
+    add_identities,
+    believe_most_labels,
+    foretell_views,
+    label_keypoints,
+    note_matches,
+    note_off,
+    weigh_views,
+)
 from posefuse.tracking.bodies import Uses
 
 SEEDS = range(5)
@@ -67,7 +76,7 @@ def test_what_the_last_matches_were_like(seed):
     rows[0] = [-1, 3, -1, -1]
     was, known, before = rng.integers(0, 2, (5, 4, 2)).astype(np.int8), rng.integers(-1, 9, (5, 4)), alone_s.copy()
     swapped_then, ids_then = was.copy(), known.copy()
-    note_matches(rows, swapped, ids, 0.04, alone_s, was, known)
+    note_matches(rows, swapped, frozen(ids, np.int64), 0.04, alone_s, was, known)
     there = rows >= 0
     np.testing.assert_array_equal(known, np.where(there, ids[rows], ids_then))
     np.testing.assert_array_equal(was, np.where(there[..., None], swapped[np.arange(5)[:, None], rows], swapped_then))
@@ -81,3 +90,31 @@ def test_for_how_long_keypoints_are_seen_elsewhere(seed):
     expected = np.where((gated >= 2) & (gated > used), off_s + 0.1, 0.0)
     assert note_off(used, gated, 0.1, off_s) == expected.max()
     np.testing.assert_array_equal(off_s, expected)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_labels_of_detections(seed):
+    rng = np.random.default_rng(seed)
+    rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
+    rows[0] = -1
+    turned = lambda: (swapped[np.arange(5)[:, None], rows] != 0) & (rows >= 0)[..., None]  # noqa: E731
+    most = 2 * turned().sum(axis=1) >= np.maximum((rows >= 0).sum(axis=1), 1)[:, None]
+    expected = swapped * ~most[:, None]
+    believe_most_labels(rows, swapped)
+    np.testing.assert_array_equal(swapped, expected)
+    group_of, mirror = np.array([-1, 0, 0, 1, 1]), np.array([0, 2, 1, 4, 3])
+    labels = np.empty((5, 4, 5), dtype=np.int64)
+    label_keypoints(rows, swapped, frozen(group_of, np.int64), frozen(mirror, np.int64), labels)
+    exchanged = turned()[:, :, group_of] & (group_of >= 0)
+    np.testing.assert_array_equal(labels, np.where(exchanged, mirror, np.arange(5)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_identities_are_worth(seed):
+    rng = np.random.default_rng(seed)
+    ids, view, track_ids = rng.integers(-1, 3, (4, 3)), rng.integers(0, 3, 7), rng.integers(-1, 3, 7)
+    scores, explained = rng.normal(size=(4, 7)), np.empty(7, dtype=bool)
+    expected = scores + 1.5 * ((ids[:, view] == track_ids) & (track_ids >= 0))
+    add_identities(ids, view, frozen(track_ids, np.int64), 1.5, 0.5, scores, explained)
+    np.testing.assert_allclose(scores, expected)
+    np.testing.assert_array_equal(explained, (expected > 0.5).any(axis=0))

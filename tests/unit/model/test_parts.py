@@ -36,13 +36,13 @@ def part(name: str) -> Part:
 
 def test_whole_body_skeletons_have_hands_and_others_have_nothing():
     names = {name: [each.name for each in shipped_skeleton(name).parts] for name in shipped_skeletons()}
-    assert names["coco_wholebody_133"] == ["left_hand", "right_hand", "face"]
+    assert names["coco_wholebody_133"] == names["openpose_137"] == ["left_hand", "right_hand", "face"]
     assert names["mediapipe_holistic_543"] == ["left_hand", "right_hand"]
     for name in ("body_20", "coco_17", "halpe_26", "body_25", "mouse_22", "fly_38", "mediapipe_33"):
         assert names[name] == []
 
 
-@pytest.mark.parametrize("skeleton", ["coco_wholebody_133", "mediapipe_holistic_553"])
+@pytest.mark.parametrize("skeleton", ["coco_wholebody_133", "openpose_137", "mediapipe_holistic_553"])
 def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skeleton):
     whole = shipped_skeleton(skeleton)
     assert whole.tree is not None

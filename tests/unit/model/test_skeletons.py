@@ -17,6 +17,7 @@ SIZES = {
     "mediapipe_33": 33,
     "mediapipe_holistic_543": 543,
     "mediapipe_holistic_553": 553,
+    "openpose_137": 137,
     "panoptic_19": 19,
     "mouse_22": 22,
     "fly_38": 38,

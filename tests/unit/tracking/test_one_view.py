@@ -69,18 +69,32 @@ def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
     return sight.points_m[0], told
 
 
+def memory_of(n_views: list[int], alone_s: float = 0.0, dt_s: float = DT_S, **options: float) -> list[float]:
+    n = len(n_views)
+    return memory_s(np.array(n_views), np.full(n, alone_s), np.full(n, dt_s), TrackerOptions(**options)).tolist()
+
+
 def test_memory_is_longer_for_whom_one_view_alone_has_shown_for_some_time():
-    options = TrackerOptions(error_memory_s=0.06, smoother_error_memory_s=0.25)
-    alone_s = np.array([0.3, 0.1, 0.0])
-    np.testing.assert_array_equal(memory_s(alone_s, options), [0.25, 0.06, 0.06])
-    longer = TrackerOptions(error_memory_s=0.5, smoother_error_memory_s=0.25)
-    np.testing.assert_array_equal(memory_s(alone_s, longer), [0.5, 0.5, 0.5])
+    assert memory_of([1], 0.3, smoother_error_memory_s=0.25) == [0.25]
+    assert memory_of([1], 0.1, smoother_error_memory_s=0.25)[0] < 0.25
+    longer = memory_of([1], 0.3, error_memory_s=0.5, smoother_error_memory_s=0.25)
+    assert longer == memory_of([1], 0.1, error_memory_s=0.5)
+
+
+def test_memory_is_longer_the_fewer_views_and_frames_there_are():
+    assert memory_of([5], dt_s=0.05) == pytest.approx([0.06], rel=0.1)
+    assert sorted(memory_of([2, 3, 5, 8]), reverse=True) == memory_of([2, 3, 5, 8])
+    assert memory_of([2])[0] < 2.0 * memory_of([5])[0]
+    rates = [memory_of([5], dt_s=dt_s)[0] for dt_s in (0.01, 0.02, 0.04, 0.1)]
+    assert rates == sorted(rates)
+    assert memory_of([5], dt_s=np.inf)[0] < 3.0 * rates[0] + 0.1
+    assert memory_of([3], error_memory_s=0.0) == [0.0]
 
 
 def test_so_many_frames_count_as_one_whatever_their_rate():
-    alone = memory_s(np.array([1.0]), TrackerOptions())
+    """Of one view alone, whose frames are averaged for longer than there is between them."""
     rates_hz = np.array([50.0, 100.0])
-    a_second = rates_hz / tempering(1.0 / rates_hz, alone)
+    a_second = [rate / tempering(np.array(1.0 / rate), memory_of([1], 1.0, 1.0 / rate)[0]) for rate in rates_hz]
     assert a_second[0] == pytest.approx(a_second[1], rel=0.01)
 
 
@@ -97,3 +111,17 @@ def test_how_far_away_is_as_sure_as_it_is_right():
             squared.append(off**2 / (ray @ unpack_covariance(person.covariance_m2) @ ray))
     assert np.mean(np.array(squared) < 1.0) > 0.68
     assert np.mean(np.array(squared) < 4.0) > 0.95
+
+
+def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkeypatch: pytest.MonkeyPatch):
+    """Errors that make bones longer cannot be turned away: who may hold themselves anyhow comes nearer."""
+    off_m = []
+    for _ in range(2):
+        off_m.append([])
+        for seed in range(4, 8):
+            truth, told = seen_by_one(seed)
+            ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+            off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
+        monkeypatch.setattr("posefuse.tracking.tracker.keep_posture", lambda *_: None)
+    told, untold = np.abs(np.mean(off_m, axis=1))
+    assert told < 0.8 * untold

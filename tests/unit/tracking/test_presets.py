@@ -59,7 +59,8 @@ def somebody() -> Track:
 
 
 def unknown() -> Lately:
-    return Lately.unknown(1, VIEWS, SETTINGS.n_groups, KEYPOINTS)
+    movers = len(SETTINGS.tree.segments) + len(SETTINGS.tree.bones)
+    return Lately.unknown(1, VIEWS, SETTINGS.n_groups, KEYPOINTS, movers)
 
 
 def sight_of(state: State) -> Sight:

@@ -15,7 +15,7 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.bodies import chosen, joined, nobody, uncertain
 from posefuse.tracking.history import Run
 from posefuse.tracking.posing import newborn
-from posefuse.tracking.settings import Settings, tempering
+from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.smoothing import smooth_run, smooth_states
 from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again
 from tests.reference import tempering as reference
@@ -318,8 +318,8 @@ def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
 
 
 def test_white_errors_need_no_tempering(settings, rng):
-    """As long a memory in the filter as in the smoother: nothing is told again, the means are the plain smoother's."""
-    options = replace(settings.options, smoother_error_memory_s=settings.options.error_memory_s)
+    """No longer a memory in the smoother than in the filter: nothing is told again, means are the plain smoother's."""
+    options = replace(settings.options, smoother_error_memory_s=1e-3)
     states = filtered(settings, 30, rng, turn=0.005)
     run = replace(run_of(states), fresh=False)
     smooth = smooth_run(run, replace(settings, options=options))
@@ -327,15 +327,21 @@ def test_white_errors_need_no_tempering(settings, rng):
     np.testing.assert_allclose(smooth.root_m, plain.root, atol=1e-6)
 
 
-def test_frames_before_somebody_was_believed_were_tempered_like_others(settings, rng):
-    """But for the first: that the smoother tells less of them is the same as of anybody."""
+def test_frames_before_somebody_was_believed_were_tempered_by_another_memory(settings, rng):
+    """That of births, which does not ask how many views there are: other frames are told again as those are with it."""
     states = filtered(settings, 15, rng)
     life = np.full(15, TrackState.ACTIVE, dtype=np.int8)
     life[:10] = TrackState.TENTATIVE
-    before = smooth_run(replace(run_of(states), life=life), settings)
-    after = smooth_run(run_of(states), settings)
-    np.testing.assert_array_equal(before.covariance_m2, after.covariance_m2)
-    np.testing.assert_array_equal(before.points_m, after.points_m)
+    run = run_of(states)
+    before = smooth_run(replace(run, life=life), settings)
+    five = replace(run, rows=np.zeros((15, 5), dtype=np.int64))
+    rate = memory_s(np.array([5]), np.zeros(1), np.array([DT_S]), replace(settings.options, error_memory_s=1.0))[0]
+    memory = settings.options.error_memory_s
+    alike = replace(settings, options=replace(settings.options, error_memory_s=memory / rate))
+    np.testing.assert_allclose(
+        before.covariance_m2[:9], smooth_run(five, alike).covariance_m2[:9], rtol=0.05, atol=1e-6
+    )
+    np.testing.assert_allclose(before.points_m, smooth_run(five, alike).points_m, atol=2e-3)
 
 
 def test_a_frame_after_a_gap_was_told_by_the_time_since_somebody_was_seen(settings, rng):

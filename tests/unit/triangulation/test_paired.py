@@ -96,7 +96,8 @@ def test_a_recording_in_ranges_comes_out_as_in_one_piece(scene):
     swapped = exchange(scene.detections, 1, "leg", 40, 70)
     plan = prepare(scene.rig, swapped, NOISE, Silent())
     whole = posefuse.reconstruct(scene.rig, swapped, NOISE)
-    parts = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent(), size=50)))
+    plan = replace(plan, options=replace(plan.options, chunk_frames=50))
+    parts = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent())))
     np.testing.assert_array_equal(measured(parts), measured(whole))
     assert parts.swaps == whole.swaps
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, build_rig
+from posefuse.io.parquet_files import check_parquet
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options import LengthUnit
 
@@ -55,7 +56,10 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     import pyarrow.parquet as pq
 
     try:
+        check_parquet(path)
         rows: list[dict[str, Any]] = pq.read_table(path).to_pylist()
+    except FileError:
+        raise
     except Exception as error:  # likewise
         raise FileError(f"{path} is not a whole parquet file: {str(error)[:120]}. Was it cut short?") from None
     found = [_camera(path, i, row) for i, row in enumerate(rows)]

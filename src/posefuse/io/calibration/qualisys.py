@@ -3,21 +3,27 @@
 ``transform`` gives the camera's place (mm) and its axes in the world, Qualisys' camera looking along -z with y up;
 so ``camera_from_world`` has the rotation diag(1, -1, -1) [r_ij] and the centre (x, y, z) / 1000. Principal points
 count from the corner of the video's field of view. Distortion coefficients are without dimension and read as written.
+
+Where the file also has cameras that see markers only, told by ``model``, those are left out. ``video_resolution`` says
+how many lines the videos have; where these are fewer than the field of view's, all else is of 1080 lines.
 """
 
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
-from posefuse.errors import CameraError, FileError
+from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.calibration.tables import BEYOND_REASON, METRES
 from posefuse.io.files import parse_xml, read_text
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.options import LengthUnit
 
 _SUBPIXELS = 64.0
+_FULL_LINES = 1080.0
+_CLEARLY_FEWER = 0.9
 
 
 def matches(path: Path) -> bool:
@@ -39,8 +45,23 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     elements = root.findall("./cameras/camera")
     if not elements:
         raise FileError(f"{path} describes no camera: expected calibration/cameras/camera, got <{root.tag}>.")
-    cameras = tuple(_camera(path, element, scale) for element in elements)
-    return CameraRig(cameras, up_axis="z", source=path.name, metres_per_unit=scale)
+    videos = [element for element in elements if _is_video(element)] or elements
+    cameras = tuple(_camera(path, element, scale) for element in videos)
+    left = [element.get("serial", "") for element in elements if element not in videos]
+    notes = (f"{path.name}: cameras for markers are left out: {choices(left)}.",) if left else ()
+    return CameraRig(cameras, up_axis="z", source=path.name, metres_per_unit=scale, notes=notes)
+
+
+def _is_video(element: ElementTree.Element) -> bool:
+    return re.search("video|hybrid|none", element.get("model", "none"), re.IGNORECASE) is not None
+
+
+def _share_of_lines(element: ElementTree.Element, lines: float) -> float:
+    """By how much videos are smaller than the field of view of so many lines: 720p of 1080 lines are two thirds."""
+    said = re.fullmatch(r"(\d{3,4})p", element.get("video_resolution", ""))
+    share = float(said.group(1)) / _FULL_LINES if said else 1.0
+    # A field of view that counts the video's own pixels is not scaled again.
+    return share if said and float(said.group(1)) < _CLEARLY_FEWER * lines else 1.0
 
 
 def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
@@ -53,7 +74,7 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
             return default
         try:
             value = float(text)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = math.inf
         if not abs(value) < BEYOND_REASON:
             raise FileError(f"{path}, camera {name!r}: {child}@{attribute} should be a number, got {text!r}.")
@@ -75,6 +96,10 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
     matrix /= _SUBPIXELS
     matrix[0, 2] -= left
     matrix[1, 2] -= top
+    share = _share_of_lines(element, min(size))
+    # Pixel (0, 0) is the centre of the first pixel, whatever the size of pixels.
+    matrix = np.array([[share, 0.0, 0.5 * share - 0.5], [0.0, share, 0.5 * share - 0.5], [0.0, 0.0, 1.0]]) @ matrix
+    size = round(size[0] * share), round(size[1] * share)
     distortion = [
         number("intrinsic", "radialDistortion1"),
         number("intrinsic", "radialDistortion2"),

@@ -50,7 +50,7 @@ def camera_from_table(path: Path, key: str, table: Mapping[str, Any], metres_per
         raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.")
     try:
         numbers = {field: np.asarray(table[field], dtype=np.float64) for field in _NEEDED}
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{path}, table [{key}]: one of {choices(_NEEDED)} is not made of numbers.") from None
     wild = [field for field in _NEEDED if np.any(np.abs(numbers[field]) >= BEYOND_REASON)]
     if wild:
@@ -123,7 +123,7 @@ def guessed_unit(poses: Iterable[tuple[Any, Any]]) -> LengthUnit:
                 return "mm"
             matrix = rotation_from_vector(turn.ravel()) if turn.size == 3 else turn.reshape(3, 3)
             centres.append(-matrix.T @ np.asarray(translation, dtype=np.float64).reshape(3))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return "mm"
     points = np.array(centres).reshape(-1, 3)
     widest = np.linalg.norm(points[:, None] - points[None], axis=-1).max(initial=0.0)

@@ -38,7 +38,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
 
 
 def _camera(path: Path, element: ElementTree.Element) -> Found:
-    name = element.get("USERID") or element.get("DEVICEID") or ""
+    name = element.get("DEVICEID") or element.get("USERID") or ""
     frame = next(element.iter("KeyFrame"), None)
     if frame is None:
         raise FileError(f"{path}, camera {name!r}: no KeyFrame; the camera was not calibrated.")

@@ -8,16 +8,9 @@ from pathlib import Path
 
 import msgspec
 
-from posefuse.io.keypoints.names import view_names
-from posefuse.io.keypoints.people import (
-    Person,
-    beginning,
-    camera_files,
-    decode,
-    detections_of,
-    last_number,
-    view_columns,
-)
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
@@ -30,16 +23,26 @@ class _Person(msgspec.Struct):
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(_files(path))
+    return bool(camera_files(path, _KIND))
 
 
-def _files(path: Path) -> list[Path]:
-    return camera_files(path, ".json", _is_one)
+def files_of(path: Path) -> list[Path]:
+    """The files, damaged ones too: a camera must not go missing unsaid."""
+    return all_camera_files(path, _KIND)
 
 
 def _is_one(file: Path) -> bool:
     start = beginning(file)
     return start.startswith(b"[{") and b'"image_id":"' in start and b'"keypoints":' in start
+
+
+def _was_meant(file: Path) -> bool:
+    """A list in which nobody is, or of something that is of an image."""
+    start = beginning(file)
+    return start == b"[]" or (start.startswith(b"[") and b'"image_id":' in start)
+
+
+_KIND = FileKind((".json",), _is_one, _was_meant)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -49,15 +52,15 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if a file is cut short or another, or views have different keypoints.
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
-    files = _files(path)
-    views = []
-    for file, name in zip(files, view_names(files), strict=True):
-        people = [
-            Person(last_number(one.image_id, str(file)), one.keypoints, _track(one))
-            for one in decode(file, list[_Person])
-        ]
-        views.append(view_columns(name, None, people, str(file)))
-    return detections_of(path, views, request)
+    return detections_of(path, read_views(path, _KIND, request, _read_view), request)
+
+
+def _read_view(file: Path, name: str) -> ViewColumns:
+    where = str(file)
+    people = [
+        Person(last_number(one.image_id, where), one.keypoints, _track(one)) for one in decode(file, list[_Person])
+    ]
+    return view_columns(name, None, people, where)
 
 
 def _track(person: _Person) -> int:

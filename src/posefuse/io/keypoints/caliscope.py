@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError, choices
+from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble, counted_from_start
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -21,6 +22,7 @@ from posefuse.model.skeletons import find_skeleton
 _COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
 _NEWER = {"port": "cam_id", "point_id": "keypoint_id"}
 _WHOLE = (0, 1, 4)
+_LARGEST = 2.0**40
 _SKELETON = "mediapipe_33"
 
 
@@ -74,10 +76,10 @@ def read(path: Path, request: Request) -> Detections:
 
 def _read_table(file: Path) -> np.ndarray:
     """Shape (row, 7)."""
-    with file.open(newline="", encoding="utf-8-sig") as lines:
+    table = []
+    with reading(file, "CSV file in UTF-8"), file.open(newline="", encoding="utf-8-sig") as lines:
         rows = (row for row in csv.reader(lines) if row)
         places = _places(next(rows)) or []
-        table = []
         for number, row in enumerate(rows, start=2):
             values = _numbers(row, places)
             if values is None:
@@ -97,7 +99,7 @@ def _numbers(row: list[str], places: list[int]) -> list[float] | None:
         values = [float(row[place]) for place in places]
     except (ValueError, IndexError):
         return None
-    whole = all(values[i] >= 0.0 and values[i].is_integer() for i in _WHOLE)
+    whole = all(0.0 <= values[i] < _LARGEST and values[i].is_integer() for i in _WHOLE)
     return values if whole and all(math.isfinite(value) for value in values) else None
 
 

@@ -5,23 +5,17 @@ annotations the frame is the last number in an image's ``file_name``, the images
 name the keypoints; a visibility of 0 is missing, 1 (hidden) and 2 say nothing about confidence.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.keypoints.names import skeleton_of, view_names
-from posefuse.io.keypoints.people import (
-    Person,
-    beginning,
-    camera_files,
-    decode,
-    detections_of,
-    last_number,
-    view_columns,
-    whole,
-)
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.names import skeleton_of
+from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns, whole
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton
@@ -41,7 +35,7 @@ class _Image(msgspec.Struct):
 class _Category(msgspec.Struct):
     id: int
     keypoints: list[str] = []
-    skeleton: list[list[int]] = []
+    skeleton: list[tuple[int, int]] = []
 
 
 class _Annotations(msgspec.Struct):
@@ -52,11 +46,12 @@ class _Annotations(msgspec.Struct):
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(_files(path))
+    return bool(camera_files(path, _KIND))
 
 
-def _files(path: Path) -> list[Path]:
-    return camera_files(path, ".json", lambda file: _is_results(file) or _is_annotations(file))
+def files_of(path: Path) -> list[Path]:
+    """The files, damaged ones too: a camera must not go missing unsaid."""
+    return all_camera_files(path, _KIND)
 
 
 def _is_results(file: Path) -> bool:
@@ -67,17 +62,27 @@ def _is_results(file: Path) -> bool:
 
 
 def _is_annotations(file: Path) -> bool:
-    start = beginning(file, 200_000)
-    if (
-        not start.startswith(b"{")
-        or b'"multiview_images":' in start
-        or not (b'"images":' in start or b'"annotations":' in start)
-    ):
+    if not _looks_annotated(file):
         return False
     try:
         return any(category.keypoints for category in decode(file, _Annotations).categories)
     except FileError:
         return False
+
+
+def _looks_annotated(file: Path) -> bool:
+    start = beginning(file, 200_000)
+    named = b'"images":' in start or b'"annotations":' in start
+    return start.startswith(b"{") and named and b'"multiview_images":' not in start
+
+
+def _was_meant(file: Path) -> bool:
+    """Results of which there is none, or of images; annotations that something is wrong with."""
+    start = beginning(file)
+    return start == b"[]" or (start.startswith(b"[") and b'"image_id":' in start) or _looks_annotated(file)
+
+
+_KIND = FileKind((".json",), lambda file: _is_results(file) or _is_annotations(file), _was_meant)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -87,20 +92,24 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if a file is cut short or another, or views have different keypoints.
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
-    files = _files(path)
-    views, skeleton = [], request.skeleton
-    for file, name in zip(files, view_names(files), strict=True):
-        if _is_results(file):
+    skeletons: list[Skeleton] = []
+
+    def read_one(file: Path, name: str) -> ViewColumns:
+        if not _looks_annotated(file):
             people = [_person(one, one.image_id, str(file)) for one in decode(file, list[_Result])]
-            views.append(view_columns(name, None, people, str(file)))
-            continue
+            return view_columns(name, None, people, str(file))
         content: _Annotations = decode(file, _Annotations)
-        skeleton = skeleton or _skeleton(content)
-        frames = {image.id: last_number(image.file_name, str(file)) for image in content.images}
-        people = [_annotated(one, frames, str(file)) for one in content.annotations if len(one.keypoints)]
-        views.append(view_columns(name, set(frames.values()), people, str(file)))
-    told = Request(skeleton, request.rate_hz, request.third_channel, request.progress)
-    return detections_of(path, views, told)
+        skeletons.extend(_skeletons(content))
+        return _annotated_view(file, name, content)
+
+    views = read_views(path, _KIND, request, read_one)
+    return detections_of(path, views, replace(request, skeleton=request.skeleton or next(iter(skeletons), None)))
+
+
+def _annotated_view(file: Path, name: str, content: _Annotations) -> ViewColumns:
+    frames = {image.id: last_number(image.file_name, str(file)) for image in content.images}
+    people = [_annotated(one, frames, str(file)) for one in content.annotations if len(one.keypoints)]
+    return view_columns(name, set(frames.values()), people, str(file))
 
 
 def _person(one: _Result, frame: int, where: str) -> Person:
@@ -120,11 +129,12 @@ def _annotated(one: _Result, frames: dict[int, int], where: str) -> Person:
     return Person(person.frame, values, person.track)
 
 
-def _skeleton(content: _Annotations) -> Skeleton | None:
+def _skeletons(content: _Annotations) -> list[Skeleton]:
+    """Of the first category that names keypoints."""
     category = next((one for one in content.categories if one.keypoints), None)
     if category is None:
-        return None
+        return []
     names = category.keypoints
     inside = range(1, len(names) + 1)
     edges = [(names[a - 1], names[b - 1]) for a, b in category.skeleton if a in inside and b in inside and a != b]
-    return skeleton_of("coco", names, edges)
+    return [skeleton_of("coco", names, edges)]

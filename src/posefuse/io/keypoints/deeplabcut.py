@@ -10,8 +10,6 @@ Of h5 files the columns' names are pickled; of that pickle only texts, numbers a
 """
 
 import csv
-import io
-import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -22,13 +20,14 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import files_at, reading
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import files_at
+from posefuse.io.hdf5 import open_hdf5
+from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
-from posefuse.io.pickles import must_be_small
+from posefuse.io.pickles import load_plain
 from posefuse.model.detections import Detections
 
 _COORDINATES = ("x", "y", "likelihood")
@@ -56,7 +55,7 @@ class _Table:
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one."""
     files = files_of(path)
-    return any(file.suffix == ".h5" or _header(file) in (_HEADER, _MANY) for file in files)
+    return any(bool(_h5_table(file)) if file.suffix == ".h5" else _header(file) in (_HEADER, _MANY) for file in files)
 
 
 def files_of(path: Path) -> list[Path]:
@@ -64,9 +63,12 @@ def files_of(path: Path) -> list[Path]:
 
     Where every prediction is there as CSV and as h5, those of one kind.
     """
-    found = files_at(path)
-    texts = [file for file in found if file.suffix == ".csv" and _is_text(file)]
-    return texts or [file for file in found if file.suffix == ".h5" and _h5_table(file)]
+    found = [file for file in files_at(path) if not file.name.startswith(".")]
+    texts = [file for file in found if file.suffix == ".csv" and (_is_text(file) or is_damaged(file))]
+    if any(_is_text(file) for file in texts):
+        return texts
+    tables = [file for file in found if file.suffix == ".h5" and (_h5_table(file) or is_damaged(file))]
+    return tables if any(map(_h5_table, tables)) else []
 
 
 def _is_text(file: Path) -> bool:
@@ -202,19 +204,13 @@ def _number(text: str, file: Path) -> int:
     return int(value)
 
 
-class _Names(pickle.Unpickler):
-    """Builds texts, numbers and tuples, and refuses everything else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no table of keypoints needs")
-
-
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
-    check_heaps(file)
-    with reading(file, "table of DeepLabCut's"), h5py.File(file) as content:
+    if key is None:
+        raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
+    with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
-        columns = _Names(io.BytesIO(must_be_small(bytes(group.attrs["non_index_axes"])))).load()[0][1]
+        columns = load_plain(bytes(group.attrs["non_index_axes"]))[0][1]
         table = np.asarray(group["table"])
         values = np.asarray(table["values_block_0"], dtype=np.float64)
         index = table["index"].tolist()

@@ -10,6 +10,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import reading
 from posefuse.io.keypoints.stored import RowsByRange
+from posefuse.io.parquet_files import check_row_groups
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,7 @@ def _look_through(file: Path, name: str, views: list[str], columns: dict[str, st
     wanted = [columns[kind] for kind in ("frame", "time", "camera") if kind in columns] + [length]
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
     counts, n_keypoints = [0], 0
+    check_row_groups(file)
     with pq.ParquetFile(file) as content:
         for group in range(content.num_row_groups):
             table = content.read_row_group(group, columns=wanted)

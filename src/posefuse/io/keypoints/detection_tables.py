@@ -15,7 +15,9 @@ length a row group is in memory, and some 30 bytes for each person in each frame
 confidence of 0 at 0, 0 are missing, as detectors write them; files that posefuse wrote say NaN.
 """
 
-from collections.abc import Sequence
+import contextlib
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,7 +46,8 @@ _NAMES = {
     "depth": ("depth",),
 }
 _JUDGED = 500
-_GROUP_FRAMES = 2048
+_GROUP_FRAMES = 512
+"""Small enough that ranges which overlap do not read much twice."""
 
 
 def matches(path: Path) -> bool:
@@ -194,16 +197,35 @@ def write(detections: Detections, path: Path) -> None:
     Raises:
         FileError: if the folder holds other files, or a view's name cannot be a file's.
     """
+    write_pieces(detections.chunks() if detections.n_frames else [detections], path)
+
+
+def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
+    """The same of consecutive ranges of frames, each as it comes.
+
+    Args:
+        pieces: at least one; what does not depend on the frame is taken from the first.
+        path: the folder; it appears when all are in it.
+
+    Raises:
+        FileError: if the folder holds other files, or a view's name cannot be a file's.
+    """
     import pyarrow.parquet as pq
 
-    files = [f"{file_name(name)}.parquet" for name in detections.view_names]
-    with replacing_folder(path, marker=files[0], owned=("*.parquet",)) as staging:
-        for v, file in enumerate(files):
-            empty = _table(detections.frames(0, 0), v).replace_schema_metadata(metadata_of(detections))
-            with pq.ParquetWriter(staging / file, empty.schema, compression="zstd") as writer:
-                for start, stop in ranges(detections.n_frames, _GROUP_FRAMES):
-                    table = _table(detections.frames(start, stop), v)
-                    writer.write_table(table.replace_schema_metadata(empty.schema.metadata))
+    pieces = iter(pieces)
+    first = next(pieces)
+    files = [f"{file_name(name)}.parquet" for name in first.view_names]
+    told = metadata_of(first)
+    with replacing_folder(path, marker=files[0], owned=("*.parquet",)) as staging, contextlib.ExitStack() as opened:
+        schemas = [_table(first.frames(0, 0), v).replace_schema_metadata(told).schema for v in range(len(files))]
+        writers = [
+            opened.enter_context(pq.ParquetWriter(staging / file, schema, compression="zstd"))
+            for file, schema in zip(files, schemas, strict=True)
+        ]
+        for piece in itertools.chain([first], pieces):
+            for v, writer in enumerate(writers):
+                for start, stop in ranges(piece.n_frames, _GROUP_FRAMES):
+                    writer.write_table(_table(piece.frames(start, stop), v).replace_schema_metadata(told))
 
 
 def _table(detections: Detections, view: int) -> Any:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from posefuse.io.keypoints.openpose import camera_folders, frame_files
-from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns
+from posefuse.io.keypoints.openpose import camera_folders, first_bytes, frame_files
+from posefuse.io.keypoints.people import Person, decode, detections_of, last_number, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
@@ -25,11 +25,7 @@ class _Frame(msgspec.Struct):
 
 def matches(path: Path) -> bool:
     """Whether the folder holds such files, of one camera or of one camera a folder."""
-    if not path.is_dir():
-        return False
-    folder = next(iter(camera_folders(path)), None)
-    first = next(iter(frame_files(folder)), None) if folder else None
-    return first is not None and b'"annots":' in beginning(first)
+    return path.is_dir() and any(b'"annots":' in start for start in first_bytes(path))
 
 
 def read(path: Path, request: Request) -> Detections:

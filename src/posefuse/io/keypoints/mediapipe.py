@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import natural_key
 from posefuse.io.keypoints import mediapipe_csv
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.mediapipe_csv import Landmarks
 from posefuse.io.keypoints.names import view_names
@@ -37,25 +37,16 @@ _POSE = ("pose_landmarks", "poseLandmarks", "landmarks")
 _LEFT, _RIGHT = ("left_hand_landmarks", "leftHandLandmarks"), ("right_hand_landmarks", "rightHandLandmarks")
 _MESH = ("face_landmarks", "faceLandmarks")
 _SHARES_UP_TO = 3.0
-_MOST_FILES = 300
 
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds some, one level deep."""
-    return bool(_files(path))
+    return bool(files_of(path))
 
 
-def _files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path] if _is_one(path) else []
-    for pattern in ("*", "*/*"):
-        found = [file for file in path.glob(pattern) if file.suffix in (".json", ".csv")]
-        if len(found) <= _MOST_FILES:
-            files = [file for file in found if file.is_file() and (_is_one(file) or not file.stat().st_size)]
-            # An empty file is a camera's, too, which must not go missing unsaid.
-            if any(_is_one(file) for file in files):
-                return sorted(files, key=lambda file: natural_key(file.relative_to(path).as_posix()))
-    return []
+def files_of(path: Path) -> list[Path]:
+    """The files, damaged ones too: a camera must not go missing unsaid."""
+    return all_camera_files(path, _KIND)
 
 
 def _is_one(file: Path) -> bool:
@@ -66,13 +57,16 @@ def _is_one(file: Path) -> bool:
     return file.suffix == ".json" and start[:1] in (b"{", b"[") and named and (b'"x":' in start or b"null" in start)
 
 
+_KIND = FileKind((".json", ".csv"), _is_one)
+
+
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
         FileError: if a file is not whole, or coordinates are shares of an image of which nobody says how large it is.
     """
-    files = _files(path)
+    files = files_of(path)
     request.progress.start("reading keypoints", len(files))
     found: list[Landmarks] = []
     for file in files:
@@ -207,7 +201,7 @@ def _points(landmarks: Any, where: str) -> np.ndarray:
     try:
         rows = [[point["x"], point["y"], point.get("z"), point.get("visibility")] for point in landmarks]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise FileError(f"{where}: a landmark has no x and y that are numbers.") from None
 
 

@@ -9,17 +9,9 @@ from typing import Any
 
 import msgspec
 
-from posefuse.io.keypoints.names import view_names
-from posefuse.io.keypoints.people import (
-    Person,
-    beginning,
-    camera_files,
-    decode,
-    detections_of,
-    joined,
-    view_columns,
-    whole,
-)
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
@@ -43,16 +35,26 @@ class _File(msgspec.Struct):
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(_files(path))
+    return bool(camera_files(path, _KIND))
 
 
-def _files(path: Path) -> list[Path]:
-    return camera_files(path, ".json", _is_one)
+def files_of(path: Path) -> list[Path]:
+    """The files, damaged ones too: a camera must not go missing unsaid."""
+    return all_camera_files(path, _KIND)
 
 
 def _is_one(file: Path) -> bool:
     start = beginning(file, 200_000)
     return (start.startswith(b'[{"frame_id"') or b'"instance_info"' in start) and b'"instances"' in start
+
+
+def _was_meant(file: Path) -> bool:
+    """Without a frame, or with frames that something is wrong with."""
+    start = beginning(file, 200_000)
+    return start == b"[]" or b'"instance_info"' in start or b'"instances"' in start
+
+
+_KIND = FileKind((".json",), _is_one, _was_meant)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -62,20 +64,19 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if a file is cut short or another, or views have different keypoints.
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
-    files = _files(path)
-    views = []
-    for file, name in zip(files, view_names(files), strict=True):
-        bare = beginning(file, 16).startswith(b"[")
-        frames = decode(file, list[_Frame]) if bare else decode(file, _File).instance_info
-        where = str(file)
-        people = [
-            Person(frame.frame_id, joined(i.keypoints, i.keypoint_scores, where, frame.frame_id), _track(i))
-            for frame in frames
-            for i in frame.instances
-        ]
-        recorded = {whole(frame.frame_id, "frame_id", where) for frame in frames}
-        views.append(view_columns(name, recorded, people, where))
-    return detections_of(path, views, request)
+    return detections_of(path, read_views(path, _KIND, request, _read_view), request)
+
+
+def _read_view(file: Path, name: str) -> ViewColumns:
+    bare = beginning(file, 16).startswith(b"[")
+    frames = decode(file, list[_Frame]) if bare else decode(file, _File).instance_info
+    where = str(file)
+    people = [
+        Person(frame.frame_id, joined(i.keypoints, i.keypoint_scores, where, frame.frame_id), _track(i))
+        for frame in frames
+        for i in frame.instances
+    ]
+    return view_columns(name, {whole(frame.frame_id, "frame_id", where) for frame in frames}, people, where)
 
 
 def _track(instance: _Instance) -> int:

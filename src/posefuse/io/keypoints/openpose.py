@@ -1,14 +1,18 @@
 """OpenPose's JSON: a folder a camera, a file a frame, ``people[].pose_keypoints_2d`` as x, y, confidence.
 
-0, 0, 0 is a keypoint that was not detected. A person ``{}`` is one that Pose2Sim's association did not find in this
-view: where a folder has such, the place in the list is the person's identity. Otherwise ``person_id`` is, unless -1.
+Hands and faces are lists of their own, see ``openpose_parts``: with BODY_25 they make openpose_137. 0, 0, 0 is a
+keypoint that was not detected. A person ``{}`` is one that Pose2Sim's association did not find in this view: where a
+folder has such, the place in the list is the person's identity. Otherwise ``person_id`` is, unless -1.
 """
 
+import heapq
 import json
 import os
 import re
 from array import array
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,18 +21,35 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.ahead import contents
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
+from posefuse.io.keypoints.openpose_parts import (
+    BODY,
+    N_BODY,
+    N_WHOLE,
+    WHOLE,
+    PartRows,
+    has_parts,
+    joined,
+    missing_parts,
+    said_of,
+)
+from posefuse.io.keypoints.people import beginning
 from posefuse.io.keypoints.pose2sim_config import find_settings
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton
 
 
 class _Person(msgspec.Struct):
     pose_keypoints_2d: list[float] = []
     person_id: list[int] | int = -1
+    hand_left_keypoints_2d: list[float] = []
+    hand_right_keypoints_2d: list[float] = []
+    face_keypoints_2d: list[float] = []
 
 
 class _Frame(msgspec.Struct):
@@ -38,20 +59,21 @@ class _Frame(msgspec.Struct):
 _decoder = msgspec.json.Decoder(_Frame)
 _NUMBER = re.compile(r"(\d{1,12})\D*$")
 _TOLD_FILES = 100
-_PARTS = re.compile(rb'"(?:hand_left|hand_right|face)_keypoints_2d"\s*:\s*\[\s*-?\d')
-_LOOKED_AT = 20
+_LOOKED_AT = 3
 
 
 def matches(path: Path) -> bool:
     """Whether the folder holds OpenPose files, of one camera or of one camera a folder."""
     if not path.is_dir():
         return False
-    folder = next((f for f in camera_folders(path)), None)
-    first = min(frame_names(folder), default=None) if folder else None
-    if folder is None or first is None:
-        return False
-    with (folder / first).open("rb") as file:
-        return b'"people"' in file.read(4096)
+    return any(b'"people"' in start for start in first_bytes(path))
+
+
+def first_bytes(path: Path) -> Iterator[bytes]:
+    """How the first files of the first cameras begin: of one that is damaged the others tell what it should be."""
+    for folder in camera_folders(path)[:_LOOKED_AT]:
+        for name in heapq.nsmallest(_LOOKED_AT, frame_names(folder)):
+            yield beginning(folder / name)
 
 
 def camera_folders(path: Path) -> list[Path]:
@@ -97,14 +119,16 @@ def read(path: Path, request: Request) -> Detections:
     settings = find_settings(path)
     files = {folder: frame_names(folder) for folder in folders}
     request.progress.start("reading keypoints", sum(map(len, files.values())))
-    people_lists = [_read_view(folder, files[folder], request) for folder in folders]
+    read_views = [_read_view(folder, files[folder], request) for folder in folders]
     request.progress.finish()
+    asked = request.skeleton or settings.skeleton
+    people_lists, notes = _with_parts(read_views, asked)
     views = _with_track_ids(people_lists)
     n_keypoints = _common_length(path, views)
-    people = np.concatenate([view.keypoints[:, :n_keypoints, :2] for view in views])
-    skeleton, notes = request.skeleton or settings.skeleton, ()
+    skeleton = asked
     if skeleton is None and n_keypoints:
-        skeleton, notes = guess_skeleton(n_keypoints, people, str(path))
+        skeleton, said = _told(n_keypoints, views, str(path))
+        notes = (*said, *notes)
     if skeleton is None:
         raise FileError(f"{path}: nobody was detected in any view, so nothing tells the skeleton. Add --skeleton.")
     if n_keypoints and n_keypoints != len(skeleton):
@@ -112,17 +136,8 @@ def read(path: Path, request: Request) -> Detections:
             f"{path} has {n_keypoints} keypoints a person, skeleton {skeleton.name} has {len(skeleton)}. "
             "Choose another with --skeleton, or leave it out to have it told from the files."
         )
-    if not n_keypoints:
-        views = [_without_people(view, len(skeleton)) for view in views]
-    notes = (*notes, *_left_out(folders[0], files[folders[0]]))
+    views = [view if len(view.keypoints) else _without_people(view, len(skeleton)) for view in views]
     return assemble(path, views, skeleton, request.rate_hz or settings.rate_hz, notes)
-
-
-def _left_out(folder: Path, names: list[str]) -> tuple[str, ...]:
-    """Whether files hold hands or faces, as far as some of them tell."""
-    if not any(_PARTS.search((folder / name).read_bytes()) for name in sorted(names)[:: len(names) // _LOOKED_AT + 1]):
-        return ()
-    return ("The hands and faces in these files are left out: the body's keypoints are read.",)
 
 
 @dataclass(frozen=True)
@@ -132,6 +147,46 @@ class _PeopleList:
     view: ViewColumns
     place: np.ndarray
     has_empty: bool
+    parts: PartRows
+
+
+def _with_parts(people_lists: list[_PeopleList], asked: Skeleton | None) -> tuple[list[_PeopleList], tuple[str, ...]]:
+    """The people with hands and faces, where the files have them and the skeleton has room; and what is to be said."""
+    there = any(people.parts.any for people in people_lists)
+    body, told = _body_of(people_lists) if there and asked is None else (None, ())
+    if not (has_parts(asked) if asked is not None else body == BODY):
+        left = "The hands and faces in these files are left out: the body's keypoints are read. --skeleton openpose_137"
+        return people_lists, (f"{left} reads them with BODY_25.",) if there else ()
+    n_people = sum(len(people.view.keypoints) for people in people_lists)
+    lacking = missing_parts([people.parts for people in people_lists], n_people) if n_people else ()
+    return [replace(people, view=_whole(people)) for people in people_lists], (*told, *lacking)
+
+
+def _body_of(people_lists: list[_PeopleList]) -> tuple[str | None, tuple[str, ...]]:
+    """Which body of 25 keypoints this is, and what is said of the choice; None of another size."""
+    seen = [each.view.keypoints[..., :2] for each in people_lists if len(each.view.keypoints)]
+    if {people.shape[1] for people in seen} != {N_BODY}:
+        return None, ()
+    found, notes = guess_skeleton(N_BODY, np.concatenate(seen), "The body in these files")
+    return found.name, notes
+
+
+def _whole(people: _PeopleList) -> ViewColumns:
+    body = people.view.keypoints
+    if body.shape[1] == N_WHOLE:
+        return people.view
+    if len(body) and body.shape[1] != N_BODY:
+        raise FileError(
+            f"{people.view.name} has {body.shape[1]} keypoints of a body, skeleton {WHOLE} has {N_BODY}. Choose "
+            "another with --skeleton, or leave it out to have it told from the files."
+        )
+    keypoints = joined(body.reshape(-1, N_BODY, 3), people.parts)
+    return replace(people.view, keypoints=_without_blanks(keypoints))
+
+
+def _told(n_keypoints: int, views: list[ViewColumns], path: str) -> tuple[Skeleton, tuple[str, ...]]:
+    people = np.concatenate([view.keypoints[..., :2] for view in views if len(view.keypoints)])
+    return guess_skeleton(n_keypoints, people, path)
 
 
 def _with_track_ids(people_lists: list[_PeopleList]) -> list[ViewColumns]:
@@ -141,34 +196,47 @@ def _with_track_ids(people_lists: list[_PeopleList]) -> list[ViewColumns]:
 
 def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
     # All numbers of a view in one flat array: as lists of Python's floats they would take four times the memory.
-    numbers, people = array("d"), _Rows([], [], [], [])
+    numbers, people, parts = array("d"), _Rows([], [], [], []), PartRows()
     numbered = sorted((_frame_number(folder, name), name) for name in names)
     for before, after in pairwise(numbered):
         if before[0] == after[0]:
             raise FileError(f"{folder} has two files for frame {after[0]}.")
     has_empty = False
-    for done, (frame, name) in enumerate(numbered, start=1):
-        for place, person in enumerate(_decode(folder, name).people):
-            values = person.pose_keypoints_2d
-            if not values:
-                has_empty = True
-                continue
-            if len(values) % 3:
-                raise FileError(
-                    f"{folder / name}, person {place}: pose_keypoints_2d holds {len(values)} numbers, expected x, y, "
-                    "confidence for each keypoint."
-                )
-            numbers.extend(values)
-            given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
-            people.add(frame, place, given, len(values) // 3)
-        if done % _TOLD_FILES == 0:
-            request.progress.advance(_TOLD_FILES)
+    with closing(contents(folder, [name for _, name in numbered])) as data:
+        for done, ((frame, name), content) in enumerate(zip(numbered, data, strict=True), start=1):
+            for place, person in enumerate(_decode(folder, name, content).people):
+                if not person.pose_keypoints_2d:
+                    has_empty = True
+                    continue
+                where = folder, name, place
+                length = _length(person, where)
+                numbers.extend(person.pose_keypoints_2d)
+                parts.add(len(people.frames), _parts_of(person), where)
+                given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
+                people.add(frame, place, given, length)
+            if done % _TOLD_FILES == 0:
+                request.progress.advance(_TOLD_FILES)
     request.progress.advance(len(numbered) % _TOLD_FILES)
     return _PeopleList(
         _columns(folder, np.array([frame for frame, _ in numbered], dtype=np.int64), people, numbers),
         np.array(people.places, dtype=np.int64),
         has_empty,
+        parts,
     )
+
+
+def _length(person: _Person, where: tuple[Path, str, int]) -> int:
+    n_numbers = len(person.pose_keypoints_2d)
+    if n_numbers % 3:
+        raise FileError(
+            f"{said_of(where)}: pose_keypoints_2d holds {n_numbers} numbers, expected x, y, confidence for each "
+            "keypoint."
+        )
+    return n_numbers // 3
+
+
+def _parts_of(person: _Person) -> tuple[list[float], list[float], list[float]]:
+    return person.hand_left_keypoints_2d, person.hand_right_keypoints_2d, person.face_keypoints_2d
 
 
 @dataclass(frozen=True)
@@ -196,21 +264,23 @@ def _columns(folder: Path, recorded: np.ndarray, people: _Rows, numbers: "array[
             f"the others have {usual}; one recording has one skeleton. Was the file cut short?"
         )
     keypoints = np.array(numbers, dtype=np.float64).reshape(len(people.frames), next(iter(people.lengths), 0), 3)
-    missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
-    keypoints[missing] = np.nan
     return ViewColumns(
         name=folder.name,
         recorded=recorded,
         frame_of_row=np.array(people.frames, dtype=np.int64),
-        keypoints=keypoints,
+        keypoints=_without_blanks(keypoints),
         track_ids=np.array(people.given, dtype=np.int64),
     )
 
 
-def _decode(folder: Path, name: str) -> _Frame:
+def _without_blanks(keypoints: np.ndarray) -> np.ndarray:
+    missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
+    keypoints[missing] = np.nan
+    return keypoints
+
+
+def _decode(folder: Path, name: str, data: bytes) -> _Frame:
     file = os.path.join(folder, name)
-    with open(file, "rb", buffering=0) as content:
-        data = content.read()
     try:
         return _decoder.decode(data)
     except msgspec.ValidationError as error:

@@ -8,6 +8,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import file_name, replacing_folder
+from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.detections import Detections
 
 _MARKER = "posefuse_openpose.txt"
@@ -43,10 +44,8 @@ def _frame(detections: Detections, frame: int, view: int) -> dict[str, Any]:
     trust = np.where(np.isnan(trust), 1.0, trust)
     values = np.where(missing[..., None], 0.0, np.concatenate([pixels, trust[..., None]], axis=-1))
     tracks = np.asarray(detections.track_ids)[start:stop].tolist()
-    people = [
-        {"person_id": [track], "pose_keypoints_2d": rows.ravel().tolist()}
-        for track, rows in zip(tracks, values, strict=True)
-    ]
+    skeleton = detections.skeleton
+    people = [{"person_id": [track], **lists_of(skeleton, rows)} for track, rows in zip(tracks, values, strict=True)]
     return {"version": 1.3, "people": people}
 
 

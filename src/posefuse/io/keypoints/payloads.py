@@ -24,6 +24,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
 from posefuse.io.keypoints.request import Request
@@ -38,7 +39,6 @@ _SCORES = ("scores", "kps_scores", "keypoint_scores")
 _TRACK = ("track_id", "id", "track")
 _UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Clocks since 1970 are so large in ns, in us, in ms; what is smaller is seconds."""
-_MOST_FILES = 300
 
 
 @dataclass(frozen=True)
@@ -51,18 +51,12 @@ class _Record:
 
 def matches(path: Path) -> bool:
     """Whether a file is one, or a folder holds some."""
-    return bool(_files(path))
+    return bool(files_of(path))
 
 
-def _files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path] if _is_one(path) else []
-    found = [file for pattern in ("*.jsonl", "*.json") for file in path.glob(pattern)]
-    if len(found) > _MOST_FILES:
-        return []
-    files = [file for file in found if _is_one(file) or (file.is_file() and not file.stat().st_size)]
-    # An empty file is a camera's, too, which must not go missing unsaid.
-    return sorted(files, key=lambda file: natural_key(file.name)) if any(map(_is_one, files)) else []
+def files_of(path: Path) -> list[Path]:
+    """The files, damaged ones too: a camera must not go missing unsaid."""
+    return [file for file in all_camera_files(path, _KIND) if path.is_file() or file.parent in (path, path.parent)]
 
 
 def _is_one(file: Path) -> bool:
@@ -75,6 +69,9 @@ def _is_one(file: Path) -> bool:
     return said and there and start[:1] in (b"{", b"[") and not any(other in start for other in others)
 
 
+_KIND = FileKind((".jsonl", ".json"), _is_one)
+
+
 def read(path: Path, request: Request) -> Detections:
     """Read all records.
 
@@ -83,7 +80,7 @@ def read(path: Path, request: Request) -> Detections:
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
     records: list[_Record] = []
-    files = _files(path)
+    files = files_of(path)
     request.progress.start("reading keypoints", len(files))
     for file in files:
         records += [_record(content, where, file.stem) for where, content in _contents(file)]

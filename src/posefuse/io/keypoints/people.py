@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import files_at, natural_key
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.request import Request
@@ -65,7 +64,7 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
     missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
     keypoints[missing | ~np.isfinite(keypoints[..., :2]).all(axis=-1)] = np.nan
     frames = np.array([person.frame for person in ordered], dtype=np.int64)
-    tracks = np.array([person.track for person in ordered], dtype=np.int64)
+    tracks = np.array([p.track if abs(p.track) < _LARGEST_FRAME else -1 for p in ordered], dtype=np.int64)
     if recorded is None:
         recorded = _all_frames(frames, where)
     seen = np.isfinite(keypoints[..., 0]).any(axis=1)
@@ -87,7 +86,7 @@ def _all_frames(frames: np.ndarray, where: str) -> np.ndarray:
 def _rows(person: Person, where: str) -> np.ndarray:
     try:
         values = np.array(person.values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{where}, frame {person.frame}: a person's keypoints are not all numbers.") from None
     if values.size % 3 or (values.ndim == 2 and values.shape[1] != 3):
         raise FileError(
@@ -107,7 +106,7 @@ def joined(pixels: Any, scores: Any, where: str, frame: int) -> np.ndarray:
         places = np.array(pixels, dtype=np.float64).reshape(len(pixels), -1)[:, :2]
         confidence = np.array(scores, dtype=np.float64).reshape(-1, 1)
         return np.concatenate([places, confidence], axis=1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise FileError(f"{where}, frame {frame}: keypoints and scores of a person do not fit each other.") from None
 
 
@@ -185,24 +184,6 @@ def detections_of(
 def _nobody(view: ViewColumns, count: int) -> ViewColumns:
     nobody = np.empty(0, np.int64)
     return ViewColumns(view.name, view.recorded, nobody, np.empty((0, count, 3)), nobody, time_s=view.time_s)
-
-
-def camera_files(path: Path, suffix: str, is_one: Any) -> list[Path]:
-    """Files of one format, one a camera: in a folder, or in folders in it, in the order that counts; or the file."""
-    if not path.is_dir():
-        return [file for file in files_at(path) if file.suffix == suffix and is_one(file)]
-    found = [file for pattern in (f"*{suffix}", f"*/*{suffix}") for file in _at_most(path, pattern)]
-    ordered = sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
-    return [file for file in ordered if file.is_file() and is_one(file)]
-
-
-_MOST_FILES = 300
-
-
-def _at_most(path: Path, pattern: str) -> list[Path]:
-    """The files; none where there are so many that they are frames, not cameras."""
-    found = list(path.glob(pattern))
-    return found if len(found) <= _MOST_FILES else []
 
 
 def decode(file: Path, kind: Any) -> Any:

@@ -17,7 +17,7 @@ KEYPOINTS = (
         reads=True,
         writes=True,
         files="a folder a camera, a *.json a frame (also Pose2Sim, AlphaPose in OpenPose's layout)",
-        conventions="px, x y confidence, 0 0 0 is missing; no frame rate: --rate-hz",
+        conventions="px, x y confidence, 0 0 0 is missing; hands and faces beside BODY_25; no frame rate: --rate-hz",
     ),
     Format(
         "tidy",
@@ -52,6 +52,14 @@ KEYPOINTS = (
         conventions="px, [camera, frame, keypoint, 3], third channel depth, cameras in the order of the videos' names",
     ),
     Format(
+        "opencap",
+        "posefuse.io.keypoints.opencap",
+        reads=True,
+        writes=False,
+        files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl, or the folder of the cameras",
+        conventions="px, x y confidence of BODY_25, 0 0 0 is missing; nothing in it is run; --rate-hz",
+    ),
+    Format(
         "easymocap",
         "posefuse.io.keypoints.easymocap",
         reads=True,
@@ -65,7 +73,7 @@ KEYPOINTS = (
         reads=True,
         writes=False,
         files="*.jsonl or *.json of records, one a camera and time (ParaJumping, cvmmap)",
-        conventions="px, COCO-WholeBody-133; frames by number, or by time",
+        conventions="px, x y confidence, bodies by their number of keypoints; frames by number, or by time",
     ),
     Format(
         "mmpose",
@@ -129,7 +137,7 @@ KEYPOINTS = (
         reads=True,
         writes=False,
         files="xy_*.csv",
-        conventions="px, a row a point, all cameras in one file, one person, MediaPipe's body",
+        conventions="px, a row a point, all cameras in one file, one person, MediaPipe's body; times; no confidence",
     ),
     Format(
         "sleap",

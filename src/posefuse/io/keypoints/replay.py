@@ -120,7 +120,7 @@ def _skeleton(path: Path, said: Any) -> Skeleton | None:
         return None if said is None else shipped_skeleton(said)
     try:
         return skeleton_from_text(json.dumps(said))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         raise FileError(f"{path}, line 1: the skeleton is none: {error!r}.") from None
 
 

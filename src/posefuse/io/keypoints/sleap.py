@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import files_at, natural_key, reading
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import files_at, natural_key
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
@@ -53,8 +53,7 @@ def read(path: Path, request: Request) -> Detections:
             raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
-        check_heaps(file)
-        with reading(file, "analysis file"), h5py.File(file) as content:
+        with open_hdf5(file, "analysis file") as content:
             found = _skeleton(content)
             if skeleton is None:
                 skeleton = found

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
-from posefuse.io.files import natural_key, reading
+from posefuse.io.files import reading
+from posefuse.io.hdf5 import check_hdf5
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_named, skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
@@ -31,11 +33,8 @@ def matches(path: Path) -> bool:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The projects at a path: the file itself, those in a folder, or those in folders in it."""
-    if path.is_file():
-        return [path] if _is_one(path) else []
-    found = [file for file in path.glob("*.slp") if _is_one(file)] or list(filter(_is_one, path.glob("*/*.slp")))
-    return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
+    """The projects, damaged ones too: a camera must not go missing unsaid."""
+    return all_camera_files(path, _KIND)
 
 
 def _is_one(file: Path) -> bool:
@@ -44,6 +43,9 @@ def _is_one(file: Path) -> bool:
         return False
     with file.open("rb") as content:
         return content.read(len(_SIGNATURE)) == _SIGNATURE
+
+
+_KIND = FileKind((".slp",), _is_one)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -55,6 +57,7 @@ def read(path: Path, request: Request) -> Detections:
     files, views, nodes = files_of(path), [], None
     request.progress.start("reading keypoints", len(files))
     for file, name in zip(files, view_names(files), strict=True):
+        check_hdf5(file, "SLEAP file")
         with reading(file, "SLEAP file"):
             labels = _load(file)
             found = _skeleton(labels)

@@ -14,6 +14,7 @@ from posefuse.io.keypoints.parquet_about import About, about_of, column_names, m
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.keypoints.stored import RowsByRange
 from posefuse.io.keypoints.tidy_columns import detections_of_table, table_of
+from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.model.detections import Detections
 
 _LINES = 200_000
@@ -43,9 +44,12 @@ def read(path: Path, request: Request) -> Detections:
     with reading(path, "parquet file"):
         about = about_of(path, pq.read_schema(path).metadata)
         if about is None:
+            check_parquet(path)
             return detections_of_table(path, pq.read_table(path), request)
+        check_row_groups(path)
         index = _index(path, about)
         if index is None:
+            check_parquet(path)
             whole = pq.read_table(path)
             return asked_of(detections_of_table(path, whole, Request(), about.views, about.skeleton), request, path)
         return asked_of(_stored(path, about, index), request, path)

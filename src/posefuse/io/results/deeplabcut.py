@@ -15,7 +15,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
-from posefuse.io.heaps import check_heaps
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.pandas_tables import Frame, read_frame, write_frame
 from posefuse.io.results import hdf5, tables
 from posefuse.io.results.rows import blocks, rows_of
@@ -95,8 +95,7 @@ def read(path: Path) -> StoredPoints:
     if path.suffix.lower() == ".csv":
         with reading(path, "CSV file"):
             return _points(path, _read_csv(path))
-    check_heaps(path)
-    with reading(path, "HDF5 table of DeepLabCut's"), h5py.File(path) as file:
+    with open_hdf5(path, "HDF5 table of DeepLabCut's") as file:
         frame = read_frame(file[KEY])  # type: ignore[arg-type]
         found = _points(path, frame)
         return hdf5.read_group(file, path, found.points_m) if hdf5.GROUP in file else found

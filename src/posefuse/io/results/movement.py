@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.files import must_exist, reading, replacing
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import must_exist, replacing
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.netcdf import add_variable, strings
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
@@ -112,8 +112,7 @@ def read(path: Path) -> StoredPoints:
     """
     must_exist(path, "netCDF file of movement's")
     # Past the netCDF library, which looks at every variable of the file before it opens one.
-    check_heaps(path)
-    with reading(path, "netCDF file of movement's"), h5py.File(path, "r") as file:
+    with open_hdf5(path, "netCDF file of movement's") as file:
         variable: Any = file["position"]
         plural = "keypoints" in file
         keypoint, individual = ("keypoints", "individuals") if plural else _POINTS

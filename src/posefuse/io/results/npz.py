@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_exist, reading, replacing
+from posefuse.io.files import must_exist, must_unfold, reading, replacing
 from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
 
 _HEAD = "head"
-_LARGE_BYTES = 2**30
-_MOST_TIMES = 200
 
 
 def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> None:
@@ -67,6 +65,4 @@ def read(path: Path) -> StoredPoints:
 def _refuse_bombs(path: Path) -> None:
     """A short file that unfolds to any size is no recording."""
     with zipfile.ZipFile(path) as archive:
-        size = sum(entry.file_size for entry in archive.infolist())
-    if size > _LARGE_BYTES and size > _MOST_TIMES * path.stat().st_size:
-        raise FileError(f"{path} ({path.stat().st_size} bytes) unfolds to {size} bytes; it is not read.")
+        must_unfold(path, sum(entry.file_size for entry in archive.infolist()))

@@ -27,8 +27,8 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError, ResultError
-from posefuse.io.files import must_exist, reading, replacing
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import must_exist, replacing
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
 from posefuse.model.options import LayerName
@@ -263,8 +263,7 @@ def read(path: Path) -> StoredPoints:
         FileError: if it is none, or broken.
     """
     must_exist(path, "NWB file")
-    check_heaps(path)
-    with reading(path, "NWB file"), h5py.File(path) as file:
+    with open_hdf5(path, "NWB file") as file:
         said: Any = json.loads(_text(file, "general/notes"))
         if not isinstance(said, dict) or said.get("written_by") != _OURS:
             raise FileError(f"{path} is an NWB file, but not of posefuse's; read it with pynwb.")

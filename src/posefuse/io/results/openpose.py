@@ -2,8 +2,9 @@
 
 A folder a camera, ``<camera>_json``, a file a frame, as OpenPose and Pose2Sim name them. Points are projected through
 the camera's lens: nothing is a detection. The third number is 1 where there is a point, and 0 0 0 where there is none
-or the camera cannot have it in its image. Beside the keypoints OpenPose's ``person_id`` is the person's number,
-and ``posefuse`` holds what readers of OpenPose pass over: name, layer, and the points' statuses and sources.
+or the camera cannot have it in its image; hands and faces of openpose_137 are in lists of their own. Beside the
+keypoints OpenPose's ``person_id`` is the person's number, and ``posefuse`` holds what readers of OpenPose pass over:
+name, layer, and the points' statuses and sources, in the skeleton's order.
 """
 
 import json
@@ -14,6 +15,7 @@ import numpy as np
 
 from posefuse.errors import ResultError
 from posefuse.io.files import file_name, replacing_folder
+from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.cameras import Camera
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -80,8 +82,8 @@ def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.n
     status, source = (np.asarray(each)[f, p].tolist() for each in (points.status, points.source))
     return {
         "person_id": [p],
-        "pose_keypoints_2d": np.round(numbers, _DECIMALS).ravel().tolist(),
         **{name: [] for name in _EMPTY},
+        **lists_of(part.skeleton, np.round(numbers, _DECIMALS)),
         "posefuse": {
             "person": part.person_ids[p],
             "layer": layer,

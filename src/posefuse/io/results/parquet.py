@@ -19,6 +19,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import must_exist, reading, replacing
 from posefuse.io.netcdf import skeleton_text
 from posefuse.io.options import options_to_toml
+from posefuse.io.parquet_files import check_parquet
 from posefuse.io.results import csv, tables, tidy
 from posefuse.io.results.labels import VIEW_STATUSES, codes_of
 from posefuse.model.options import LayerName
@@ -106,6 +107,7 @@ def read(path: Path) -> StoredPoints:
     """
     must_exist(path, "parquet file")
     with reading(path, "parquet file"):
+        check_parquet(path)
         table = parquet.ParquetFile(path).read(use_threads=False)
         if b"posefuse" not in (table.schema.metadata or {}):
             raise FileError(

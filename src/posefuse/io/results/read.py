@@ -5,11 +5,11 @@ from pathlib import Path
 from posefuse.errors import FileError, ResultError, choices, suggestion
 from posefuse.io.files import must_exist
 from posefuse.io.formats import by_name
-from posefuse.io.heaps import check_heaps
+from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.results.registry import RESULTS
 from posefuse.model.stored_points import StoredPoints
 
-READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb")
+READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb", "trc")
 """Formats that are read as points, in the order in which files are tried."""
 
 _HDF5 = (".h5", ".nc", ".nwb")
@@ -23,6 +23,7 @@ _SUFFIXES = {
     "movement": (".nc",),
     "sleap": (".h5",),
     "nwb": (".nwb",),
+    "trc": (".trc",),
 }
 
 
@@ -42,7 +43,7 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
         raise ResultError(f"No format {format!r} of points that is read. {suggestion(format, READABLE)}")
     must_exist(path, "file of 3D points")
     if path.suffix.lower() in _HDF5 and path.is_file():
-        check_heaps(path)
+        check_hdf5(path, "HDF5 file")
     name = format or _recognised(path)
     if name is None:
         hint = "It may be a reconstruction: posefuse.read_reconstruction reads those. " if path.suffix == ".nc" else ""
@@ -50,7 +51,8 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     found = by_name(RESULTS, name)
     assert found is not None
     try:
-        return found.load().read(path)
+        module = found.load()
+        return getattr(module, "read_points", module.read)(path)
     except ResultError as error:
         raise FileError(f"{path}: {error}") from None
 

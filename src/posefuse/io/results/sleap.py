@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_exist, reading, replacing
-from posefuse.io.heaps import check_heaps
+from posefuse.io.files import must_exist, replacing
+from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results import hdf5
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options import LayerName
@@ -57,8 +57,7 @@ def read(path: Path) -> StoredPoints:
         FileError: if it is no such file, or broken.
     """
     must_exist(path, "3D points of SLEAP's")
-    check_heaps(path)
-    with reading(path, "HDF5 file of 3D points"), h5py.File(path) as file:
+    with open_hdf5(path, "HDF5 file of 3D points") as file:
         points = np.asarray(file["tracks"], dtype=np.float64)
         if points.ndim != 4 or points.shape[-1] != 3:
             raise FileError(f"{path}: expected tracks (frame, track, node, 3), got {points.shape}.")

@@ -5,6 +5,7 @@ The last cell of a row says ``nan`` where it is missing: OpenSim's reader of tab
 last tab, and refuses a row that then lacks a cell.
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,10 @@ from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
+from posefuse.model.stored_points import StoredPoints
 from posefuse.progress import Progress, Silent, watched
+
+_FIRST = "PathFileType"
 
 
 @dataclass(frozen=True)
@@ -31,12 +35,14 @@ class Trajectories:
         time_s: shape (frame,).
         points_m: shape (frame, point, 3), in the file's axes, NaN where missing.
         rate_hz: frames per second.
+        unit: of the points: ``m``, into which cm and mm are turned, or ``px``.
     """
 
     names: tuple[str, ...]
     time_s: np.ndarray
     points_m: np.ndarray
     rate_hz: float
+    unit: str = "m"
 
 
 def write(result: Reconstruction, person: str, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
@@ -50,7 +56,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     start = float(result.frame_numbers[0]) / rate
     if np.isfinite(result.time_s[0]):
         start = float(result.time_s[0])
-    names = result.skeleton.keypoints
+    names = [re.sub(r"[\x00-\x1f\x7f-\x9f]", " ", name) for name in result.skeleton.keypoints]
     header = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled(result, person, layer)}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
@@ -98,13 +104,14 @@ def read(path: Path) -> Trajectories:
         FileError: if a line is not what the format says.
     """
     lines = read_text(path).splitlines()
-    if len(lines) < 5 or not lines[0].startswith("PathFileType"):
+    if len(lines) < 5 or not lines[0].startswith(_FIRST):
         raise FileError(f"{path} is not a TRC file: it should begin with PathFileType and have five header lines.")
     keys, values = lines[1].split("\t"), lines[2].split("\t")
     header = dict(zip(keys, values, strict=False))
     try:
         rate = float(header["DataRate"])
-        scale = {"m": 1.0, "cm": 0.01, "mm": 0.001, "px": 1.0}[header["Units"].strip()]
+        unit = header["Units"].strip()
+        scale = {"m": 1.0, "cm": 0.01, "mm": 0.001, "px": 1.0}[unit]
     except (KeyError, ValueError):
         raise FileError(f"{path}, lines 2 and 3: expected DataRate and Units (m, cm or mm), got {header}.") from None
     names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
@@ -120,4 +127,31 @@ def read(path: Path) -> Trajectories:
             table[i, : len(cells)] = [float(cell) if cell.strip() else np.nan for cell in cells]
         except ValueError:
             raise FileError(f"{path}, line {number}: a cell is neither a number nor empty.") from None
-    return Trajectories(names, table[:, 1], table[:, 2:].reshape(len(rows), len(names), 3) * scale, rate)
+    points = table[:, 2:].reshape(len(rows), len(names), 3) * scale
+    return Trajectories(names, table[:, 1], points, rate, "px" if unit == "px" else "m")
+
+
+def matches(path: Path) -> bool:
+    """Whether a file is one."""
+    with path.open("rb") as content:
+        return content.read(len(_FIRST)) == _FIRST.encode()
+
+
+def read_points(path: Path) -> StoredPoints:
+    """The points of a TRC file of any program, of one person, who is called as the file is; in the file's axes.
+
+    Frames are counted from 0: the format numbers rows.
+
+    Raises:
+        FileError: if a line is not what the format says.
+    """
+    found = read(path)
+    return StoredPoints(
+        keypoints=found.names,
+        person_ids=(path.stem,),
+        frame_numbers=np.arange(len(found.time_s)),
+        time_s=found.time_s,
+        points_m=found.points_m[:, None],
+        unit=found.unit,
+        rate_hz=found.rate_hz,
+    )

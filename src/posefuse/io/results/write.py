@@ -95,9 +95,20 @@ def write(
     else:
         form.load().write(bare, path, layer)
         files = (path,)
-    others = [name for name in result.layers if name != layer]
+    others = _others(result, layer)
     beside = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
     return Written(files, layer, (*beside, *_lacks(form, path)))
+
+
+def _others(result: Reconstruction, layer: LayerName) -> list[str]:
+    """What a result has that a file of one layer has not."""
+    parts = {
+        "fitted bodies": result.poses is not None,
+        "detections of each track": result.tracks is not None,
+        "swapped sides": result.swaps is not None,
+        "events": bool(result.events),
+    }
+    return [*(name for name in result.layers if name != layer), *(name for name, there in parts.items() if there)]
 
 
 def _write_bodies(result: Reconstruction, path: Path, name: str, layer: LayerName) -> Written:

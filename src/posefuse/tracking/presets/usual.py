@@ -5,8 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from posefuse.arrays import frozen
 from posefuse.kernels.articulated import State
 from posefuse.kernels.matching import score_detections
+from posefuse.kernels.tally import add_identities
 from posefuse.model.frames import Frame
 from posefuse.tracking.bodies import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
@@ -50,7 +52,8 @@ class LawfulNoise:
         settings: Settings,
     ) -> Trust:
         """The detector's own confidence."""
-        temper = tempering(np.full(len(rows), dt_s), memory_s(lately.alone_s, settings.options))
+        since_s = np.full(len(rows), dt_s)
+        temper = tempering(since_s, memory_s((rows >= 0).sum(axis=1), lately.alone_s, since_s, settings.options))
         return Trust(settings.law, frame.confidence, temper)
 
     def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
@@ -71,9 +74,10 @@ class OddsScore:
             o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
             swapped,
         )  # fmt: skip
-        ids = lately.ids[:, frame.view]
-        scores += o.id_evidence * ((ids == frame.track_ids) & (frame.track_ids >= 0))
-        return Likeness(scores, o.match_evidence, swapped, (scores > _EXPLAINED).any(axis=0))
+        explained = np.empty(len(frame.view), dtype=bool)
+        track_ids = frozen(frame.track_ids, np.int64)
+        add_identities(lately.ids, frame.view, track_ids, o.id_evidence, _EXPLAINED, scores, explained)
+        return Likeness(scores, o.match_evidence, swapped, explained)
 
     def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
         """The log odds of all its frames together."""

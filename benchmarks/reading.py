@@ -1,0 +1,87 @@
+"""What benchmarks of reading share: recordings of several sizes are written, and each read in a process of its own."""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A benchmark of reading.
+
+    Attributes:
+        module: that is run, as ``python -m`` takes it.
+        about: what it says of itself.
+        flag: of the sizes.
+        sizes: by default.
+        kind: of a size.
+        write: makes a recording of a size in a folder.
+        read: reads the recording in a folder, and tells what it found.
+        line: what is said of what was found and what it took.
+    """
+
+    module: str
+    about: str
+    flag: str
+    sizes: tuple[float, ...]
+    kind: Callable[[str], Any]
+    write: Callable[[Any, Path], object]
+    read: Callable[[Path], dict[str, float]]
+    line: Callable[[dict[str, float]], str]
+
+
+def measured(read: Callable[[Path], dict[str, float]], folder: Path) -> dict[str, float]:
+    """What was found, seconds of wall and processors, and MB at most."""
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    wall, used = time.perf_counter(), time.process_time()
+    found = read(folder)
+    wall_s, processor_s = time.perf_counter() - wall, time.process_time() - used
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return found | {
+        "wall_s": wall_s,
+        "processor_s": processor_s + children.ru_utime + children.ru_stime,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "gigabytes": size / 1e9,
+    }
+
+
+def forget(folder: Path) -> None:
+    """Have the system forget what is in the files; it must have written them first."""
+    os.sync()
+    for file in folder.rglob("*"):
+        if file.is_file():
+            handle = os.open(file, os.O_RDONLY)
+            os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
+            os.close(handle)
+
+
+def run(benchmark: Benchmark) -> None:
+    """Write and read recordings of the sizes that the command line gives."""
+    parser = argparse.ArgumentParser(description=benchmark.about)
+    parser.add_argument(f"--{benchmark.flag}", dest="sizes", type=benchmark.kind, nargs="+", default=benchmark.sizes)
+    parser.add_argument("--folder", type=Path, help="a recording to read; by default one of each size is made")
+    parser.add_argument("--cold", action="store_true", help="have the system forget what is in the files first")
+    parser.add_argument("--json", action="store_true", help="say it as JSON")
+    chosen = parser.parse_args()
+    if chosen.folder is not None:
+        if chosen.cold:
+            forget(chosen.folder)
+        took = measured(benchmark.read, chosen.folder)
+        print(json.dumps(took) if chosen.json else benchmark.line(took))
+        return
+    for size in chosen.sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            benchmark.write(size, Path(folder) / "recording")
+            command = [sys.executable, "-m", benchmark.module, "--folder", f"{folder}/recording", "--json"]
+            command += ["--cold"] if chosen.cold else []
+            out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        print(benchmark.line(json.loads(out)), flush=True)

@@ -1,0 +1,220 @@
+"""Finished parts of a long reconstruction in a folder, from which the same command goes on after it was ended.
+
+``manifest.json`` says what the parts are of: a digest of all that they depend on, contents of the input, options
+and versions. Every other file is one part, written beside and moved to its place when it is whole, which begins with a
+line of JSON: that digest, the part's own, and its size. Of other input, of another layout, or damaged, it is not used.
+Spools (``*.spool``) are files at whose end values are added; a part that is kept says how long they were then.
+"""
+
+import hashlib
+import json
+import os
+import pickle
+import shutil
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Self
+
+from posefuse.errors import FileError
+
+_MANIFEST = "manifest.json"
+_LAYOUT = 1
+_OURS = ("posefuse.model.", "posefuse.tracking.", "posefuse.following.", "posefuse.kernels.")
+_FOREIGN = {
+    ("array", "array"),
+    ("array", "_array_reconstructor"),
+    ("collections", "OrderedDict"),
+    ("functools", "partial"),
+    ("numpy", "ndarray"),
+    ("numpy", "dtype"),
+    ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "scalar"),
+    ("numpy._core.numeric", "_frombuffer"),
+}
+_FUNCTIONS = {("posefuse.following.noise", "propose_people")}
+
+
+def digest_of(told: Mapping[str, Any]) -> str:
+    """A digest of what parts depend on; values are those of JSON."""
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+class Parts:
+    """Keeps parts in a folder, which is made with the first of them; see :class:`posefuse.keeping.Keeper`.
+
+    Args:
+        folder: of parts alone.
+        key: what they depend on, from :func:`digest_of`.
+    """
+
+    keeps = True
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self.folder, self.key = folder, key
+
+    @classmethod
+    def opened(cls, folder: Path, key: str) -> tuple[Self, int]:
+        """The parts in a folder, and how many others were in it, of other input or options: those are removed.
+
+        Raises:
+            FileError: if the folder is no such folder.
+        """
+        others = 0
+        if folder.is_dir() and any(folder.iterdir()):
+            if _key_in(folder) != key:
+                others = sum(1 for file in folder.rglob("*") if file.suffix == ".part")
+                shutil.rmtree(folder)
+        elif folder.exists() and not folder.is_dir():
+            raise FileError(f"{folder} is a file, and finished parts go into a folder of that name. Move it away.")
+        return cls(folder, key), others
+
+    def has(self, name: str) -> bool:
+        """Whether a part of that name was kept."""
+        return self._path(name).is_file()
+
+    def get(self, name: str) -> Any:
+        """The part of that name; None where there is none that is whole and of the same work.
+
+        Raises:
+            FileError: if it holds what no part does.
+        """
+        try:
+            with self._path(name).open("rb") as file:
+                head, packed = json.loads(file.readline()), file.read()
+        except (OSError, ValueError):
+            return None
+        if head.get("key") != self.key or head.get("sha256") != hashlib.sha256(packed).hexdigest():
+            return None
+        for spool, size in head["spools"].items():
+            if not self._spool_path(spool).is_file() or self._spool_path(spool).stat().st_size < size:
+                return None
+            os.truncate(self._spool_path(spool), size)
+        try:
+            return _loaded(_unpacked(packed, head["size"]))
+        except pickle.UnpicklingError as error:
+            raise FileError(f"{self._path(name)}: {error}. Where is it from? Remove {self.folder}.") from None
+
+    def put(self, name: str, value: Any) -> Any:
+        """Keep a part, in place of one of that name; the part as :meth:`get` gives it."""
+        content = pickle.dumps(value, protocol=5)
+        packed = _packed(content)
+        spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
+        head = {"key": self.key, "sha256": hashlib.sha256(packed).hexdigest(), "size": len(content), "spools": spools}
+        self._begin()
+        path = self._path(name)
+        temporary = path.with_suffix(".partial")
+        try:
+            with temporary.open("wb") as file:
+                file.write(json.dumps(head, sort_keys=True).encode() + b"\n")
+                file.write(packed)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        return _loaded(content)
+
+    def spool(self, name: str) -> "FileSpool":
+        """A file at whose end values are added, of the part whose name is that before the first dot."""
+        self._begin()
+        return FileSpool(self._spool_path(name))
+
+    def within(self, name: str) -> "Parts":
+        """Parts in a folder of their own."""
+        return Parts(self.folder / name, self.key)
+
+    def remove(self) -> None:
+        """All of them; nothing more will go on from them."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.part"
+
+    def _spool_path(self, name: str) -> Path:
+        return self.folder / f"{name}.spool"
+
+    def _spool_sizes(self) -> dict[str, int]:
+        return {file.stem: file.stat().st_size for file in sorted(self.folder.glob("*.spool"))}
+
+    def _begin(self) -> None:
+        if (self.folder / _MANIFEST).exists():
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        temporary = self.folder / f"{_MANIFEST}.partial"
+        temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
+        os.replace(temporary, self.folder / _MANIFEST)
+
+
+def _key_in(folder: Path) -> str:
+    """What the parts in a folder depend on.
+
+    Raises:
+        FileError: if it has other files, and no manifest.
+    """
+    manifest = next((file for file in (folder / _MANIFEST, *folder.glob(f"*/{_MANIFEST}")) if file.is_file()), None)
+    if manifest is None and any(file.is_file() and file.suffix != ".partial" for file in folder.rglob("*")):
+        raise FileError(f"{folder} holds files that are no parts of a reconstruction. Move it away.")
+    try:
+        told = json.loads(manifest.read_text("utf-8")) if manifest is not None else {}
+    except (OSError, ValueError):
+        return ""
+    return str(told.get("key")) if told.get("layout") == _LAYOUT else ""
+
+
+class FileSpool:
+    """Values one after the other in a file; see :class:`posefuse.keeping.Spool`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        path.touch()
+
+    def add(self, value: Any) -> int:
+        """Take a value; where in the file it begins."""
+        content = pickle.dumps(value, protocol=5)
+        packed = _packed(content)
+        with self._path.open("ab") as file:
+            place = file.tell()
+            file.write(len(packed).to_bytes(8, "little") + len(content).to_bytes(8, "little") + packed)
+        return place
+
+    def read(self, place: int) -> Any:
+        """The value that begins there."""
+        with self._path.open("rb") as file:
+            file.seek(place)
+            packed, size = (int.from_bytes(file.read(8), "little") for _ in range(2))
+            return _loaded(_unpacked(file.read(packed), size))
+
+
+def _packed(content: bytes) -> bytes:
+    import pyarrow as pa
+
+    return pa.Codec("zstd", compression_level=1).compress(content, asbytes=True)
+
+
+def _unpacked(packed: bytes, size: int) -> bytes:
+    import pyarrow as pa
+
+    return pa.Codec("zstd").decompress(packed, decompressed_size=size, asbytes=True)
+
+
+class _Unpickler(pickle.Unpickler):
+    """Makes arrays and posefuse's own nouns, and nothing else: a folder of parts may come from somebody else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """A class that parts are made of.
+
+        Raises:
+            pickle.UnpicklingError: of any other.
+        """
+        if (module, name) in _FOREIGN:
+            return super().find_class(module, name)
+        if module.startswith(_OURS):
+            found = super().find_class(module, name)
+            if (module, name) in _FUNCTIONS or (isinstance(found, type) and found.__module__ == module):
+                return found
+        raise pickle.UnpicklingError(f"a part of a reconstruction has no {module}.{name}")
+
+
+def _loaded(content: bytes) -> Any:
+    return _Unpickler(BytesIO(content)).load()

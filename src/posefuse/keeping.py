@@ -1,0 +1,74 @@
+"""What long work keeps of itself, so that the same work goes on from there after it was ended, however it was."""
+
+from typing import Any, Protocol
+
+
+class Spool(Protocol):
+    """Takes values that are needed again later, and not now."""
+
+    def add(self, value: Any) -> int:
+        """Take a value; its place."""
+        ...
+
+    def read(self, place: int) -> Any:
+        """The value at a place."""
+        ...
+
+
+class Keeper(Protocol):
+    """Keeps finished parts of one piece of work by name."""
+
+    @property
+    def keeps(self) -> bool:
+        """Whether anything is kept at all."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Whether a part of that name was kept."""
+        ...
+
+    def get(self, name: str) -> Any:
+        """The part of that name, None where there is none."""
+        ...
+
+    def put(self, name: str, value: Any) -> Any:
+        """Keep a part, in place of one of that name; the part as :meth:`get` gives it.
+
+        Work that goes on with what this returns does not differ from work that goes on after it was ended.
+        """
+        ...
+
+    def spool(self, name: str) -> Spool | None:
+        """Room for what parts refer to: what was added to it before the last part was kept is there again."""
+        ...
+
+    def within(self, name: str) -> "Keeper":
+        """A keeper of a part of the work, whose names are its own."""
+        ...
+
+
+class KeepsNothing:
+    """Work is done in one go."""
+
+    keeps = False
+
+    def has(self, name: str) -> bool:
+        """Nothing is."""
+        return False
+
+    def get(self, name: str) -> Any:
+        """Nothing."""
+
+    def put(self, name: str, value: Any) -> Any:
+        """The same part."""
+        return value
+
+    def spool(self, name: str) -> Spool | None:
+        """None: what is spooled is gone when the work is."""
+
+    def within(self, name: str) -> Keeper:
+        """The same."""
+        return self
+
+
+NOTHING = KeepsNothing()

@@ -1,0 +1,166 @@
+"""Long recordings on the command line: killed, interrupted, changed, and gone on with."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import posefuse
+from posefuse.io.calibration import anipose
+from posefuse.io.files import PARTS
+from posefuse.io.keypoints import detection_tables
+from posefuse.io.parts import Parts
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
+
+SOURCES = Path(__file__).parents[2] / "src"
+
+
+def write(folder: Path, seconds: float, rate_hz: float = 25.0, seed: int = 0) -> Path:
+    """A recording of two people before four cameras."""
+    options = CrowdOptions(
+        people=2, cameras=4, duration_s=seconds, rate_hz=rate_hz, skeleton="coco_17", seed=seed
+    )  # fmt: skip
+    scene = simulate_crowd(options)
+    folder.mkdir()
+    anipose.write(scene.rig, folder / "calibration.toml")
+    detection_tables.write(scene.detections, folder / "keypoints")
+    return folder
+
+
+def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
+    """The command in a process of its own."""
+    command = ["-m", "posefuse", "reconstruct", str(recording), "-o", str(output), "--chunk-frames", str(chunk)]
+    return subprocess.Popen(
+        [sys.executable, *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(SOURCES)},
+    )
+
+
+def stop_when(process: subprocess.Popen[str], there: Path, how: signal.Signals) -> str:
+    """Send a process a signal as soon as a file is there; what it said."""
+    until = time.monotonic() + 300.0
+    while not there.exists():
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < until
+        time.sleep(0.005)
+    process.send_signal(how)
+    return process.communicate(timeout=300)[0]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def two_people(tmp_path_factory) -> Path:
+    return write(tmp_path_factory.mktemp("long") / "recording", 2.4)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(two_people, tmp_path_factory) -> Path:
+    output = tmp_path_factory.mktemp("long") / "uninterrupted"
+    process = start(two_people, output, 20)
+    said = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, said
+    return output
+
+
+def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
+    """Of 30 frames in chunks of 10; the third is interrupted."""
+    put = Parts.put
+
+    def interrupted(parts: Parts, name: str, value: object) -> object:
+        if name == "measured_000002":
+            raise KeyboardInterrupt
+        return put(parts, name, value)
+
+    command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
+    with monkeypatch.context() as patched:
+        patched.setattr(Parts, "put", interrupted)
+        code, said, wrong = run(*command)
+    assert code == 130
+    assert "Partial: made of the first 20 of 30 frames" in " ".join(said.split())
+    assert "Interrupted" in wrong
+    part = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    assert part.n_frames == 20
+    assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
+    code, said, wrong = run(*command)
+    assert (code, wrong) == (0, "")
+    assert "going on from the finished parts" in " ".join(said.split())
+    whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
+    assert whole.n_frames == 30
+    assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
+    assert "Partial" not in "".join(whole.provenance.notes)
+    assert not (tmp_path / "out" / PARTS).exists()
+
+
+@pytest.mark.long
+def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
+    output = tmp_path / "out"
+    stop_when(start(two_people, output, 20), output / PARTS / "frames_60" / "measured_000001.part", signal.SIGKILL)
+    finished = [path for path in (output / PARTS).rglob("*.part") if path.name != "following.part"]
+    before = {path: path.stat().st_mtime_ns for path in finished}
+    assert len(before) >= 3
+    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    assert code == 0
+    assert "going on from the finished parts" in " ".join(said.split())
+    assert contents(output) == contents(uninterrupted)
+
+
+@pytest.mark.long
+def test_an_interrupted_recording_leaves_a_result_that_says_so(run, two_people, uninterrupted, tmp_path):
+    output = tmp_path / "out"
+    said = stop_when(start(two_people, output, 20), output / PARTS / "following.part", signal.SIGINT)
+    assert "Partial: made of the first" in " ".join(said.split())
+    result = posefuse.read_reconstruction(output / "reconstruction.nc")
+    assert 0 < result.n_frames < 60
+    assert result.n_frames % 20 == 0
+    assert result.provenance.notes[0].startswith(f"Partial: made of the first {result.n_frames} of 60 frames")
+    assert {event.number for event in result.events} <= set(result.frame_numbers.tolist())
+    assert "Partial: made of the first" in (output / "report.html").read_text("utf-8")
+    code, _, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    assert code == 0
+    assert contents(output) == contents(uninterrupted)
+
+
+@pytest.mark.long
+def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
+    other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
+    stop_when(start(other, output, 20), output / PARTS / "following.part", signal.SIGKILL)
+    code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
+    assert code == 0
+    assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
+    assert contents(output) == contents(uninterrupted)
+
+
+@pytest.mark.long
+def test_twenty_kills_of_five_minutes(tmp_path):
+    """At any moment: while people are followed, chunks are made, or files are written."""
+    recording = write(tmp_path / "recording", 300.0)
+    whole, output = tmp_path / "whole", tmp_path / "out"
+    begin = time.monotonic()
+    assert start(recording, whole, 256).wait(timeout=3600) == 0
+    took_s = time.monotonic() - begin
+    draw, kills = random.Random(0), 0
+    while kills < 20:
+        process = start(recording, output, 256)
+        try:
+            process.wait(timeout=draw.uniform(0.05, 0.5) * took_s)
+            # It was faster than it was to be killed: it begins anew.
+            assert process.returncode == 0
+            assert contents(output) == contents(whole)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            kills += 1
+    assert start(recording, output, 256).wait(timeout=3600) == 0
+    assert contents(output) == contents(whole)

@@ -1,0 +1,160 @@
+"""Files that announce gigabytes in a few bytes, are packed in themselves, or lead elsewhere: refused in a sentence."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy.io import savemat
+
+import posefuse
+from posefuse.errors import FileError
+from posefuse.io import matlab
+from posefuse.io.boards import read_board
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests import keypoint_files
+from tests.unit.io.test_keypoint_formats import some
+
+HUGE = 10**9
+
+
+@pytest.fixture(scope="module")
+def result():
+    scene = simulate(SceneOptions(skeleton="coco_17", duration_s=0.1, cameras=2, detector=CLEAN))
+    return scene.truth
+
+
+def announce(path: Path, name: str, shape: tuple[int, ...], **how) -> None:
+    """Put an array of that shape, of which nothing is stored, in the place of one."""
+    with h5py.File(path, "a") as file:
+        if name in file:
+            del file[name]
+        file.create_dataset(name, shape, np.float64, **({"chunks": (1,) * len(shape)} | how))
+
+
+def refused(path: Path, words: str = "would unfold to") -> None:
+    if path.name == "reconstruction.nc":
+        read = posefuse.read_reconstruction
+    elif path.name in ("points3d.h5", "points_dlc.h5", "movement.nc", "points.parquet"):
+        read = posefuse.read_points
+    else:
+        read = posefuse.read_detections
+    with pytest.raises(FileError, match=words) as error:
+        read(path)
+    assert path.name in str(error.value) or path.is_dir()
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "array"),
+    [
+        ("sleap", "points3d.h5", "tracks"), ("deeplabcut", "points_dlc.h5", "posefuse/covariance"),
+        ("deeplabcut", "points_dlc.h5", "df_with_missing/block0_values"), ("movement", "movement.nc", "position"),
+        ("netcdf", "reconstruction.nc", "frame_number"), ("netcdf", "reconstruction.nc", "anything"),
+    ],
+)  # fmt: skip
+def test_results_that_announce_gigabytes(form, name, array, result, tmp_path):
+    path = posefuse.write(result, tmp_path / name, form).files[0]
+    announce(path, array, (HUGE,))
+    refused(path)
+
+
+def test_a_chunk_of_an_array_that_is_read_by_ranges(result, tmp_path):
+    path = posefuse.write(result, tmp_path / "reconstruction.nc", "netcdf").files[0]
+    with h5py.File(path, "a") as file:
+        shape = (HUGE, *file["measured_position"].shape[1:])
+    announce(path, "another", shape, chunks=(1, *shape[1:]))
+    posefuse.read_reconstruction(path)
+    announce(path, "another", shape, chunks=(10**7, *shape[1:]))
+    refused(path)
+
+
+def test_keypoints_that_announce_gigabytes(tmp_path):
+    own = keypoint_files.own(some(), tmp_path / "own")
+    announce(own, "time_s", (HUGE, 2))
+    refused(own)
+    for writer, array, shape in (
+        (keypoint_files.sleap, "tracks", (2, 2, 17, HUGE)),
+        (keypoint_files.deeplabcut_h5, "df_with_missing/more", (HUGE,)),
+    ):
+        folder = writer(some(), tmp_path / writer.__name__)
+        announce(next(folder.iterdir()), array, shape)
+        refused(folder)
+    project = keypoint_files.slp(some(), tmp_path / "slp")
+    announce(project, "more", (HUGE,))
+    refused(project)
+
+
+def test_boards_that_announce_gigabytes(tmp_path):
+    announce(tmp_path / "calibration.metadata.h5", "detected_corners", (2, HUGE, 4, 2))
+    with pytest.raises(FileError, match="would unfold to"):
+        read_board(tmp_path / "calibration.metadata.h5", ("a", "b"))
+
+
+def test_arrays_that_are_packed_twice_or_lie_elsewhere(result, tmp_path):
+    path = tmp_path / "points3d.h5"
+
+    def fresh() -> h5py.File:
+        posefuse.write(result, path, "sleap")
+        return h5py.File(path, "a")
+
+    with fresh() as file:
+        plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plist.set_chunk((1000,))
+        plist.set_deflate(9)
+        plist.set_deflate(9)
+        h5py.h5d.create(file.id, b"more", h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple((1000,)), plist)
+    refused(path, "more is packed 2 times")
+    with fresh() as file:
+        file["more"] = h5py.ExternalLink("/etc/other.h5", "secret")
+    refused(path, "more leads to another file, '/etc/other.h5'")
+    with fresh() as file:
+        file.create_dataset("more", (100,), "i1", external=[("/etc/hostname", 0, 100)])
+    refused(path, "the numbers of more are in another file")
+    with fresh() as file:
+        layout = h5py.VirtualLayout((100,), "i1")
+        layout[:] = h5py.VirtualSource("/tmp/other.h5", "secret", (100,))
+        file.create_virtual_dataset("more", layout)
+    refused(path, "the numbers of more are in another file")
+    fresh().close()
+    assert posefuse.read_points(path).n_frames == result.n_frames
+
+
+def runs(rows: int, names: tuple[str, ...], kinds: dict[str, pa.Array]) -> pa.Table:
+    """A table of one value over and over."""
+    dictionary = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), pa.array([0.0]))
+    return pa.table({name: kinds.get(name, dictionary) for name in names})
+
+
+def test_parquet_of_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 10**7)
+    rows = 2 * 10**6
+    words = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, np.int32)), pa.array(["a"]))
+    columns = ("camera", "frame", "keypoint", "x_px", "y_px")
+    pq.write_table(runs(rows, columns, {"camera": words, "keypoint": words}), tmp_path / "tidy.parquet")
+    refused(tmp_path / "tidy.parquet")
+    pq.write_table(runs(rows, ("frame_index", "kps", "kps_scores"), {}), tmp_path / "table.parquet")
+    refused(tmp_path / "table.parquet")
+    pq.write_table(runs(rows, ("R", "T", "fx", "fy", "cx", "cy"), {}), tmp_path / "camera_params.parquet")
+    with pytest.raises(FileError, match="would unfold to"):
+        posefuse.read_cameras(tmp_path / "camera_params.parquet")
+    table = runs(rows, columns, {}).replace_schema_metadata({"posefuse": "{}"})
+    pq.write_table(table, tmp_path / "points.parquet")
+    refused(tmp_path / "points.parquet")
+
+
+def test_matlab_files_of_zeros(tmp_path, monkeypatch):
+    monkeypatch.setattr(matlab, "_LARGE_BYTES", 10**6)
+    savemat(tmp_path / "a.mat", {"params": np.zeros((1000, 1000))}, do_compression=True)
+    with pytest.raises(FileError, match=r"a variable of \d+ bytes unfolds to more than \d+"):
+        matlab.read_mat(tmp_path / "a.mat", ("params",))
+
+
+def test_pieces_of_a_file_that_is_only_long_are_read(tmp_path):
+    """Zeros pack well, and are no bomb where they are few."""
+    path = tmp_path / "zeros.npz"
+    np.savez_compressed(path, keypoints=np.zeros((2, 10**4, 17, 2)), names=["a", "b"], rate_hz=30.0)
+    assert path.stat().st_size * 200 < 2 * 10**4 * 17 * 2 * 8
+    assert posefuse.read_detections(path, "coco_17").n_frames == 10**4
