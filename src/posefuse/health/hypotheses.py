@@ -140,17 +140,6 @@ def promising(
                 yield one
 
 
-def left_over(system: System, accepted: Sequence[Unknown], every: Iterable[Hypothesis], effect: float) -> float:
-    """What is not explained about a view: the most that could be gained, or if that is less the penalty of it."""
-    before = solve(system, accepted)[2] if accepted else 0.0
-    most, worth = 0.0, 0.0
-    for group in _alike(every):
-        for one, gain in zip(group, _gains(system, accepted, group), strict=True):
-            told = _told(system, max(float(gain) - before, 0.0) / effect)
-            most, worth = max(most, told), max(worth, told - one.penalty)
-    return most - worth
-
-
 def _alike(every: Iterable[Hypothesis]) -> Iterable[list[Hypothesis]]:
     """Hypotheses about the same numbers, from one moment on or another."""
     groups: dict[tuple[int, ...], list[Hypothesis]] = {}
@@ -175,7 +164,7 @@ def _gains(system: System, accepted: Sequence[Unknown], group: Sequence[Hypothes
 def _told(system: System, raw: float) -> float:
     """What a likelihood ratio is worth whose variance is known from so many clusters only: it grows more slowly."""
     told = independent(system)
-    freedom = max(told - _SPENT, _LEAST_FREEDOM) + min(_POOLED, told)
+    freedom = max(told - _SPENT, _LEAST_FREEDOM)
     return freedom * float(np.log1p(raw / freedom))
 
 

@@ -49,6 +49,12 @@ class Points:
     scale: float
     scales: np.ndarray
 
+    @property
+    def cost(self) -> float:
+        """What views and points disagree: the negative log-likelihood, but for what is always the same."""
+        squared = np.square(self.residual[self.weight > 0]).sum(axis=-1)
+        return (0.5 * TAILS + 1.0) * float(np.log1p(squared / TAILS).sum())
+
 
 def solve_points(
     evidence: Evidence, state: State, sight: Sight, scale: float | None = None, start: np.ndarray | None = None

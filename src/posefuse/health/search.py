@@ -18,7 +18,6 @@ from posefuse.health.hypotheses import (
     Verdict,
     hypotheses,
     judge,
-    left_over,
     promising,
     solve,
     usual_effect,
@@ -150,17 +149,25 @@ class _Looker:
         good = _one_clock([verdict for verdict in verdicts if verdict.score > THRESHOLD])
         if not good:
             return None
-        rivals = _rivals(good)
-        if len(rivals) > 1:
-            # Far from what is believed straight lines mislead: each is fitted, and what is left over is compared.
-            tried = [(verdict, *self.fit(now, found, verdict)) for verdict in rivals]
-            best, accepted, looked = tried[_least_left(tried, self.evidence.n_views, free)]
-        else:
-            best = good[0]
-            accepted, looked = self.fit(now, found, best)
+        best, (accepted, looked) = self.fitting(now, found, _rivals(good))
         close = [v for v in good[1:] if v.score > _CLOSE * best.score and not _same(v, best)]
         accepted[-1] = replace(accepted[-1], rivals=tuple(_one_each(close)))
         return accepted, looked
+
+    def fitting(
+        self, now: Looked, found: list[Found], rivals: Sequence[Verdict]
+    ) -> tuple[Verdict, tuple[list[Found], Looked]]:
+        """Of the best hypothesis and its rivals the one that fits best, and its fit.
+
+        Far from what is believed straight lines mislead: each is fitted. They hold for clocks, and what fits is no
+        judge of these: between frames, where points are put on straight lines, errors average out.
+        """
+        if rivals[0].hypothesis.kind in CLOCKS:
+            return rivals[0], self.fit(now, found, rivals[0])
+        tried = [(v, self.fit(now, found, v)) for v in rivals if v.hypothesis.kind not in CLOCKS]
+        effect = min(usual_effect(looked.system, (), self.evidence.n_views) for _, (_, looked) in tried)
+        costs = [2.0 * looked.points.cost / effect + v.hypothesis.penalty for v, (_, looked) in tried]
+        return tried[int(np.argmin(costs))]
 
     def fit(self, now: Looked, found: list[Found], verdict: Verdict) -> tuple[list[Found], Looked]:
         """Everything accepted and one thing more, fitted together in a few steps."""
@@ -181,11 +188,7 @@ class _Looker:
 
 
 def _one_clock(good: Sequence[Verdict]) -> list[Verdict]:
-    """Of what may be wrong with one view's clock the likeliest only.
-
-    Straight lines hold for clocks. What fits is no judge of them: between frames, where points are put on straight
-    lines, errors average out, so that any view fits better half a frame off.
-    """
+    """Of what may be wrong with one view's clock the likeliest only."""
     out, clocks = [], {}
     for verdict in good:
         if verdict.hypothesis.kind in CLOCKS:
@@ -196,19 +199,6 @@ def _one_clock(good: Sequence[Verdict]) -> list[Verdict]:
         effect = min(verdict.effect for verdict in rivals)
         out.append(max(rivals, key=lambda v: v.raw / effect - v.hypothesis.penalty))
     return sorted(out, key=lambda verdict: -verdict.score)
-
-
-def _least_left(tried: Sequence[tuple[Verdict, list[Found], Looked]], views: int, free: Sequence[str]) -> int:
-    """Which of several fits costs least: its own penalty, and what is left over or the penalties of explaining that."""
-    effect = min(usual_effect(looked.system, (), views) for _, _, looked in tried)
-    costs = []
-    for verdict, found, looked in tried:
-        system = looked.system
-        accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
-        told = [v for v in range(views) if system.seen[v] > 0]
-        left = [left_over(system, accepted, hypotheses(system, v, free), effect) for v in told]
-        costs.append(verdict.hypothesis.penalty + sum(left))
-    return int(np.argmin(costs))
 
 
 def _within(unknowns: Sequence[Unknown], values: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from posefuse.arrays import ranges
 from posefuse.health.evidence import Evidence
 from posefuse.model.cameras import Camera, rotation_from_vector
 
+_LEAST_STRETCH = 0.2
 _FEWEST_FRONT = 0.05
 _NEAR = 0.02
 """Times within this share of a frame are the frame's."""
@@ -211,7 +212,10 @@ def look_one(evidence: Evidence, state: State, view: int) -> Sight:
     bend = state.bend[:, view][:, None]
     straightened = at / (1.0 + bend * radius2)[..., None]
     at = at / (1.0 + bend * np.square(straightened).sum(axis=-1))[..., None]
-    return Sight(at, per_px / focal.mean(axis=-1) / scale, confidence)
+    # What is bent inwards towards the edge is stretched there, and its errors with it: by the root of the area.
+    bent = bend * np.square(at).sum(axis=-1)
+    stretch = 1.0 / np.sqrt(np.maximum(1.0 + bent, _LEAST_STRETCH) * np.maximum(1.0 + 3.0 * bent, _LEAST_STRETCH))
+    return Sight(at, stretch * per_px / focal.mean(axis=-1) / scale, confidence)
 
 
 def straight(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -105,6 +105,7 @@ def test_feet_on_one_spot_need_an_up_axis(walker, true_points):
         walker.truth.skeleton,
         keypoints=walker.truth.skeleton.keypoints[11:17],
         edges=(),
+        rigid=(),
         pairs=(),
         chains={},
         derived={},
