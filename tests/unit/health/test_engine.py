@@ -7,8 +7,9 @@ import pytest
 
 from posefuse.health.epipolar import Look, distances2, looks, table
 from posefuse.health.points import solve_points
-from posefuse.health.state import N_COLUMNS, Column, Image, State, look, sample_frames
+from posefuse.health.state import N_COLUMNS, Column, Image, State, look, sample_frames, straight
 from posefuse.health.system import derivatives, velocities
+from posefuse.model.cameras import LensModel
 from posefuse.synthetic.faults import plant
 
 from .conftest import evidence_of
@@ -43,6 +44,21 @@ def test_derivatives_are_those_of_the_state(looked, column):
     seen = points.weight[..., 1] > 0
     # What the inner parameters change is seen where the detection is, a few px from where the point is.
     assert np.median(np.abs(found - told)[seen]) < 0.02 * np.median(np.abs(told[seen])) + 1e-3
+
+
+def test_a_lacking_distortion_bends_and_stretches_as_the_lens_does(looked):
+    evidence, state, _ = looked
+    pinhole = evidence.rig.cameras[1]
+    bent = replace(pinhole, lens=LensModel.BROWN, distortion=(-0.2, 0.0, 0.0, 0.0, 0.0))
+    changes = np.zeros((len(state.frames), evidence.n_views, N_COLUMNS))
+    changes[:, 1, Column.BEND] = -0.2
+    sight = look(evidence, state.corrected(changes))
+    at, per_px = straight(bent, evidence.pixels[state.frames, 1])
+    seen = np.isfinite(sight.at[:, :, 1]).all(axis=-1)
+    radius = np.linalg.norm(at[seen], axis=-1)
+    assert radius.max() > 0.25
+    assert np.abs(sight.at[:, :, 1][seen] - at[seen]).max() < 2e-3
+    assert np.abs(sight.per_px[:, :, 1][seen] / per_px[seen] - 1.0).max() < 5e-3
 
 
 @pytest.mark.parametrize("turns", range(4))
