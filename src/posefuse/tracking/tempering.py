@@ -108,13 +108,30 @@ def _tell_one_again(
     information: np.ndarray,
     settings: Settings,
 ) -> None:
-    """Frame ``k`` of the same, by itself: where a shape begins or ends to be sought, and where rounding counts."""
+    """Frame ``k`` of the same, by itself: where a shape begins or ends to be sought, and where rounding counts.
+
+    Where a limb was set anew the filter knew less after the frame than before it. No share can be told of that: the
+    state is the filter's.
+    """
     seen = chosen(filtered, [k])
     said = what_was_said(chosen(filtered, [k - 1]), np.array([dt_s]), seen, settings)
     now = next_with(chosen(out, [k - 1]), dt_s, seen, said.curvature[0], said.gradient[0], share, settings)
+    if not _is_covariance(now, settings) and _is_covariance(seen, settings):
+        put(out, k, seen)
+        information[k] = 0.0
+        return
     put(out, k, now)
     turn = bone_axes(now, seen, settings)[0]
     information[k] = told * turn.T @ said.curvature[0] @ turn
+
+
+def _is_covariance(state: State, settings: Settings) -> bool:
+    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0]))
+    try:
+        np.linalg.cholesky(state.covariance[0][np.ix_(rows, rows)])
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def first_with(state: State, share: float, settings: Settings) -> State:

@@ -224,13 +224,36 @@ def test_it_is_what_dense_matrices_say_frame_by_frame(settings, rng, kept_from):
 
 
 def test_what_rounding_broke_is_told_by_itself(settings, rng):
-    """A covariance that is none ends the quick way; dense matrices make of it what they can."""
+    """A covariance that is none ends the quick way; after it the filter's own are taken up again."""
     states = filtered(settings, 12, rng, turn=0.05)
     states.covariance[6, 3, 3] *= -1.0
     share, told = np.full((2, 12), 0.5)
     first = first_with(chosen(states, [0]), 0.5, settings)
     given = states, times(12), share, told, first, settings
-    close(tell_again(*given)[0], reference.tell_again(*given)[0], 1e-7)
+    ours, theirs = tell_again(*given)[0], reference.tell_again(*given)[0]
+    close(chosen(ours, range(7)), chosen(theirs, range(7)), 1e-7)
+    close(chosen(ours, [7]), chosen(states, [7]), 0.0)
+
+
+def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng):
+    states = filtered(settings, 40, rng)
+    limb = N - 2
+    states.covariance[32, limb:N] = states.covariance[32, :, limb:N] = 0.0
+    states.covariance[32, limb:N, limb:N] = 0.5 * np.eye(2)
+    velocities = np.arange(N + H + limb, N + H + N)
+    states.covariance[32, velocities] = states.covariance[32][:, velocities] = 0.0
+    states.covariance[32, velocities, velocities] = 4.0
+    share, told, time_s = np.full(40, 0.3), np.full(40, 4.0), times(40)
+    share[32] = 0.9
+    again, information = tell_again(
+        states, time_s, share, told, first_with(chosen(states, [0]), 0.3, settings), settings
+    )
+    rows = uncertain(N, H, bool(states.free[0]))
+    for each in (again, smooth_states(again, time_s, settings)):
+        for covariance in each.covariance:
+            np.linalg.cholesky(covariance[np.ix_(rows, rows)])
+    assert (information[32] == 0.0).all()
+    assert np.linalg.eigvalsh(information[1:]).min() > -1e-3 * np.abs(information).max()
 
 
 def test_told_all_of_it_again_the_filter_finds_what_it_found(settings, rng):
