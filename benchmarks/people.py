@@ -93,7 +93,10 @@ class Run:
 
 def scene_of(options: CrowdOptions) -> CrowdScene:
     """A scene, simulated once."""
-    sources = sorted((Path(posefuse.__file__).parent / "synthetic").glob("*.py"))
+    # Scenes are pickled: what they are made of counts as well as how.
+    sources = sorted(
+        file for folder in ("synthetic", "model") for file in (Path(posefuse.__file__).parent / folder).glob("*.py")
+    )
     version = hashlib.sha256(b"".join(path.read_bytes() for path in sources) + repr(options).encode()).hexdigest()[:16]
     file = Path(tempfile.gettempdir()) / "posefuse-benchmarks" / f"{options.scenario}-{options.seed}-{version}.pkl"
     if file.exists():
