@@ -35,7 +35,7 @@ from posefuse.solving import BLOCK_FRAMES, Solver, clock_of, windows
 class Do(Protocol):
     """Does pieces side by side, in other processes or on other machines."""
 
-    def __call__(self, work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+    def __call__(self, work: Callable[[Path], None], pieces: Sequence[Path], /) -> None:
         """Have ``work`` done for each piece, until all are done."""
         ...
 

@@ -72,7 +72,7 @@ class Followed:
     @property
     def n_frames(self) -> int:
         """How many frames people were followed through."""
-        return len(self.tracks.state)
+        return self.tracks.state.shape[0]
 
     @property
     def skeleton(self) -> Skeleton:

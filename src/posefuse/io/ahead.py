@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -14,7 +14,7 @@ _AHEAD = 8
 """So many lots of so many files are in memory; more readers do not make it faster."""
 
 
-def contents(folder: Path, names: Sequence[str]) -> Iterator[bytes]:
+def contents(folder: Path, names: Sequence[str]) -> Generator[bytes]:
     """What is in files of a folder, one after another, in the order of the names.
 
     Raises:

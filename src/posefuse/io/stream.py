@@ -181,7 +181,7 @@ def numbers_or_null(values: np.ndarray) -> list[list[float] | None]:
     Args:
         values: shape (row, number).
     """
-    there = np.isfinite(values).all(axis=-1)
+    there = np.asarray(np.isfinite(values).all(axis=-1))
     if there.all():
         return values.tolist()
     return [row if known else None for row, known in zip(values.tolist(), there.tolist(), strict=True)]

@@ -54,9 +54,9 @@ def keep_posture(state: State, lately: Lately, alone: np.ndarray, dt_s: float, s
     if not state.turns.shape[1] or dt_s <= 0.0:
         return
     calm = float(tempering(np.array([dt_s]), _LASTS_S)[0])
-    for p in np.flatnonzero(alone & (lately.looked_s >= _ENOUGH_S)):
+    for p in np.flatnonzero(alone & (lately.looked_s >= _ENOUGH_S)).tolist():
         one = chosen(state, [p])
-        rows, off, variance = _leaning(one, lately, int(p))
+        rows, off, variance = _leaning(one, lately, p)
         told = rows.T / (calm * variance)
         see_of_pose(one, told @ rows, told @ off, settings)
         put(state, p, one)

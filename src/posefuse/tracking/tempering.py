@@ -78,7 +78,7 @@ def tell_again(
         states; 0 for the first, which is not gone into.
     """
     frames, size = len(time_s), settings.tree.n_pose + settings.tree.n_shape
-    out = State(*(each.copy() for each in filtered[:-2]), np.empty_like(filtered.covariance), filtered.free.copy())
+    out = State(*(each.copy() for each in filtered))
     put(out, 0, first)
     information = np.empty((frames, size, size))
     information[0] = 0.0

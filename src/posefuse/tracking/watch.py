@@ -33,8 +33,9 @@ class Watch:
     @classmethod
     def over(cls, n_views: int) -> "Watch":
         """Nothing known of any view."""
-        times_s = np.zeros((3, n_views))
-        return cls(*times_s, np.zeros(n_views, dtype=bool), np.zeros(n_views, dtype=np.int64))
+        expected_s, matched_s, shown_s = np.zeros((3, n_views))
+        refused, due = np.zeros(n_views, dtype=bool), np.zeros(n_views, dtype=np.int64)
+        return cls(expected_s, matched_s, shown_s, refused, due)
 
 
 def look_at(
