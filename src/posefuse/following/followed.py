@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.errors import OptionsError, choices
+from posefuse.following.kept import kept_tracks
 from posefuse.following.layer import model_layer
 from posefuse.following.stood import Known, Places, Stood
 from posefuse.model.cameras import CameraRig
@@ -85,12 +85,7 @@ class Followed:
         Raises:
             OptionsError: if there is nobody of a name.
         """
-        there = self.tracks.person_ids
-        for name in names:
-            if name not in there:
-                raise OptionsError(f"person: nobody is called {name!r}; there are {choices(there, 20)}.")
-        keep = [there.index(name) for name in names]
-        tracks = Tracks(names, np.asarray(self.tracks.detection)[:, keep], np.asarray(self.tracks.state)[:, keep])
+        tracks, keep = kept_tracks(self.tracks, names)
         cameras = self.history.settings.rig.names
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
         return replace(

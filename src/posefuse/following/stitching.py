@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.errors import OptionsError, choices
+from posefuse.following.kept import kept_tracks
 from posefuse.following.windows import Bodies, Seen
 from posefuse.model.life import OVER_TIME, Event
 from posefuse.model.reconstruction import Layer, Reconstruction
@@ -57,16 +57,12 @@ class Stitched:
         Raises:
             OptionsError: if there is nobody of a name.
         """
-        there = self.tracks.person_ids
-        for name in names:
-            if name not in there:
-                raise OptionsError(f"person: nobody is called {name!r}; there are {choices(there, 20)}.")
-        keep = [there.index(name) for name in names]
-        others = set(there) - set(names)
+        tracks, keep = kept_tracks(self.tracks, names)
+        others = set(self.tracks.person_ids) - set(names)
         place = {old: new for new, old in enumerate(keep)}
         return replace(
             self,
-            tracks=Tracks(names, np.asarray(self.tracks.detection)[:, keep], np.asarray(self.tracks.state)[:, keep]),
+            tracks=tracks,
             events=tuple(event for event in self.events if event.person not in others),
             columns=tuple(tuple(place.get(column, -1) for column in of_window) for of_window in self.columns),
             shape_m=self.shape_m[keep],
