@@ -1,0 +1,39 @@
+"""A kernel calls its own copies of what it is made of, whatever else the process has compiled."""
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.jit import kernel, step
+
+
+@step
+def _third(values, k):
+    return values[k] / 3.0 + values[k - 1]
+
+
+@kernel
+def _total(values):
+    total = 0.0
+    for k in range(1, len(values)):
+        total += _third(values, k)
+    return total
+
+
+@kernel
+def _total_of_a_copy(values):
+    return _total(values.copy())
+
+
+@pytest.mark.parametrize("compiled", [_total, _total_of_a_copy])
+def test_only_the_kernel_itself_is_seen_from_outside(compiled):
+    assert compiled(np.arange(5.0)) == pytest.approx(10.0 / 3.0 + 6.0)
+    (overload,) = compiled.overloads.values()
+    functions = overload.library._get_module_for_linking().functions
+    seen = {
+        function.name for function in functions if not function.is_declaration and function.linkage.name != "internal"
+    }
+    assert seen == {
+        overload.fndesc.llvm_func_name,
+        overload.fndesc.llvm_cpython_wrapper_name,
+        overload.fndesc.llvm_cfunc_wrapper_name,
+    }
