@@ -20,6 +20,7 @@ class OwnCopies(CompilerBase):
     """Numba's compiler, with kernels that keep what is linked into them to themselves."""
 
     def define_pipelines(self) -> list[Any]:
+        """The usual passes, and ours before the last."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.add_pass_after(_TakeClosedLibrary, AnnotateTypes)
         passes.finalize()
@@ -45,7 +46,7 @@ class _TakeClosedLibrary(LoweringPass):
     def __init__(self) -> None:
         super().__init__()
 
-    def run_pass(self, state: Any) -> bool:
+    def run_pass(self, state: Any) -> Any:
         state.library = _ClosedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return False
