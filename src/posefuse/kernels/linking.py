@@ -5,6 +5,9 @@ process holds another definition of that symbol already (the step compiled by it
 the linker takes that one. It is the same function with other roundings: what came out depended on whether this
 process had compiled the kernels or loaded them, and in which order. Copies that are internal to their kernel leave
 the linker no choice, and the optimiser more.
+
+They get names of their own as well: the linker keeps internal functions in the same table as others, and would hand
+one whose arguments the optimiser has changed to whoever asks for the function it is a copy of.
 """
 
 from typing import Any
@@ -34,6 +37,7 @@ class _ClosedLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
                 function.linkage = binding.Linkage.internal
+                function.name = f"{self.name}.{function.name}"
         super()._optimize_final_module()
 
 

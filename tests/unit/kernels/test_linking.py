@@ -1,5 +1,6 @@
 """A kernel calls its own copies of what it is made of, whatever else the process has compiled."""
 
+import numba
 import numpy as np
 import pytest
 
@@ -37,3 +38,15 @@ def test_only_the_kernel_itself_is_seen_from_outside(compiled):
         overload.fndesc.llvm_cpython_wrapper_name,
         overload.fndesc.llvm_cfunc_wrapper_name,
     }
+
+
+def test_a_function_that_is_no_kernel_finds_the_step_itself():
+    """Not the copy of a kernel, whose arguments the optimiser may have changed."""
+
+    @numba.njit
+    def plain(values):
+        return _third(values, 2) + _third(values, 3)
+
+    values = np.arange(5.0)
+    assert _total(values) > 0.0
+    assert plain(values) == pytest.approx(2.0 / 3.0 + 1.0 + 1.0 + 2.0)
