@@ -1,5 +1,6 @@
 """What is written is read back: everything where a format holds everything, else up to its stated digits."""
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.io.calibration import anipose
+from posefuse.errors import FileError
+from posefuse.io.calibration.read import find_format
+from posefuse.io.calibration.registry import CALIBRATIONS as REGISTRY
+from posefuse.io.calibration.write import write_as
+from posefuse.io.formats import by_name
 from posefuse.io.keypoints import native
 from posefuse.io.results import trc
 from posefuse.io.results.axes import y_up_from_world
@@ -115,18 +120,50 @@ def test_detections_are_lossless(seed, frames, views):
         assert posefuse.read_detections(path) == detections
 
 
-@given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), lens=st.sampled_from(LensModel))
+CALIBRATIONS = {"anipose": "calibration.toml", "pose2sim": "calibration.toml", "qualisys": "calibration.qca.txt"}
+OTHER_LENSES = {
+    "anipose": (),
+    "pose2sim": (LensModel.RATIONAL, LensModel.FISHEYE, LensModel.BROWN),
+    "qualisys": (LensModel.RATIONAL, LensModel.FISHEYE),
+}
+"""Which lenses the formats have no numbers for; of Pose2Sim's, those with k3."""
+
+
+@pytest.mark.parametrize("form", CALIBRATIONS)
+@given(
+    seed=seeds,
+    names=st.lists(words, min_size=1, max_size=12, unique=True),
+    lens=st.sampled_from(LensModel),
+    up=st.sampled_from([None, "y", "z", "z", "z"]),
+    said=st.lists(words, max_size=2),
+)
 @examples(25)
-def test_calibrations_keep_every_camera(seed, names, lens):
+def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
+    """Or say what they cannot hold, and write nothing."""
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
+    rig = replace(rig, up_axis=up, notes=tuple(said), left_out=tuple(said))
+    if form == "pose2sim" and lens is LensModel.BROWN and seed % 2:
+        rig = replace(rig, cameras=tuple(replace(c, distortion=(*c.distortion[:4], 0.0)) for c in rig.cameras))
+        lens = LensModel.PINHOLE
+    refused = lens in OTHER_LENSES[form] or (form != "anipose" and up != "z")
+    impossible = form == "qualisys" and any(
+        re.search(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]", x) for x in [*names, *said]
+    )
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "calibration.toml"
-        anipose.write(rig, path)
+        path = Path(folder) / CALIBRATIONS[form]
+        written = by_name(REGISTRY, form)
+        if refused or impossible:
+            with pytest.raises(FileError, match=f"{form}'s format"):
+                write_as(written, rig, path)
+            assert list(Path(folder).iterdir()) == []
+            return
+        write_as(written, rig, path)
+        assert find_format(path).name == form
         found = posefuse.read_cameras(path)
-    assert found.names == rig.names
+    assert (found.names, found.notes, found.left_out, found.up_axis) == (rig.names, rig.notes, rig.left_out, up)
     for a, b in zip(found.cameras, rig.cameras, strict=True):
         np.testing.assert_array_equal(a.matrix, b.matrix)
-        assert (a.lens, a.size_px) == (b.lens if lens is not LensModel.PINHOLE else a.lens, b.size_px)
+        assert (a.lens, a.size_px) == (b.lens if b.lens is not LensModel.PINHOLE else a.lens, b.size_px)
         assert a.distortion == b.distortion or not any((*a.distortion, *b.distortion))
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-12)
 
