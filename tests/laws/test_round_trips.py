@@ -18,7 +18,7 @@ from posefuse.io.calibration.registry import CALIBRATIONS as REGISTRY
 from posefuse.io.calibration.write import write_as
 from posefuse.io.formats import by_name
 from posefuse.io.keypoints import native
-from posefuse.io.results import trc
+from posefuse.io.results import c3d_reading, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
@@ -192,6 +192,11 @@ def test_trc_keeps_micrometres(seed, frames, up):
     assert found.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)
 
 
+def residuals_everywhere(content: ezc3d.c3d) -> np.ndarray:
+    """Shape (frame, point), as ezc3d reads them."""
+    return content["data"]["meta_points"]["residuals"][0].T
+
+
 @given(seed=seeds, frames=st.integers(1, 12), views=st.integers(1, 9))
 @examples(15)
 def test_c3d_keeps_what_it_says(seed, frames, views):
@@ -209,19 +214,33 @@ def test_c3d_keeps_what_it_says(seed, frames, views):
         path = Path(folder) / "someone.c3d"
         posefuse.write(result, path)
         content = ezc3d.c3d(str(path))
+        stored, other = posefuse.read_points(path), c3d_reading.read(path)
     places = result.frame_numbers - result.frame_numbers[0]
     found = content["data"]["points"][:3].transpose(2, 1, 0)[places]
     np.testing.assert_allclose(found, 1000.0 * points[:, 0], rtol=1e-6)
-    residuals = content["data"]["meta_points"]["residuals"][0].T[places]
+    given_sd = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
     missing, filled = np.isnan(points[:, 0, :, 0]), np.asarray(layer.source)[:, 0] == Source.FILLED
-    np.testing.assert_array_equal(residuals == -1.0, missing)
-    unknown = np.isnan(layer.sd_m[:, 0]).any(axis=-1)
-    np.testing.assert_array_equal((residuals == 0.0) & ~missing, (filled | unknown) & ~missing)
-    masks = content["data"]["meta_points"]["camera_masks"].transpose(2, 1, 0)[places].astype(bool)
-    used = is_used(np.asarray(layer.view_status)[:, 0]) if views <= 7 else np.zeros((frames, 4, 7), dtype=bool)
-    np.testing.assert_array_equal((masks & ~missing[..., None])[..., : used.shape[-1]], used & ~missing[..., None])
+    np.testing.assert_array_equal(residuals_everywhere(content) == -1.0, other.residual == -1.0)
+    np.testing.assert_array_equal(other.residual[places] == -1.0, missing)
+    told = ~(missing | filled | np.isnan(given_sd))
+    np.testing.assert_allclose(other.residual[places][told], np.clip(given_sd[told], 0.1, 25.5), atol=0.0501)
+    assert (other.residual[places][~told & ~missing] == 0.0).all()
+    used = is_used(np.asarray(layer.view_status)[:, 0]) & ~(missing | filled)[..., None]
+    bits = np.zeros((frames, 4, 7), dtype=bool)
+    bits[..., :views] = used if views <= 7 else False
+    np.testing.assert_array_equal(other.cameras[places], bits)
     assert content["parameters"]["POINT"]["RATE"]["value"][0] == pytest.approx(result.rate_hz, rel=1e-6)
     assert content["parameters"]["POINT"]["LABELS"]["value"] == list(result.skeleton.keypoints)
+    np.testing.assert_allclose(stored.points_m[places][:, 0], points[:, 0], rtol=1e-6)
+    np.testing.assert_array_equal(np.isnan(stored.points_m[..., 0][:, 0]), residuals_everywhere(content) == -1.0)
+    assert (stored.keypoints, stored.person_ids, stored.unit) == (result.skeleton.keypoints, ("someone",), "m")
+    assert (stored.layer, stored.rate_hz) == ("measured", pytest.approx(result.rate_hz, rel=1e-6))
+    np.testing.assert_array_equal(stored.frame_numbers[places], result.frame_numbers)
+    np.testing.assert_allclose(stored.time_s, stored.frame_numbers / stored.rate_hz)
+    if views <= 7:
+        np.testing.assert_array_equal(stored.n_views[places][:, 0], used.sum(axis=-1))
+    else:
+        assert stored.n_views is None
 
 
 @given(
