@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.io.results import c3d_reading
 from posefuse.io.keypoints import native
+from posefuse.io.results import c3d_reading
 from posefuse.model.status import Source
 
 SHORT = ("--end-s", "0.6")
