@@ -1,10 +1,10 @@
 """C3D, by ezc3d: a file a person, mm, world axes, missing points with residual -1.
 
-A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25); that of a
-filled point is 0, by which the standard tells points that were not measured. Up to
-seven views set the standard's camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
+A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25.5); that of
+a filled point is 0, by which the standard tells points that were not measured. Up to seven views set the standard's
+camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
 More than 65,535 frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs that do not know
-it (ezc3d among them) read the first 65,535.
+it (ezc3d among them) read the first 65,535. ``c3d_reading`` reads.
 """
 
 import struct
@@ -15,6 +15,8 @@ import numpy as np
 
 from posefuse.errors import ResultError
 from posefuse.io.files import replacing
+from posefuse.io.results.c3d_reading import matches as matches
+from posefuse.io.results.c3d_reading import read_points as read_points
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
@@ -49,8 +51,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     point["LABELS"]["value"] = list(names)
     point["SCALE"]["value"] = [-_RESIDUAL_STEP_MM]
     points = np.full((4, len(names), n_rows), np.nan)
-    residuals = np.full((1, len(names), n_rows), -1.0)
-    bits = np.zeros((_CAMERA_BITS, len(names), n_rows), dtype=bool)
+    words = np.full((n_rows, len(names)), -1.0)
     index = result.person_ids.index(person)
     views = np.zeros(len(names))
     done = 0
@@ -59,16 +60,13 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         part_layer = part.layers[layer]
         xyz = np.asarray(part_layer.points_m)[:, index]
         points[:3, :, rows] = 1000.0 * np.moveaxis(xyz, 0, -1).transpose(1, 0, 2)
-        residuals[0][:, rows] = _residuals(part_layer, index).T
         used = is_used(np.asarray(part_layer.view_status)[:, index])
-        if used.shape[-1] <= _CAMERA_BITS:
-            bits[: used.shape[-1], :, rows] = np.moveaxis(used, 0, -1).transpose(1, 0, 2)
+        words[rows] = _words(part_layer, index, used)
         views += used.sum(axis=(0, 2))
         done += part.n_frames
     points[3] = 1.0
     content["header"]["points"]["first_frame"] = _first_frame(result)
     content["data"]["points"] = points
-    content["data"]["meta_points"] = {"residuals": residuals, "camera_masks": bits}
     content.add_parameter("POSEFUSE", "LAYER", [layer])
     _add_list(content, "VIEWS", list(result.rig.names))
     _add_list(content, "MEAN_VIEWS", (views / max(result.n_frames, 1)).tolist())
@@ -77,7 +75,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         _add_actual_fields(content, n_rows)
     with replacing(path) as temporary:
         content.write(str(temporary))
-        _write_header_scale(temporary)
+        _mend(temporary, words)
 
 
 def _first_frame(result: Reconstruction) -> int:
@@ -86,14 +84,24 @@ def _first_frame(result: Reconstruction) -> int:
     return first if first + result.n_frames < _FRAMES_OF_HEADER else 0
 
 
-def _residuals(layer: Layer, index: int) -> np.ndarray:
-    """Shape (frame, keypoint): standard deviation in mm, 0 where filled or unknown, -1 where missing."""
+def _words(layer: Layer, index: int, used: np.ndarray) -> np.ndarray:
+    """Shape (frame, keypoint): the format's fourth word of a point, -1 where missing.
+
+    Its high byte are the cameras, the first the lowest bit; its low byte is the standard deviation in steps of 0.1 mm,
+    0 where that is not known. Of points that were filled both are 0.
+
+    Args:
+        layer: the layer.
+        index: of the person.
+        used: shape (frame, keypoint, view).
+    """
     deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
-    # ezc3d cuts to whole steps: hand it the middle of the nearest. Zero would mean that nothing is known.
-    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 254)
-    told = np.isfinite(deviation) & (np.asarray(layer.source)[:, index] != Source.FILLED)
-    known = np.where(told, (steps + 0.01) * _RESIDUAL_STEP_MM, 0.0)
-    return np.where(layer.has_point[:, index], known, -1.0)
+    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 255)
+    n_views = used.shape[-1]
+    cameras = (used * 2 ** (8 + np.arange(n_views))).sum(axis=-1) if n_views <= _CAMERA_BITS else 0
+    told = np.where(np.isfinite(deviation), steps, 0.0) + cameras
+    filled = np.asarray(layer.source)[:, index] == Source.FILLED
+    return np.where(layer.has_point[:, index], np.where(filled, 0.0, told), -1.0)
 
 
 def _add_list(content: ezc3d.c3d, name: str, values: list[str] | list[float]) -> None:
@@ -102,11 +110,26 @@ def _add_list(content: ezc3d.c3d, name: str, values: list[str] | list[float]) ->
         content.add_parameter("POSEFUSE", name if part == 1 else f"{name}{part}", values[start : start + _LONGEST_AXIS])
 
 
-def _write_header_scale(path: Path) -> None:
-    """Put POINT:SCALE into the header too (bytes 12 to 15): ezc3d leaves -1 there, and strict readers compare."""
+def _mend(path: Path, words: np.ndarray) -> None:
+    """Write what ezc3d writes otherwise than the C3D user guide says.
+
+    The guide has cameras in the high byte of a point's fourth word, below the sign, and the residual in the low one;
+    ezc3d has them the other way round, so that other programs take residuals of more than 127 steps for missing points.
+    The header has no POINT:SCALE (bytes 12 to 15) but -1, and strict readers compare.
+
+    Args:
+        path: the file.
+        words: shape (frame, keypoint).
+    """
     with path.open("r+b") as file:
         file.seek(12)
         file.write(struct.pack("<f", -_RESIDUAL_STEP_MM))
+        file.seek(16)
+        (block,) = struct.unpack("<H", file.read(2))
+    if words.size:
+        stored = np.memmap(path, "<f4", "r+", (block - 1) * 512, (*words.shape, 4))
+        stored[..., 3] = words
+        stored.flush()
 
 
 def _add_screen(content: ezc3d.c3d, up: UpAxis | None) -> None:
