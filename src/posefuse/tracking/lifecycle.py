@@ -127,7 +127,9 @@ def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settin
     over: dict[int, str] = {}
     sound = np.isfinite(state.root).all(axis=1)
     for p, track in enumerate(tracks):
-        why = _why_forgotten(track, state, p, time_s, settings) if track.state == TrackState.LOST else ""
+        staying = track.sure and settings.options.population is not None
+        lost = track.state == TrackState.LOST and not staying
+        why = _why_forgotten(track, state, p, time_s, settings) if lost else ""
         if why:
             over[p] = why
         elif not sound[p]:

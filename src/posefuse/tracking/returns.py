@@ -20,41 +20,65 @@ _CLEAR = 1.0
 
 
 def who_returns(
-    tracks: list[Track], state: State, found: State, torso_m: np.ndarray, time_s: float, settings: Settings
+    tracks: list[Track],
+    state: State,
+    found: State,
+    torso_m: np.ndarray,
+    since_s: float,
+    time_s: float,
+    settings: Settings,
 ) -> tuple[int, str, str] | None:
-    """The lost person that a new one is, if that is likelier than that they are new.
+    """The lost person that a new one is, if that is likelier than that they are new, or nobody new can be.
+
+    Who is not lost yet, but has not been seen for as long as the new one is, may be them too.
 
     Args:
         tracks: of people known.
         state: theirs.
         found: of the new one.
         torso_m: shape (3,): where the new one is.
+        since_s: when the new one was first seen.
         time_s: now.
         settings: of the tracker.
 
     Returns:
         Their place, why, and, where another is nearly as likely, what makes that uncertain ("" where nothing does).
     """
-    odds, scale = {}, settings.tree.scale
-    room = _ROOM_M * scale
+    closed = all_are_known(tracks, settings)
+    odds = {}
     for p, track in enumerate(tracks):
-        if track.state != TrackState.LOST:
-            continue
-        away = float(np.linalg.norm(torso_m - track.lost_at_m))
-        reach = _REACH_M * scale + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
-        if away > reach:
-            continue
-        # Anywhere within reach, against anywhere in a room.
-        nearness = 3.0 * math.log(max(room / min(reach, room), 1.0))
-        odds[p] = nearness + same_body(settings, track, state, p, found, settings.options.births.min_age_s)
+        if track.state == TrackState.LOST or track.seen_s < since_s:
+            near = _nearness(track, torso_m, time_s, settings, closed)
+            if near > -math.inf:
+                odds[p] = near + same_body(settings, track, state, p, found, settings.options.births.min_age_s)
     if not odds:
         return None
     best = max(odds, key=lambda p: odds[p])
-    if odds[best] < settings.options.reacquire_log_odds:
+    if odds[best] < settings.options.reacquire_log_odds and not closed:
         return None
     others = [p for p in odds if p != best and odds[best] - odds[p] < _CLEAR]
     uncertain = f"{tracks[others[0]].name} is as likely" if others else ""
     return best, f"log odds {odds[best]:.1f} that it is them after {time_s - tracks[best].seen_s:.1f} s", uncertain
+
+
+def all_are_known(tracks: list[Track], settings: Settings) -> bool:
+    """Whether everybody there is has been seen, so that nobody is new."""
+    population = settings.options.population
+    return population is not None and sum(track.sure for track in tracks) >= population
+
+
+def _nearness(track: Track, torso_m: np.ndarray, time_s: float, settings: Settings, closed: bool) -> float:
+    """Log odds of somebody being so near to where they were lost: anywhere within reach, against anywhere in a room.
+
+    -inf for who is beyond reach, but where nobody is new.
+    """
+    scale = settings.tree.scale
+    room = _ROOM_M * scale
+    away = float(np.linalg.norm(torso_m - track.lost_at_m))
+    reach = _REACH_M * scale + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
+    if away > reach:
+        return -((away / reach) ** 2) if closed else -math.inf
+    return 3.0 * math.log(max(room / min(reach, room), 1.0))
 
 
 def same_body(settings: Settings, track: Track, state: State, p: int, found: State, looked_s: float) -> float:

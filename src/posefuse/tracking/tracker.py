@@ -14,16 +14,17 @@ from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
-from posefuse.tracking import audits, lifecycle
+from posefuse.tracking import audits, leaps, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
+from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.returns import all_are_known
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.silence import Silence, listen
 from posefuse.tracking.stages import Seen, Stages
@@ -125,6 +126,8 @@ class ArticulatedTracker:
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
         rows, swapped = self._match(frame)
+        self._let_leap(frame, rows, swapped, before, dt_s)
+        believe_most_labels(rows, swapped)
         self._hold_back_lost(rows)
         labels = self.labels = self._labels(rows, swapped)
         note_matches(
@@ -223,8 +226,37 @@ class ArticulatedTracker:
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
-        believe_most_labels(rows, found.swapped)
         return rows, found.swapped
+
+    def _let_leap(
+        self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float
+    ) -> None:
+        """Find those who are not where they were foretold but where they can have leapt, in place.
+
+        Args:
+            frame: the detections.
+            rows: shape (track, view), in and out.
+            swapped: shape (track, row, group), in and out.
+            before: states at the time of the last frame, if views differ in time; in and out.
+            dt_s: since then.
+        """
+        s, nobodys = self.settings, self._free(frame, rows)
+        of_view = np.bincount(frame.view[nobodys], minlength=len(s.rig)) > 0
+        active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
+        who = leaps.may_have(rows, of_view, active)
+        if not len(who):
+            return
+        nobodys[rows[who][rows[who] >= 0]] = True
+        proposals = self.propose(frame, nobodys)
+        for leap in leaps.leaps(who, rows, self.sight.points_m, proposals, dt_s, s):
+            p = leap.place
+            rows[p] = proposals.rows[leap.proposal]
+            for v in np.flatnonzero(rows[p] >= 0):
+                swapped[p, rows[p, v]] = proposals.swapped[leap.proposal, v]
+            put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
+            if before is not None:
+                put(before, p, leaps.leapt(before, leap, 0.0, s))
+            self.remembered[self.tracks[p].name] = []
 
     def _hold_back_lost(self, rows: np.ndarray) -> None:
         """One view alone does not move somebody who is lost."""
@@ -423,7 +455,9 @@ class ArticulatedTracker:
         if theirs:
             found = theirs[0], "others see them again, whom one camera had kept", ""
         else:
-            found = self.stages.distance.returning(self.tracks, self.state, state, seen, self.time_s, s)
+            found = self.stages.distance.returning(
+                self.tracks, self.state, state, seen, each.evidence[0].time_s, self.time_s, s
+            )
         if found is not None:
             p, why, uncertain = found
             track = self.tracks[p]
@@ -434,7 +468,7 @@ class ArticulatedTracker:
             self.events.append(Event(number, self.time_s, track.name, "returned", why))
             if uncertain:
                 self.events.append(Event(number, self.time_s, track.name, "identity uncertain", uncertain))
-        elif len(self.tracks) >= s.options.max_people:
+        elif len(self.tracks) >= s.options.max_people or all_are_known(self.tracks, s):
             return None
         else:
             self.names += 1
