@@ -291,7 +291,7 @@ class _Rovers:
         return bool(np.linalg.norm(self.goal_m[a] - self.place_m[a]) < 0.2 * self.body_m)
 
     def _stop(self, a: int, time_s: float) -> None:
-        self.runs[a], self.over[a] = False, 0.0
+        self.runs[a] = False
         self.until_s[a] = time_s + self.rng.exponential(1.5) + 0.2
 
     def _set_out(self, a: int, time_s: float) -> None:
@@ -318,6 +318,8 @@ class _Rovers:
         """Nobody stands where another does, but for those who climb; who does not move is not moved."""
         apart = self.place_m[:, None] - self.place_m[None]
         gap = np.linalg.norm(apart, axis=-1) + 9.0 * np.eye(len(apart))
+        # Who is on top of another stays so until they have got down.
+        self.over[~self.runs & (gap.min(axis=1) > _OVER * self.body_m)] = 0.0
         lack = np.maximum(0.0, _GAP * self.body_m - gap)
         lack[(self.over > 0)[:, None] | (self.over > 0)[None]] = 0.0
         push = (0.5 * lack[..., None] * apart / np.maximum(gap, 1e-9)[..., None]).sum(axis=1)

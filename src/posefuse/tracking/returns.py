@@ -13,6 +13,8 @@ from posefuse.tracking.settings import Settings
 
 _REACH_M = 0.7
 _ROOM_M = 4.0
+_TRUNK_M = 0.3
+"""By how much one look at a trunk differs from the next where little of it is seen."""
 _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
 _DEFINITION_M = 0.01
@@ -30,7 +32,7 @@ def who_returns(
 ) -> tuple[int, str, str] | None:
     """The lost person that a new one is, if that is likelier than that they are new, or nobody new can be.
 
-    Who is not lost yet, but has not been seen for as long as the new one is, may be them too.
+    Who is not lost yet, but has not been seen for half the time that the new one was, may be them too.
 
     Args:
         tracks: of people known.
@@ -47,7 +49,7 @@ def who_returns(
     closed = all_are_known(tracks, settings)
     odds = {}
     for p, track in enumerate(tracks):
-        if track.state == TrackState.LOST or track.seen_s < since_s:
+        if track.state == TrackState.LOST or time_s - track.seen_s > 0.5 * (time_s - since_s):
             near = _nearness(track, torso_m, time_s, settings, closed)
             if near > -math.inf:
                 odds[p] = near + same_body(settings, track, state, p, found, settings.options.births.min_age_s)
@@ -68,17 +70,23 @@ def all_are_known(tracks: list[Track], settings: Settings) -> bool:
 
 
 def _nearness(track: Track, torso_m: np.ndarray, time_s: float, settings: Settings, closed: bool) -> float:
-    """Log odds of somebody being so near to where they were lost: anywhere within reach, against anywhere in a room.
+    """Log odds of somebody being so near to where they were lost, against anywhere in a room.
 
-    -inf for who is beyond reach, but where nobody is new.
+    Either they went about as people mostly do, which leaves them somewhere near, or fast, anywhere within reach; one is as
+    likely as the other. -inf for who is beyond reach, but where nobody is new.
     """
-    scale = settings.tree.scale
+    motion, scale, gone_s = settings.options.motion, settings.tree.scale, time_s - track.seen_s
     room = _ROOM_M * scale
     away = float(np.linalg.norm(torso_m - track.lost_at_m))
-    reach = _REACH_M * scale + settings.options.motion.top_speed_m_s * (time_s - track.seen_s)
+    reach = _REACH_M * scale + motion.top_speed_m_s * gone_s
+    # As far as velocities that fade lead: Ornstein and Uhlenbeck.
+    fades = motion.root_decay_s * (1.0 - math.exp(-gone_s / motion.root_decay_s))
+    wandered = motion.root_acceleration * motion.root_decay_s**2 * (gone_s - fades)
+    sd = math.sqrt(wandered + (_TRUNK_M * scale) ** 2)
+    near = 3.0 * math.log(room / (math.sqrt(2.0 * math.pi) * sd)) - 0.5 * (away / sd) ** 2
     if away > reach:
-        return -((away / reach) ** 2) if closed else -math.inf
-    return 3.0 * math.log(max(room / min(reach, room), 1.0))
+        return near if closed else -math.inf
+    return float(np.logaddexp(near, 3.0 * math.log(max(room / min(reach, room), 1.0))) - math.log(2.0))
 
 
 def same_body(settings: Settings, track: Track, state: State, p: int, found: State, looked_s: float) -> float:
