@@ -50,7 +50,12 @@ def may_have(rows: np.ndarray, free: np.ndarray, may: np.ndarray) -> np.ndarray:
 
 
 def leaps(
-    who: np.ndarray, rows: np.ndarray, points_m: np.ndarray, proposals: Proposals, dt_s: float, settings: Settings
+    who: np.ndarray,
+    rows: np.ndarray,
+    points_m: np.ndarray,
+    gone_s: np.ndarray,
+    proposals: Proposals,
+    settings: Settings,
 ) -> list[Leap]:
     """Who is where free detections, and their own, propose somebody, whom more views show than show them.
 
@@ -58,22 +63,23 @@ def leaps(
         who: shape (who,), int64: places of those who may have leapt.
         rows: shape (track, view), int64: the detections of everybody.
         points_m: shape (track, keypoint, 3): where everybody is foretold to be.
+        gone_s: shape (who,): since when two views have not shown them.
         proposals: from these detections.
-        dt_s: since the last frame.
         settings: of the tracker.
     """
-    births = settings.options.births
-    within = births.gate_m + settings.options.motion.top_speed_m_s * dt_s
-    sure = (proposals.n_views >= 2) & (proposals.log_odds >= births.promote_log_odds)
+    births, motion = settings.options.births, settings.options.motion
     cost = np.full((len(who), len(proposals)), _FAR)
     shift = np.zeros((*cost.shape, 3))
     for i, p in enumerate(who):
-        for j in np.flatnonzero(sure & (proposals.n_views > max(int((rows[p] >= 0).sum()), 1))):
+        shown = np.count_nonzero(rows[p] >= 0)
+        # Who is seen by nobody has to be somewhere.
+        surely = proposals.log_odds >= (births.promote_log_odds if shown else 0.0)
+        for j in np.flatnonzero(surely & (proposals.n_views > max(shown, 1))):
             away = proposals.points_m[j] - points_m[p]
             both = np.isfinite(away[:, 0])
             if both.any():
                 apart = float(np.linalg.norm(away[both], axis=1).mean())
-                if apart < within:
+                if apart < births.gate_m + motion.top_speed_m_s * gone_s[i]:
                     cost[i, j], shift[i, j] = apart, np.median(away[both], axis=0)
     matches = zip(*linear_sum_assignment(cost), strict=True)
     return [Leap(int(who[i]), int(j), shift[i, j]) for i, j in matches if cost[i, j] < _FAR]

@@ -18,6 +18,8 @@ _TRUNK_M = 0.3
 _DEFINITION_SD = 0.03
 """By how much of its length a bone differs from one look at a body to the next."""
 _DEFINITION_M = 0.01
+_SPOILT = 0.1
+"""How often so short a look at somebody tells nothing of their bones, having shown two people as one for example."""
 _CLEAR = 1.0
 
 
@@ -52,7 +54,8 @@ def who_returns(
         if track.state == TrackState.LOST or time_s - track.seen_s > 0.5 * (time_s - since_s):
             near = _nearness(track, torso_m, time_s, settings, closed)
             if near > -math.inf:
-                odds[p] = near + same_body(settings, track, state, p, found, settings.options.births.min_age_s)
+                alike = same_body(settings, track, state, p, found, settings.options.births.min_age_s)
+                odds[p] = near + float(np.logaddexp(alike + math.log(1.0 - _SPOILT), math.log(_SPOILT)))
     if not odds:
         return None
     best = max(odds, key=lambda p: odds[p])

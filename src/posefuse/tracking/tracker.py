@@ -248,7 +248,8 @@ class ArticulatedTracker:
             return
         nobodys[rows[who][rows[who] >= 0]] = True
         proposals = self.propose(frame, nobodys)
-        for leap in leaps.leaps(who, rows, self.sight.points_m, proposals, dt_s, s):
+        gone_s = np.array([self.time_s - self.tracks[p].firm_s for p in who])
+        for leap in leaps.leaps(who, rows, self.sight.points_m, gone_s, proposals, s):
             p = leap.place
             rows[p] = proposals.rows[leap.proposal]
             for v in np.flatnonzero(rows[p] >= 0):
