@@ -104,13 +104,14 @@ def simulate_animals(options: AnimalOptions | None = None) -> CrowdScene:
 def animal_rig(n_cameras: int, arena_m: float) -> CameraRig:
     """Cameras of 1280 x 1024 around an arena that fills their images, low and high ones in turn."""
     width, height = _SIZE_PX
-    matrix = np.array([[_FOCAL_SHARE * width, 0, (width - 1) / 2], [0, _FOCAL_SHARE * width, (height - 1) / 2], [0, 0, 1]])
+    matrix = np.array(
+        [[_FOCAL_SHARE * width, 0, (width - 1) / 2], [0, _FOCAL_SHARE * width, (height - 1) / 2], [0, 0, 1]]
+    )
     angle = 2.0 * np.pi * np.arange(n_cameras) / n_cameras + 0.3
     high = np.where(np.arange(n_cameras) % 2, 1.3, 0.7)
     centres = arena_m * np.stack([1.5 * np.cos(angle), 1.5 * np.sin(angle), high], axis=1)
     cameras = tuple(
-        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(centre, np.zeros(3)))
-        for i, centre in enumerate(centres)
+        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(centre, np.zeros(3))) for i, centre in enumerate(centres)
     )
     return CameraRig(cameras, up_axis="z", source="simulated")
 
@@ -221,7 +222,9 @@ def _body(tree: Tree, size: float, way: _Way, rng: np.random.Generator) -> np.nd
     points = np.empty((n_steps, len(tree.nodes), 3))
     points[:, 0] = way.root_m
     for n, node in enumerate(tree.nodes[1:], 1):
-        place = np.array([own[s] * g if s >= 0 else p for s, g, p in zip(node.shape, node.sign, node.place_m, strict=True)])
+        place = np.array(
+            [own[s] * g if s >= 0 else p for s, g, p in zip(node.shape, node.sign, node.place_m, strict=True)]
+        )
         if node.is_bone:
             holder[n] = holder[node.parent]
             # Legs of either side take turns; what has no gait sways.

@@ -48,8 +48,7 @@ class Capsules:
 
 
 def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
-    """Torsos, heads and limbs around known keypoints; a skeleton without shoulders and hips has its edges, thick as its
-    size says.
+    """Torsos, heads and limbs around known keypoints; a skeleton without shoulders and hips has its edges.
 
     Args:
         points_m: shape (frame, person, keypoint, 3), NaN where absent.

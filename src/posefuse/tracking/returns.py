@@ -75,8 +75,8 @@ def all_are_known(tracks: list[Track], settings: Settings) -> bool:
 def _nearness(track: Track, torso_m: np.ndarray, time_s: float, settings: Settings, closed: bool) -> float:
     """Log odds of somebody being so near to where they were lost, against anywhere in a room.
 
-    Either they went about as people mostly do, which leaves them somewhere near, or fast, anywhere within reach; one is as
-    likely as the other. -inf for who is beyond reach, but where nobody is new.
+    Either they went about as people mostly do, which leaves them somewhere near, or fast, anywhere within reach; one is
+    as likely as the other. -inf for who is beyond reach, but where nobody is new.
     """
     motion, scale, gone_s = settings.options.motion, settings.tree.scale, time_s - track.seen_s
     room = _ROOM_M * scale

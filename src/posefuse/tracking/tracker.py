@@ -228,9 +228,7 @@ class ArticulatedTracker:
         self.explained = found.explained
         return rows, found.swapped
 
-    def _let_leap(
-        self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float
-    ) -> None:
+    def _let_leap(self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float) -> None:
         """Find those who are not where they were foretold but where they can have leapt, in place.
 
         Args:
