@@ -14,7 +14,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
-from posefuse.tracking import audits, leaps, lifecycle
+from posefuse.tracking import anew, audits, leaps, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
@@ -136,6 +136,7 @@ class ArticulatedTracker:
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
         keep_posture(self.state if before is None else before, self.lately, alone, dt_s, s)
+        self._begin_anew(frame, rows, before)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
@@ -153,6 +154,14 @@ class ArticulatedTracker:
         s = self.settings
         dt = np.full(len(state.root), max(dt_s, 0.0))
         predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+
+    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None) -> None:
+        """Begin where views show them with segments and bones of which nothing is known any more."""
+        which = anew.unknown(self.state, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
+        for p in np.flatnonzero(which.any(axis=1)):
+            points = self._points_shown(frame, rows[p])
+            for state in (self.state,) if before is None else (self.state, before):
+                anew.begin_anew(state, int(p), which[p], points, self.settings)
 
     def _put_right(
         self, frame: Frame, rows: np.ndarray, labels: np.ndarray, before: State | None, dt_s: float
@@ -255,7 +264,6 @@ class ArticulatedTracker:
             put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
             if before is not None:
                 put(before, p, leaps.leapt(before, leap, 0.0, s))
-            self.remembered[self.tracks[p].name] = []
 
     def _hold_back_lost(self, rows: np.ndarray) -> None:
         """One view alone does not move somebody who is lost."""
