@@ -113,7 +113,7 @@ class Followed:
         everywhere = np.arange(len(self.skeleton))
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
-            out.used[f, p] = person.run.used[seen]
+            out.used[f, p] = person.used[seen]
             body = person.body
             known = Known(body.directions[seen], body.angle_sd_deg[seen])
             out.put(person, (f, p), seen, everywhere, Places(0, 0, 0), known)

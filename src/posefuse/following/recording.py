@@ -26,6 +26,7 @@ _NEVER_S = 1e9
 _SURE_LOG_ODDS = 1e9
 _ANYWHERE = 1e9
 _NAME = "following"
+_BOOK = f"{_NAME}.book"
 _INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
 
 
@@ -115,7 +116,7 @@ class _Stage:
         spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
-        return cls(tracker, Book(History(body, spools[0]), parts))
+        return cls(tracker, Book(History(body, spools[0]), parts, keeper.spool(_BOOK)))
 
     @classmethod
     def kept(cls, keeper: Keeper) -> "_Stage | None":
@@ -125,11 +126,15 @@ class _Stage:
 
     def keep(self, keeper: Keeper) -> "_Stage":
         """Keep it; the same as whoever goes on from there has it."""
+        self.book.put_away()
         stage = keeper.put(_NAME, self)
         return stage if stage is self else stage.going_on(keeper)
 
     def going_on(self, keeper: Keeper) -> "_Stage":
-        """The same with its histories in the keeper's spools."""
+        """The same with its book and histories in the keeper's spools."""
+        spool = keeper.spool(_BOOK)
+        assert spool is not None
+        self.book.goes_on_in(spool)
         histories = (self.book.history, *self.book.parts)
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = keeper.spool(name)

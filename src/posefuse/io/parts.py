@@ -11,6 +11,7 @@ import json
 import os
 import pickle
 import shutil
+import tempfile
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
@@ -101,11 +102,13 @@ class Parts:
         packed = _packed(content)
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
         head = {"key": self.key, "sha256": hashlib.sha256(packed).hexdigest(), "size": len(content), "spools": spools}
-        self._begin()
+        self.begin()
         path = self._path(name)
-        temporary = path.with_suffix(".partial")
+        # Somebody else, on another machine too, may make the same part.
+        number, made = tempfile.mkstemp(".partial", f"{name}.", self.folder)
+        temporary = Path(made)
         try:
-            with temporary.open("wb") as file:
+            with os.fdopen(number, "wb") as file:
                 file.write(json.dumps(head, sort_keys=True).encode() + b"\n")
                 file.write(packed)
                 file.flush()
@@ -117,12 +120,21 @@ class Parts:
 
     def spool(self, name: str) -> "FileSpool":
         """A file at whose end values are added, of the part whose name is that before the first dot."""
-        self._begin()
+        self.begin()
         return FileSpool(self._spool_path(name))
 
     def within(self, name: str) -> "Parts":
         """Parts in a folder of their own."""
         return Parts(self.folder / name, self.key)
+
+    def begin(self) -> None:
+        """Make the folder, which says what it is of, if it is not there."""
+        if (self.folder / _MANIFEST).exists():
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        temporary = self.folder / f"{_MANIFEST}.partial"
+        temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
+        os.replace(temporary, self.folder / _MANIFEST)
 
     def remove(self) -> None:
         """All of them; nothing more will go on from them."""
@@ -136,14 +148,6 @@ class Parts:
 
     def _spool_sizes(self) -> dict[str, int]:
         return {file.stem: file.stat().st_size for file in sorted(self.folder.glob("*.spool"))}
-
-    def _begin(self) -> None:
-        if (self.folder / _MANIFEST).exists():
-            return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        temporary = self.folder / f"{_MANIFEST}.partial"
-        temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
-        os.replace(temporary, self.folder / _MANIFEST)
 
 
 def _key_in(folder: Path) -> str:
