@@ -9,7 +9,6 @@ import pytest
 import posefuse
 from posefuse.errors import FileError
 from posefuse.io.keypoints.names import skeleton_of, view_names
-from posefuse.io.pandas_tables import write_frame
 from tests import keypoint_files
 from tests.unit.io.test_keypoint_formats import some
 
@@ -129,17 +128,6 @@ def test_analysis_files_whose_axes_are_named(tmp_path):
                 content[name] = values
                 content[name].attrs["dims"] = json.dumps(dims)
     assert posefuse.read_detections(folder) == usual
-
-
-def test_predictions_in_the_fixed_layout(tmp_path):
-    """As movement and scripts write them with pandas."""
-    usual = posefuse.read_detections(keypoint_files.deeplabcut_many(some(), tmp_path / "csv"))
-    (tmp_path / "h5").mkdir()
-    for name, columns, numbers, values in keypoint_files._deeplabcut(some()):
-        with h5py.File(tmp_path / "h5" / f"trial_{name}_dlc.h5", "w") as file:
-            levels = ("scorer", "individuals", "bodyparts", "coords")
-            write_frame(file, "df_with_missing", levels, columns, np.asarray(numbers), [values])
-    assert posefuse.read_detections(tmp_path / "h5") == usual
 
 
 def test_names_in_meta_info_tell_the_skeleton(tmp_path):
