@@ -401,9 +401,9 @@ WRITERS: dict[str, Callable[[Detections, Path], Path]] = {
     writer.__name__: writer
     for writer in (
         openpose, mmpose, rtmlib, alphapose, coco_results, coco_annotations, easymocap, deeplabcut_many, deeplabcut_h5,
-        deeplabcut_fixed, label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder, replay_lines,
-        replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide, mediapipe_long,
-        opencap, eks,
+        deeplabcut_fixed, label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder,
+        replay_lines, replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide,
+        mediapipe_long, opencap, eks,
     )
 }  # fmt: skip
 
