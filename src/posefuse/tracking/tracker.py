@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
+from posefuse.kernels.articulated import USED, State, predict_people, update_people
 from posefuse.kernels.matching import match_views
 from posefuse.kernels.tally import believe_most_labels, label_keypoints, note_matches, note_off
 from posefuse.model.frames import Frame
@@ -22,12 +22,14 @@ from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.known_bodies import KnownBodies, tell_body
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
+from posefuse.tracking.pieces import hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.silence import Silence, listen
 from posefuse.tracking.stages import Seen, Stages
+from posefuse.tracking.standing import keep_floor, note_floor
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
@@ -129,19 +131,22 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
-        rows, swapped = self._match(frame)
-        self._hold_back_lost(rows)
+        rows, swapped, frame = self._match(frame)
         labels = self.labels = self._labels(rows, swapped)
         note_matches(
             rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
             self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
-        keep_posture(self.state if before is None else before, self.lately, alone, dt_s, s)
+        then = self.state if before is None else before
+        keep_posture(then, self.lately, alone, dt_s, s)
+        keep_floor(then, self.lately, alone, dt_s, s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
-        note_posture(self.state, self.lately, self.supported.sum(axis=1), dt_s)
+        shown = self.supported.sum(axis=1)
+        note_posture(self.state, self.lately, shown, dt_s)
+        note_floor(self.sight, self.lately, shown, dt_s, s)
         self._set_limbs_anew(frame, rows, uses, dt_s)
         self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
@@ -221,21 +226,18 @@ class ArticulatedTracker:
             return np.full((len(self.settings.skeleton), 3), np.nan)
         return proposals.points_m[int(proposals.n_views.argmax())]
 
-    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (track, view), and whose sides are exchanged (track, row, group)."""
+    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray, Frame]:
+        """Rows (track, view), whose sides are exchanged (track, row, group), and the frame with pieces joined."""
         s, views = self.settings, len(self.settings.rig)
         found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
+        lost = np.array([track.state == TrackState.LOST for track in self.tracks])
+        hold_back(rows, found.gain, lost, s.options)
         believe_most_labels(rows, found.swapped)
-        return rows, found.swapped
-
-    def _hold_back_lost(self, rows: np.ndarray) -> None:
-        """One view alone does not move somebody who is lost."""
-        for p, track in enumerate(self.tracks):
-            if track.state == TrackState.LOST and (rows[p] >= 0).sum() < self.settings.options.reacquire_views:
-                rows[p] = -1
+        frame = joined_pieces(frame, rows, found, s)
+        return rows, found.swapped, frame
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
@@ -427,6 +429,8 @@ class ArticulatedTracker:
         theirs = [held[int(row)] for row in seen.rows if int(row) in held]
         if theirs:
             found = theirs[0], "others see them again, whom one camera had kept", ""
+        elif self._is_taken(state):
+            return None
         else:
             found = self.stages.distance.returning(self.tracks, self.state, state, seen, self.time_s, s)
         if found is not None:
@@ -460,16 +464,21 @@ class ArticulatedTracker:
         self.remembered[track.name] = past
         return p, counted
 
+    def _is_taken(self, state: State) -> bool:
+        """Whether an active person's body is where this one is: two proposals may be of pieces of one person."""
+        active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
+        together, s = joined(chosen(self.state, active), state), self.settings
+        points = Sight.of(together, s.cameras[:0], s.body).points_m
+        away = np.linalg.norm(points[:-1] - points[-1], axis=-1)
+        return bool((np.nanmean(away, axis=1) < s.options.births.apart_m).any())
+
     def _bounds(self) -> Bounds:
         score, s = self.stages.score, self.settings
         return Bounds(score.begins_with(s), score.lost_below(s), score.sure_from(s))
 
     def _foreseen(self, cameras: np.ndarray) -> Sight:
         """Where everybody is, and where these cameras, none or all of them, see them."""
-        s = self.settings
-        sight = Sight.room(len(self.tracks), len(cameras), len(s.skeleton))
-        foresee_people(cameras, s.body, self.state, *sight.arrays)
-        return sight
+        return Sight.of(self.state, cameras, self.settings.body)
 
     def _follow_parts(self, frame: Frame, rows: np.ndarray, used: np.ndarray, sight: Sight, dt_s: float) -> None:
         """Follow hands and faces; where they are, and what counted of them, into ``sight`` and ``used``."""

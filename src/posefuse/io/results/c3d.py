@@ -1,10 +1,11 @@
 """C3D, by ezc3d: a file a person, mm, world axes, missing points with residual -1.
 
-A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25); that of a
-filled point is 0, by which the standard tells points that were not measured. Up to
-seven views set the standard's camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
+A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25.5); that of
+a filled point is 0, by which the standard tells points that were not measured. Up to seven views set the standard's
+camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
 More than 65,535 frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs that do not know
-it (ezc3d among them) read the first 65,535. ezc3d writes all but the points, which follow range by range.
+it (ezc3d among them) read the first 65,535. ezc3d writes all but the points, which follow range by range: it would hold
+them many times over, and it has cameras in the byte of the residual. ``c3d_reading`` reads.
 """
 
 import struct
@@ -18,6 +19,8 @@ import numpy as np
 
 from posefuse.errors import ResultError
 from posefuse.io.files import replacing
+from posefuse.io.results.c3d_reading import matches as matches
+from posefuse.io.results.c3d_reading import read_points as read_points
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
@@ -157,16 +160,19 @@ def _write_at(file: BinaryIO, place: int, content: bytes) -> None:
 def _words(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
     """A person's points as the file holds them, and how many views each rests on, shape (frame, keypoint).
 
-    Shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte is the residual in its steps and
-    whose low byte has a bit for each of the first seven cameras; of missing points 0, 0, 0, -1.
+    Shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte are the cameras, the first its
+    lowest bit, and whose low byte is the standard deviation in steps of 0.1 mm, 0 where not known. Of points that were
+    filled it is 0; missing points are 0, 0, 0, -1.
     """
     used = is_used(np.asarray(layer.view_status)[:, index])
-    bits = np.zeros(used.shape[:2], dtype=np.int64)
-    if used.shape[-1] <= _CAMERA_BITS:
-        bits = (used << np.arange(used.shape[-1])).sum(axis=-1)
-    words = np.empty((*bits.shape, 4), dtype="<f4")
+    deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
+    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 255)
+    n_views = used.shape[-1]
+    cameras = (used * 2 ** (8 + np.arange(n_views))).sum(axis=-1) if n_views <= _CAMERA_BITS else 0
+    filled = np.asarray(layer.source)[:, index] == Source.FILLED
+    words = np.empty((*filled.shape, 4), dtype="<f4")
     words[..., :3] = 1000.0 * np.asarray(layer.points_m)[:, index]
-    words[..., 3] = 256 * _residual_steps(layer, index) + bits
+    words[..., 3] = np.where(filled, 0.0, np.where(np.isfinite(deviation), steps, 0.0) + cameras)
     words[~layer.has_point[:, index]] = _MISSING
     return words, used.sum(axis=-1)
 
@@ -175,15 +181,6 @@ def _first_frame(result: Reconstruction) -> int:
     """The recording's own number of the first frame, where the header (16 bits) can hold it and the last."""
     first = int(result.frame_numbers[0])
     return first if first + result.n_frames < _FRAMES_OF_HEADER else 0
-
-
-def _residual_steps(layer: Layer, index: int) -> np.ndarray:
-    """Shape (frame, keypoint): standard deviation in steps of the residual, 0 where filled or unknown."""
-    deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
-    # Zero would mean that nothing is known.
-    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 254).astype(np.int64)
-    told = np.isfinite(deviation) & (np.asarray(layer.source)[:, index] != Source.FILLED)
-    return np.where(told, steps, 0)
 
 
 def _add_list(content: ezc3d.c3d, name: str, values: list[str] | list[float]) -> None:
