@@ -21,8 +21,8 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.following.followed import Followed
-from posefuse.following.stitching import Stitched, stitch
-from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
+from posefuse.following.stitching import Stitched, bodies_brought, stitch
+from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, look_through, windows_of
 from posefuse.io.parts import Parts
 from posefuse.measuring import Plan, context_frames, head_of, measure
 from posefuse.model.cameras import CameraRig
@@ -34,6 +34,7 @@ from posefuse.model.tracks import Tracks
 from posefuse.pipeline import prepare, who_is_followed
 from posefuse.progress import Progress, watched
 from posefuse.solving import BLOCK_FRAMES, Solver, clock_of, windows
+from posefuse.tracking.known_bodies import KnownBodies
 
 
 class Do(Protocol):
@@ -138,6 +139,12 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
     yield from watched(parts, n_frames, "putting together", progress)
 
 
+def look_piece(path: Path) -> None:
+    """Look through a window: who is there, and what their bodies are."""
+    parts, piece = _read(path)
+    parts.put(path.stem, look_through(*piece))
+
+
 def follow_piece(path: Path) -> None:
     """Follow everybody through a window."""
     parts, piece = _read(path)
@@ -169,10 +176,13 @@ def _followed(rig: CameraRig, detections: Detections, options: Options, team: Te
     rate_hz = 1.0 / clock_of(detections).period_s
     spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.forget_after_s)
 
-    def piece(window: Window) -> tuple[CameraRig, Detections, Options, Window]:
-        return rig, replace(detections.frames(window.first, window.last), skeleton=skeleton), fixed, window
+    def piece(window: Window, *known: KnownBodies) -> tuple[Any, ...]:
+        return rig, replace(detections.frames(window.first, window.last), skeleton=skeleton), fixed, window, *known
 
-    done = team.round(follow_piece, "followed", (partial(piece, window) for window in spans))
+    looked = team.round(look_piece, "looked", (partial(piece, window) for window in spans))
+    brought = bodies_brought([team.parts.get(name) for name in looked], detections)
+    pieces = (partial(piece, window, known) for window, known in zip(spans, brought, strict=True))
+    done = team.round(follow_piece, "followed", pieces)
     seen: list[Seen] = [team.parts.get(name)[0] for name in done]
     found = stitch(seen, detections.frame_numbers, _Bodies(team.parts, done))
     return found.only(options.person) if options.person else found

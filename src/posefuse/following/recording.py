@@ -20,6 +20,7 @@ from posefuse.model.options import Options
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
+from posefuse.tracking.known_bodies import KnownBodies
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
@@ -59,7 +60,12 @@ def follow_subject(
 
 
 def follow(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    keeper: Keeper = NOTHING,
+    known: KnownBodies | None = None,
 ) -> Followed:
     """Follow everybody through a recording.
 
@@ -69,12 +75,13 @@ def follow(
         options: of its reconstruction.
         progress: told how far the work is.
         keeper: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
+        known: bodies that somebody else found.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper)
+    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper, known)
     progress.start("following people", detections.n_frames)
     progress.advance(stage.done)
     times_s = _times(detections)
@@ -109,10 +116,12 @@ class _Stage:
     done: int = 0
 
     @classmethod
-    def first(cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper) -> "_Stage":
+    def first(
+        cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper, known: KnownBodies | None
+    ) -> "_Stage":
         """Before the first frame."""
         noise = rough_noise(rig, detections, options)
-        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options, known)
         spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
