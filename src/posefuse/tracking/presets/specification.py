@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from posefuse.arrays import frozen
-from posefuse.kernels.articulated import State, foresee_people
+from posefuse.kernels.articulated import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight
@@ -175,8 +175,9 @@ class PelvisDistance:
         return away if away <= settings.options.specification.cluster_gate else math.inf
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """Whoever is foretold nearest to the proposal, if near enough (C_reacq)."""
         lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
         if not lost:
@@ -222,9 +223,7 @@ def residuals_px(seen: Seen, state: State, settings: Settings) -> np.ndarray:
 
 
 def _foreseen(state: State, settings: Settings) -> Sight:
-    sight = Sight.room(len(state.root), len(settings.rig), len(settings.skeleton))
-    foresee_people(settings.cameras, settings.body, state, *sight.arrays)
-    return sight
+    return Sight.of(state, settings.cameras, settings.body)
 
 
 def _clipped(variance_px2: np.ndarray, view: np.ndarray, settings: Settings) -> np.ndarray:
