@@ -21,13 +21,13 @@ from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
-from posefuse.tracking.pieces import hold_back, joined_pieces
+from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.silence import Silence, listen
-from posefuse.tracking.stages import Seen, Stages
+from posefuse.tracking.stages import Likeness, Seen, Stages
 from posefuse.tracking.standing import keep_floor, note_floor
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
@@ -126,11 +126,12 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
-        rows, swapped, frame = self._match(frame)
-        labels = self.labels = self._labels(rows, swapped)
+        forget_swaps(self.lately.swapped, dt_s, s.options)
+        rows, found, frame = self._match(frame)
+        labels = self.labels = self._labels(rows, found.swapped)
         note_matches(
-            rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
-            self.lately.ids,
+            rows, found.swapped, found.swap_odds, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s,
+            self.lately.swapped, self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
         then = self.state if before is None else before
@@ -221,8 +222,8 @@ class ArticulatedTracker:
             return np.full((len(self.settings.skeleton), 3), np.nan)
         return proposals.points_m[int(proposals.n_views.argmax())]
 
-    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray, Frame]:
-        """Rows (track, view), whose sides are exchanged (track, row, group), and the frame with pieces joined."""
+    def _match(self, frame: Frame) -> tuple[np.ndarray, Likeness, Frame]:
+        """Rows (track, view), how well all go together, and the frame with pieces joined."""
         s, views = self.settings, len(self.settings.rig)
         found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
@@ -232,7 +233,7 @@ class ArticulatedTracker:
         hold_back(rows, found.gain, lost, s.options)
         believe_most_labels(rows, found.swapped)
         frame = joined_pieces(frame, rows, found, s)
-        return rows, found.swapped, frame
+        return rows, found, frame
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
