@@ -99,8 +99,13 @@ def must_unfold(path: Path, n_bytes: int) -> None:
     Raises:
         FileError: if it is a bomb: more than 256 MB, and two hundred times the file.
     """
-    if n_bytes > _LARGE_BYTES and n_bytes > _MOST_UNFOLDED * path.stat().st_size:
+    if n_bytes > most_unfolded(path):
         raise FileError(f"{path} ({path.stat().st_size} bytes) would unfold to {n_bytes} bytes; it is not read.")
+
+
+def most_unfolded(path: Path) -> int:
+    """How many bytes a packed file may unfold to: 256 MB, or two hundred times itself."""
+    return max(_LARGE_BYTES, _MOST_UNFOLDED * path.stat().st_size)
 
 
 def read_npz(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:

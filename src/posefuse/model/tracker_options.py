@@ -73,6 +73,8 @@ class MotionOptions:
         limb_decay_s: The same of limbs.
         limb_acceleration: Spectral density, rad^2 / s^3.
         shape_walk: By how much lengths wander, variance in m^2 / s.
+        leap_power: By how much larger these densities are for a moment where somebody leaps.
+        leap_s: For how long they have leapt before that shows.
         top_speed_m_s: How fast a person moves at most, to be found again.
     """
 
@@ -83,6 +85,8 @@ class MotionOptions:
     limb_decay_s: float = 0.3
     limb_acceleration: float = 60.0
     shape_walk: float = 1e-7
+    leap_power: float = 16.0
+    leap_s: float = 0.05
     top_speed_m_s: float = 3.0
 
 
@@ -177,6 +181,8 @@ class TrackerOptions:
             that ends there; both sides have one. Names are those of `pose_length` in a result.
         known_sd_m: How well these were measured.
         max_people: No more are followed at a time.
+        population: How many there are in all, where nobody comes in and goes out, as of animals in an arena: once all
+            have been seen, whoever appears is one of those who are lost. None where that is not known.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
@@ -225,6 +231,7 @@ class TrackerOptions:
     known_m: tuple[str, ...] = ()
     known_sd_m: float = 0.005
     max_people: int = 50
+    population: int | None = None
     smoother: Smoother = "full"
     lag_s: float = 0.3
     look_ahead_s: float = 2.0
@@ -240,6 +247,8 @@ class TrackerOptions:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
             if getattr(self, name) < 1:
                 raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        if self.population is not None and self.population < 1:
+            raise OptionsError(f"tracker.population must be at least 1, or left out, got {self.population}.")
         if self.preset not in PRESETS:
             raise OptionsError(f"No tracker.preset is called {self.preset!r}; there are {choices(PRESETS)}.")
         if self.smoother not in SMOOTHERS:
@@ -301,6 +310,7 @@ class TrackerOptions:
                 limb_decay_s=motion.limb_decay_s * slower,
                 limb_acceleration=motion.limb_acceleration / slower**3,
                 shape_walk=motion.shape_walk * scale**2,
+                leap_s=motion.leap_s * slower,
                 top_speed_m_s=motion.top_speed_m_s * scale / slower,
             ),
             specification=self.specification.in_proportion(scale),

@@ -155,8 +155,9 @@ class Distance(Protocol):
         ...
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """Which lost person a proposal is.
 
         Args:
@@ -164,6 +165,7 @@ class Distance(Protocol):
             state: theirs.
             born: the state of the body fitted to the proposal.
             seen: the proposal.
+            since_s: when what is proposed was first seen.
             time_s: now.
             settings: of the tracker.
 

@@ -175,8 +175,9 @@ class PelvisDistance:
         return away if away <= settings.options.specification.cluster_gate else math.inf
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """Whoever is foretold nearest to the proposal, if near enough (C_reacq)."""
         lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
         if not lost:

@@ -144,10 +144,11 @@ class TrunkDistance:
         return away if away < within else math.inf
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """By where they can have gone, and by their bones."""
-        return who_returns(tracks, state, born, seen.torso_m, time_s, settings)
+        return who_returns(tracks, state, born, seen.torso_m, since_s, time_s, settings)
 
 
 STAGES = Stages(PropagatedPrior(), LawfulNoise(), OddsScore(), TrunkDistance())
