@@ -222,8 +222,9 @@ def _head(plan: Plan) -> Reconstruction:
 def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
     """A measured range with the bodies of many."""
     subjects = plan.subjects
-    many = isinstance(subjects, Stitched) and plan.options.bodies != "none"
-    return subjects.with_bodies(part, start) if many else part
+    if isinstance(subjects, Stitched) and plan.options.bodies != "none":
+        return subjects.with_bodies(part, start)
+    return part
 
 
 def _with_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:

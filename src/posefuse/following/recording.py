@@ -94,10 +94,10 @@ def follow(
                 stage = stage.keep(keeper)
                 progress.advance(stop - start)
     except KeyboardInterrupt:
-        known = _Stage.kept(keeper)
-        if known is None or not keeper.keeps:
+        kept = _Stage.kept(keeper)
+        if kept is None or not keeper.keeps:
             raise
-        stage = known
+        stage = kept
         warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
     progress.finish()
     return stage.book.close(detections.between(0, stage.done) if stage.done < detections.n_frames else detections)
