@@ -30,8 +30,8 @@ _SIZE_PX, _FOCAL_PX = (1032, 776), 1060.0
 _PLACES_M = ((3.2, 2.6, 2.1), (-3.2, 2.6, 2.3), (-3.4, -2.5, 2.0), (3.1, -2.7, 2.2), (0.2, 3.9, 1.9))
 _HALF_ROOM_M, _LASTS_S, _PIECE_S = 1.3, 30.0, 0.5
 _FAULTS = CrowdFaults(
-    hidden_miss_share=0.6, hidden_confidence=0.4, hidden_error=1.8, visible_share=0.25, miss_share=0.08, merge_share=0.8,
-    merge_distance=0.25, duplicate_share=0.05, false_share=0.12,
+    hidden_miss_share=0.6, hidden_confidence=0.4, hidden_error=1.8, visible_share=0.25, miss_share=0.08,
+    merge_share=0.8, merge_distance=0.25, duplicate_share=0.05, false_share=0.12,
 )  # fmt: skip
 _LAW = DetectorOptions(outlier_share=0.04, miss_share=0.1, swap_share=0.012)
 
