@@ -1,7 +1,7 @@
 """What is foretold as badly as if it had never been seen is begun anew from where views show it.
 
-Where frames come more rarely than limbs turn, the last frame tells nothing of where a limb points. Small steps from there
-end anywhere: as with somebody new, the steps have to begin where the views themselves put the limb.
+Where frames come more rarely than limbs turn, the last frame tells nothing of where a limb points. Small steps from
+there end anywhere: as with somebody new, the steps have to begin where the views themselves put the limb.
 """
 
 import numpy as np

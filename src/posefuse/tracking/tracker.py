@@ -19,7 +19,6 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
-from posefuse.tracking.known_bodies import KnownBodies, tell_body
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
@@ -49,18 +48,14 @@ class ArticulatedTracker:
         settings: what it works with.
         propose: finds people among detections that are nobody's.
         stages: what presets differ in; those of the options' preset where they are left out.
-        known: bodies that somebody else found; nobody's where it is left out.
     """
 
-    def __init__(
-        self, settings: Settings, propose: Propose, stages: Stages | None = None, known: KnownBodies | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, propose: Propose, stages: Stages | None = None) -> None:
         self.stages = stages or stages_of(settings.options.preset)
         if not self.stages.prior.smoothable:
             settings = replace(settings, options=replace(settings.options, smoother="none"))
         self.settings = settings
         self.propose = propose
-        self.known = known
         self.tracks: list[Track] = []
         self.state = nobody(settings.tree)
         self.lately = self._unknown(0)
@@ -498,9 +493,6 @@ class ArticulatedTracker:
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
-            body = None if self.known is None else self.known.of(number, seen.rows)
-            if body is not None:
-                tell_body(body, track, self.state, p, self.time_s, self.parts)
             views = f"{seen.n_views} cameras"
             self.events.append(
                 Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
