@@ -146,7 +146,7 @@ class ArticulatedTracker:
         then = self.state if before is None else before
         keep_posture(then, self.lately, alone, dt_s, s)
         keep_floor(then, self.lately, alone, dt_s, s)
-        self._begin_anew(frame, rows, before)
+        self._begin_anew(frame, rows, before, dt_s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
@@ -167,11 +167,13 @@ class ArticulatedTracker:
         dt = np.full(len(state.root), max(dt_s, 0.0))
         predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
 
-    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None) -> None:
+    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None, dt_s: float) -> None:
         """Begin where views show them with segments and bones of which nothing is known any more."""
-        which = anew.unknown(self.state, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
+        which = anew.unknown(self.state, dt_s, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
         for p in np.flatnonzero(which.any(axis=1)):
             points = self._points_shown(frame, rows[p])
+            if not np.isfinite(points).any():
+                continue
             for state in (self.state,) if before is None else (self.state, before):
                 anew.begin_anew(state, int(p), which[p], points, self.settings)
 
