@@ -23,7 +23,7 @@ from scipy.stats import chi2
 import posefuse
 from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
-from posefuse.evaluation.people import PeopleScores, score_people
+from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
 from posefuse.evaluation.together import PeoplePoints
 from posefuse.following import tracker_of, usual_noise
 from posefuse.model.frames import Frame
@@ -120,13 +120,16 @@ def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracke
     return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
 
 
-def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = False) -> Run:
+def follow(
+    scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = False, scoring: ScoringOptions | None = None
+) -> Run:
     """Follow everybody, frame by frame.
 
     Args:
         scene: what is followed.
         tracker: that has not followed anything yet.
         smoothed: whether people are scored as all frames together have them, in the frames in which they were active.
+        scoring: what is asked of the scores.
     """
     told: list[People] = []
     history = History(tracker.settings)
@@ -144,7 +147,7 @@ def follow(scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = F
     data = _points(scene, _smoothed(history, told, numbers) if smoothed else told)
     bumped = [span.view for span in scene.spans if span.what == "bumped" and span.view is not None]
     return Run(
-        score_people(data),
+        score_people(data, scoring or ScoringOptions()),
         is_right(data),
         events,
         tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),

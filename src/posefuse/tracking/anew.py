@@ -41,6 +41,8 @@ def begin_anew(state: State, p: int, which: np.ndarray, points_m: np.ndarray, se
         points_m: shape (keypoint, 3): where the views show the body's points, NaN where they do not.
         settings: of the tracker.
     """
+    if not np.isfinite(points_m).any():
+        return
     tree, segments = settings.tree, len(settings.tree.segments)
     shown = bones_shown(tree, points_m)
     bones = np.flatnonzero(which[segments:] & np.isfinite(shown).all(axis=1))

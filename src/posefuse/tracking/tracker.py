@@ -454,7 +454,7 @@ class ArticulatedTracker:
     def _believe(self, each: Tentative, number: int, held: dict[int, int]) -> tuple[int, np.ndarray] | None:
         """Begin to follow somebody, under a new name or that of somebody lost; their place, and what counted.
 
-        None where no body fits what was seen.
+        None where no body fits what was seen, or somebody's is there already.
 
         Args:
             each: the one who is believed.
@@ -495,10 +495,8 @@ class ArticulatedTracker:
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
-            views = f"{seen.n_views} cameras"
-            self.events.append(
-                Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
-            )
+            why = f"seen by {seen.n_views} cameras, {error:.1f} sigma off"
+            self.events.append(Event(number, self.time_s, track.name, "born", why))
         track.state, track.lost_at_m = TrackState.ACTIVE, seen.torso_m
         track.seen_s = track.firm_s = self.time_s
         track.log_odds = bounds.begins_with
