@@ -35,14 +35,27 @@ from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.weights import weighed
 from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent
-from posefuse.settled import cut_time, settle_method, settle_min_views, settle_pairs, settle_people, settle_solve
+from posefuse.settled import (
+    cut_time,
+    settle_chunks,
+    settle_method,
+    settle_min_views,
+    settle_pairs,
+    settle_people,
+    settle_solve,
+)
 from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
 from posefuse.triangulation import noise as noise_scale
 
 
 def reconstruct(
-    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
+    rig: CameraRig,
+    detections: Detections,
+    options: Options | None = None,
+    *,
+    progress: Progress | None = None,
+    keeper: Keeper = NOTHING,
 ) -> Reconstruction:
     """Reconstruct people in 3D from calibrated views.
 
@@ -51,6 +64,8 @@ def reconstruct(
         detections: 2D keypoints.
         options: what to do; the defaults suit one person.
         progress: told how far the work is.
+        keeper: keeps finished parts of long work (:class:`posefuse.io.parts.Parts`), from which the same call goes on
+            after it was ended.
 
     Returns:
         The reconstruction, in memory.
@@ -59,8 +74,8 @@ def reconstruct(
         MatchError: if views and cameras do not belong together.
         DetectionsError: if the detections do not allow what the options ask for.
     """
-    plan = prepare(rig, detections, options or Options(), progress or Silent())
-    return gathered(reconstruct_chunks(plan, progress or Silent()), plan.detections.n_frames)
+    plan = prepare(rig, detections, options or Options(), progress or Silent(), keeper)
+    return gathered(reconstruct_chunks(plan, progress or Silent(), keeper), plan.detections.n_frames)
 
 
 def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:
@@ -181,7 +196,7 @@ def look(
     detections = align_views(detections, options.reference_view)
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    options = settle_people(options, detections, len(rig))
+    options = settle_chunks(settle_people(options, detections, len(rig)), detections)
     step = None if options.sync.does_nothing else retiming.in_step(detections, rig.names, options.sync)
     if step is not None:
         detections, notes = step.detections, (*notes, *step.notes)

@@ -21,7 +21,7 @@ _HIPS = 2.0 / 3.0
 _DESIGN = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, -1.0, 0.0], [1.0, -1.0, _HIPS, 1.0], [1.0, -1.0, -_HIPS, -1.0]])
 # Of c nothing is known.
 _SIZES_M = np.array([100.0, 0.26, 0.2, 0.07])
-# Of a landmark, whatever its rays say: detectors do not agree on where a hip is.
+# Of a landmark, whatever its rays say: detectors do not agree on where a hip is. Of a human.
 _FLOOR_M = 0.02
 
 
@@ -44,10 +44,11 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
             points_m, np.ascontiguousarray(covariance_m2), chosen, _DESIGN, _SIZES_M, _FLOOR_M, middles, spreads
         )
         return middles, spreads
-    return _middle(points_m[:, skeleton.core_indices])
+    floor_m = _FLOOR_M * (1.0 if skeleton.tree is None else skeleton.tree.scale)
+    return _middle(points_m[:, skeleton.core_indices], floor_m)
 
 
-def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _middle(points: np.ndarray, floor_m: float) -> tuple[np.ndarray, np.ndarray]:
     """The median of the points, axis by axis, as well known as their scatter says."""
     seen = np.asarray(np.isfinite(points).all(axis=-1))
     out, spread = np.full((len(points), 3), np.nan), np.full((len(points), 6), np.nan)
@@ -55,7 +56,7 @@ def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if seen[i].any():
             own = points[i, seen[i]]
             out[i] = np.median(own, axis=0)
-            variance = np.mean((own - out[i]) ** 2) + _FLOOR_M**2
+            variance = np.mean((own - out[i]) ** 2) + floor_m**2
             # The median of n normal numbers varies by pi / 2 of what their mean does.
             spread[i] = six(np.eye(3) * variance * np.pi / 2.0 / len(own))
     return out, spread

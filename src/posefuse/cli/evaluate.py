@@ -47,6 +47,13 @@ def evaluate(
     entry_s: Annotated[
         float, Parameter(help="Of many people: recall is also counted without so long after each entry.")
     ] = 0.4,
+    gate_m: Annotated[
+        tuple[float, ...],
+        Parameter(
+            help="Of many people: how far, on average over the keypoints, a match may be; the first counts. By default "
+            "0.5 and 0.25 for bodies of 1.75 m, and in proportion."
+        ),
+    ] = (),
     states: Annotated[
         tuple[StateName, ...],
         Parameter(help="Count people only while they are so; by default wherever they have points."),
@@ -93,7 +100,11 @@ def evaluate(
 
 
 def compare(
-    result: Reconstruction, files: tuple[Path, ...], head_rule: HeadRule = "none", entry_s: float = 0.4
+    result: Reconstruction,
+    files: tuple[Path, ...],
+    head_rule: HeadRule = "none",
+    entry_s: float = 0.4,
+    gates_m: tuple[float, ...] = (),
 ) -> "Accuracy | PeopleScores":
     """The accuracy of one person against a truth file of one, or the scores of many."""
     from posefuse.evaluation import accuracy, people
@@ -101,7 +112,7 @@ def compare(
     data = people_of(result, files)
     if data is None:
         return accuracy.evaluate(result, truth_finder(files[0])(result))
-    return people.score_people(data, people.ScoringOptions(entry_s=entry_s, head_rule=head_rule))
+    return people.score_people(data, people.ScoringOptions(gates_m or None, entry_s=entry_s, head_rule=head_rule))
 
 
 def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints | None":

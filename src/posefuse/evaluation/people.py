@@ -38,28 +38,36 @@ from posefuse.evaluation.motion import Jitter, bone_spreads, jitter
 from posefuse.evaluation.parts import PartScores, part_scores, pck
 from posefuse.evaluation.together import Bodies, PeoplePoints
 
+_GATES_M, _PCK_M = (GATE_M, 0.25), (0.05, 0.1, 0.15)
+
 
 @dataclass(frozen=True)
 class ScoringOptions:
     """What is asked of the scores.
 
     Attributes:
-        gates_m: the farthest a match may be; the first is used for everything but the counts of the others.
+        gates_m: the farthest a match may be; the first is used for everything but the counts of the others. By default
+            0.5 and 0.25 m, in proportion for bodies of another size than an adult human's.
         entry_s: recall is also counted without this time after each entry of a person.
-        pck_m: distances at which keypoints are correct.
+        pck_m: distances at which keypoints are correct; by default 5, 10 and 15 cm, in proportion likewise.
         head_rule: of PCP.
     """
 
-    gates_m: tuple[float, ...] = (GATE_M, 0.25)
+    gates_m: tuple[float, ...] | None = None
     entry_s: float = 0.4
-    pck_m: tuple[float, ...] = (0.05, 0.1, 0.15)
+    pck_m: tuple[float, ...] | None = None
     head_rule: HeadRule = "none"
 
     def __post_init__(self) -> None:
-        if not self.gates_m or min(self.gates_m) <= 0:
+        if self.gates_m is not None and (not self.gates_m or min(self.gates_m) <= 0):
             raise ResultError(f"gates_m: expected one distance or more, each above 0 m, got {self.gates_m}.")
         if not self.entry_s >= 0:
             raise ResultError(f"entry_s: expected 0 s or more, got {self.entry_s}.")
+
+    def distances_m(self, scale: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Gates, and distances of PCK, for bodies so large next to an adult human; two digits of those not given."""
+        gates, pck = (tuple(float(f"{scale * each:.2g}") for each in usual) for usual in (_GATES_M, _PCK_M))
+        return self.gates_m or gates, self.pck_m or pck
 
 
 @dataclass(frozen=True)
@@ -150,14 +158,15 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
     if not truth_here.any():
         raise ResultError("The truth has nobody in these frames; are result and truth of the same recording?")
     apart = mean_distances_m(data.points_m, data.truth_m)
-    gates = [matches_of(apart, here, truth_here, gate) for gate in options.gates_m]
-    first, gate = gates[0], options.gates_m[0]
+    gates_m, pck_m = options.distances_m(data.scale)
+    gates = [matches_of(apart, here, truth_here, gate) for gate in gates_m]
+    first, gate = gates[0], gates_m[0]
     ours = followed(data.points_m, first.person)
     errors_mm = 1000.0 * np.linalg.norm(ours - data.truth_m, axis=-1)
     squares = _squares(data, first, ours - data.truth_m)
     keypoints = data.skeleton.keypoints
     spreads = bone_spreads(data.points_m, data.skeleton.edge_indices)
-    shares = pck(ours, data.truth_m, options.pck_m)
+    shares = pck(ours, data.truth_m, pck_m)
     clear = tuple(clear_scores(each) for each in gates)
     scores = PeopleScores(
         layer=data.layer,
@@ -176,7 +185,7 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
         mpjpe_mm=_mean(errors_mm),
         median_mm=_median(errors_mm),
         mpjpe_mm_of={name: _mean(errors_mm[..., k]) for k, name in enumerate(keypoints)},
-        pck={f"{limit:g}": share for limit, share in zip(options.pck_m, shares, strict=True)},
+        pck={f"{limit:g}": share for limit, share in zip(pck_m, shares, strict=True)},
         parts=_parts(data, options.head_rule),
         jitter=_jitter(data, first, ours),
         bone_variation=_median(spreads),

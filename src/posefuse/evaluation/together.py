@@ -45,6 +45,7 @@ class PeoplePoints:
         matched_by: how frames were put together.
         whole: result and truth with all keypoints each has, of the same frames and people: parts need the nose and ears
             of the one and the head of the other. By default the shared ones.
+        scale: how large bodies are next to an adult human.
 
     Raises:
         ResultError: where the arrays do not fit each other.
@@ -61,6 +62,7 @@ class PeoplePoints:
     layer: str = "points"
     matched_by: str = "order"
     whole: tuple[Bodies, Bodies] | None = None
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         frames, tail = len(self.points_m), (len(self.skeleton), 3)
@@ -152,7 +154,13 @@ def _joined(
         layer=name,
         matched_by=matched_by,
         whole=(Bodies(result.skeleton, points), truth),
+        scale=_scale(truth.skeleton, result.skeleton),
     )
+
+
+def _scale(*skeletons: Skeleton) -> float:
+    """Of the first of them whose tree knows how large a body is."""
+    return next((skeleton.tree.scale for skeleton in skeletons if skeleton.tree is not None), 1.0)
 
 
 def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence[str]) -> PeoplePoints:

@@ -62,4 +62,7 @@ def propose_people(
     rig: CameraRig, noise: NoiseModel, skeleton: Skeleton, options: Options, frame: Frame, free: np.ndarray
 ) -> Proposals:
     """What the detections that are free propose, as the options say; ``free``: shape (detection,), bool."""
-    return propose(rig, frame, noise, skeleton, free, options.association)
+    association = (
+        options.association if skeleton.tree is None else options.association.in_proportion(skeleton.tree.scale)
+    )
+    return propose(rig, frame, noise, skeleton, free, association)

@@ -1,8 +1,10 @@
 """Many people followed through one window of a long recording, by whoever has time, knowing nothing of the others.
 
-A window is followed from before its first frame to after its last, so long that whoever a tracker still remembers at
-either end was seen within: who lives there is known to both neighbours, which :mod:`posefuse.following.stitching` makes
-one. What all windows have to agree on, the noise and how bodies move, is found before.
+Each goes on from the tracker that went through all that comes before: what it found in somebody's first seconds (the
+lengths of the body, which way it faces, how far it leans) shows for as long as it is followed. A window is followed
+from some seconds before its first frame to so long after its last that whoever a tracker still remembers there was seen
+within: who lives there is known to both neighbours, which :mod:`posefuse.following.stitching` makes one. What all
+windows have to agree on besides, the noise and how bodies move, is found before.
 """
 
 import itertools
@@ -23,9 +25,10 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Silent
 from posefuse.survey import known_noise
+from posefuse.tracking.tracker import ArticulatedTracker
 
 _SETTLE_S = 10.0
-"""Until people are believed and their bodies known."""
+"""Until people are believed and their bodies known; and what lies farther before changes nothing in smoothed bodies."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,10 @@ def windows_of(n_frames: int, rate_hz: float, window_s: float, remembered_s: flo
         remembered_s: for how long somebody who is lost is looked for.
     """
     number = max(round(n_frames / (window_s * rate_hz)), 1)
-    around = math.ceil((remembered_s + _SETTLE_S) * rate_hz)
+    before, after = (math.ceil(time_s * rate_hz) for time_s in (_SETTLE_S, remembered_s + _SETTLE_S))
     bounds = np.linspace(0, n_frames, number + 1).round().astype(int).tolist()
     return [
-        Window(max(start - around, 0), start, stop, min(stop + around, n_frames))
+        Window(max(start - before, 0), start, stop, min(stop + after, n_frames))
         for start, stop in itertools.pairwise(bounds)
     ]
 
@@ -106,7 +109,9 @@ def agreed(rig: CameraRig, detections: Detections, options: Options) -> tuple[Sk
     return skeleton, options
 
 
-def follow_window(rig: CameraRig, detections: Detections, options: Options, window: Window) -> tuple[Seen, Bodies]:
+def follow_window(
+    rig: CameraRig, detections: Detections, options: Options, window: Window, tracker: ArticulatedTracker
+) -> tuple[Seen, Bodies]:
     """Follow everybody through a window.
 
     Args:
@@ -114,11 +119,12 @@ def follow_window(rig: CameraRig, detections: Detections, options: Options, wind
         detections: of the wider range of the window.
         options: from :func:`agreed`.
         window: which.
+        tracker: that has followed everybody up to the wider range.
 
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = follow(rig, detections, options, Silent())
+    found = follow(rig, detections, options, Silent(), tracker=tracker)
     seen = Seen(window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m)
     start, stop = window.start - window.first, window.stop - window.first
     smoother = found.smoother()

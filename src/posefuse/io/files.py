@@ -250,7 +250,9 @@ def replacing_folder(
     if folder.exists() and not folder.is_dir():
         raise FileError(f"--output {folder} is a file; give a folder.")
     others = sorted(entry.name for entry in folder.iterdir() if entry.name != PARTS) if folder.is_dir() else []
-    if others and not (folder / marker).exists():
+    # Parts are ours, and whoever was ended while files came to their places left those that had.
+    ours = (folder / marker).exists() or (folder / PARTS).exists()
+    if others and not ours:
         raise FileError(
             f"--output {folder} already holds other files ({choices(others, 5)}) "
             "and is no result of this command. Choose a new or an empty folder."
@@ -269,7 +271,8 @@ def replacing_folder(
                     stale.unlink()
                     if stale.parent != folder and not any(stale.parent.iterdir()):
                         stale.parent.rmdir()
-            for entry in sorted(entry for entry in staging.rglob("*") if entry.is_file()):
+            # The marker first: if that is as far as it comes, the folder is known for what it is.
+            for entry in sorted((e for e in staging.rglob("*") if e.is_file()), key=lambda e: (e.name != marker, e)):
                 target = folder / entry.relative_to(staging)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(entry, target)

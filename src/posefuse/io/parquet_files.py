@@ -70,11 +70,11 @@ def _text_bytes(path: Path) -> list[int]:
 def _texts_of(chunk: Any) -> int:
     """Bytes that a column's texts would take, each for itself."""
     import pyarrow as pa
-    from pyarrow.compute import binary_length
+    import pyarrow.compute as compute
 
     if not pa.types.is_dictionary(chunk.type):
         return chunk.nbytes
-    lengths = binary_length(chunk.dictionary).fill_null(0)
+    lengths = compute.call_function("binary_length", [chunk.dictionary]).fill_null(0)
     if not len(lengths):
         return 0
     counts = chunk.indices.drop_null().value_counts()

@@ -1,7 +1,7 @@
 """What a user can choose about how detections of different views become people."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from posefuse.errors import OptionsError, choices
@@ -133,6 +133,19 @@ class AssociationOptions:
                 "association.volume_m is six numbers, the least x, y, z and the greatest x, y, z, each least below its "
                 f"greatest; got {self.volume_m}."
             )
+
+    def in_proportion(self, scale: float) -> "AssociationOptions":
+        """The same for bodies of another size: lengths go with it, but for where they can be.
+
+        Args:
+            scale: how large a body is next to an adult human.
+        """
+        rpt = self.rpt
+        wider = replace(
+            rpt, centre_within_m=rpt.centre_within_m * scale, joints_within_m=rpt.joints_within_m * scale,
+            spread_m=rpt.spread_m * scale,
+        )  # fmt: skip
+        return self if scale == 1.0 else replace(self, known_within_m=self.known_within_m * scale, rpt=wider)
 
 
 def _check_positive(table: str, name: str, value: float) -> None:

@@ -73,6 +73,8 @@ class MotionOptions:
         limb_decay_s: The same of limbs.
         limb_acceleration: Spectral density, rad^2 / s^3.
         shape_walk: By how much lengths wander, variance in m^2 / s.
+        leap_power: By how much larger these densities are for a moment where somebody leaps.
+        leap_s: For how long they have leapt before that shows.
         top_speed_m_s: How fast a person moves at most, to be found again.
     """
 
@@ -83,6 +85,8 @@ class MotionOptions:
     limb_decay_s: float = 0.3
     limb_acceleration: float = 60.0
     shape_walk: float = 1e-7
+    leap_power: float = 16.0
+    leap_s: float = 0.05
     top_speed_m_s: float = 3.0
 
 
@@ -151,8 +155,8 @@ class TrackerOptions:
         keypoint_evidence: The least that one keypoint counts.
         independent_keypoints: All keypoints together count as this many at most.
         id_evidence: What the detector's own identity being that of the last frame counts (lambda_id).
-        swap_log_odds: The odds that a limb's sides are exchanged.
-        swap_stay_log_odds: The same if they were in the frame before.
+        swap_log_odds: The odds that a limb's sides are exchanged, where nothing is known.
+        swap_lasts_s: For how long they are when they are.
         min_joints: A view supports a person with at least so many keypoints.
         lost_after_s: A person without support for this long is lost (M_lost).
         weak_after_s: One whom a single view alone has shown for this long is where others see that view's detection.
@@ -177,6 +181,8 @@ class TrackerOptions:
             that ends there; both sides have one. Names are those of `pose_length` in a result.
         known_sd_m: How well these were measured.
         max_people: No more are followed at a time.
+        population: How many there are in all, where nobody comes in and goes out, as of animals in an arena: once all
+            have been seen, whoever appears is one of those who are lost. None where that is not known.
         smoother: What later frames tell of earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: How far behind a fixed lag is.
         look_ahead_s: How far the full smoother looks ahead of a block of frames: what is later changes nothing.
@@ -204,7 +210,7 @@ class TrackerOptions:
     independent_keypoints: float = 6.0
     id_evidence: float = 2.0
     swap_log_odds: float = -5.0
-    swap_stay_log_odds: float = 1.5
+    swap_lasts_s: float = 0.2
     min_joints: int = 4
     lost_after_s: float = 0.36
     weak_after_s: float = 0.2
@@ -225,6 +231,7 @@ class TrackerOptions:
     known_m: tuple[str, ...] = ()
     known_sd_m: float = 0.005
     max_people: int = 50
+    population: int | None = None
     smoother: Smoother = "full"
     lag_s: float = 0.3
     look_ahead_s: float = 2.0
@@ -240,6 +247,8 @@ class TrackerOptions:
         for name in ("iterations", "min_joints", "reacquire_views", "max_people"):
             if getattr(self, name) < 1:
                 raise OptionsError(f"tracker.{name} must be at least 1, got {getattr(self, name)}.")
+        if self.population is not None and self.population < 1:
+            raise OptionsError(f"tracker.population must be at least 1, or left out, got {self.population}.")
         if self.preset not in PRESETS:
             raise OptionsError(f"No tracker.preset is called {self.preset!r}; there are {choices(PRESETS)}.")
         if self.smoother not in SMOOTHERS:
@@ -248,7 +257,7 @@ class TrackerOptions:
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")
         self._check_lengths()
-        for name in ("forget_beyond_m", "outside_s", "stature_m"):
+        for name in ("forget_beyond_m", "outside_s", "stature_m", "swap_lasts_s"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise OptionsError(f"tracker.{name} must be positive, or left out, got {value}.")
@@ -301,6 +310,7 @@ class TrackerOptions:
                 limb_decay_s=motion.limb_decay_s * slower,
                 limb_acceleration=motion.limb_acceleration / slower**3,
                 shape_walk=motion.shape_walk * scale**2,
+                leap_s=motion.leap_s * slower,
                 top_speed_m_s=motion.top_speed_m_s * scale / slower,
             ),
             specification=self.specification.in_proportion(scale),

@@ -139,8 +139,14 @@ class _Counts:
 
     def plus(self, other: "_Counts") -> "_Counts":
         """Of both ranges."""
-        mine, theirs = vars(self), vars(other)
-        return _Counts(**{name: None if mine[name] is None else mine[name] + theirs[name] for name in mine})
+        return _Counts(
+            self.status + other.status,
+            self.missing + other.missing,
+            self.source + other.source,
+            self.view_status + other.view_status,
+            None if self.swapped is None or other.swapped is None else self.swapped + other.swapped,
+            None if self.told is None or other.told is None else self.told + other.told,
+        )
 
 
 def sources_in_words(counts: Mapping[Source, int]) -> str:

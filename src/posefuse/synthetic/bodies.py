@@ -10,6 +10,8 @@ from posefuse.model.skeletons import Skeleton
 
 _TORSO_M, _HEAD_M, _ARM_M, _LEG_M, _OTHER_M = 0.15, 0.11, 0.05, 0.07, 0.03
 _NEAR_M = 0.05
+# Of a body without shoulders and hips whose size is known, as shares of it: between core keypoints, and elsewhere.
+_THICK, _THIN = 0.12, 0.015
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,14 @@ def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
     )
 
 
-def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules) -> np.ndarray:
+def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, scale: float = 1.0) -> np.ndarray:
     """Shape (frame, view, person, keypoint), bool: what somebody else or something hides from each camera.
 
     Args:
         rig: the cameras.
         points_m: shape (frame, person, keypoint, 3).
         capsules: what is there, bodies too.
+        scale: how large bodies are next to an adult human: what is this much nearer hides nothing.
     """
     from posefuse.kernels.occlusion import hide_behind_capsules  # kernels start the compiler: only when called
 
@@ -88,7 +91,7 @@ def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules) -
             capsules.ends_m,
             capsules.radii_m,
             capsules.owners,
-            _NEAR_M,
+            _NEAR_M * scale,
             hidden[v],
         )
     return np.moveaxis(hidden, 0, 1)
@@ -103,7 +106,7 @@ def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], f
 
     hips, shoulders = both("hip"), both("shoulder")
     if len(hips) < 2 or len(shoulders) < 2:
-        return [((int(a),), (int(b),), _OTHER_M) for a, b in skeleton.edge_indices]
+        return [((int(a),), (int(b),), _radius_m(skeleton, int(a), int(b))) for a, b in skeleton.edge_indices]
     bones: list[tuple[tuple[int, ...], tuple[int, ...], float]] = [(hips, shoulders, _TORSO_M)]
     head = both("ear") or tuple(names[name] for name in ("head", "nose") if name in names)[:1]
     if head:
@@ -115,3 +118,11 @@ def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], f
             bones.append(((names[upper_left],), (names[lower_left],), radius))
             bones.append(((names[upper_right],), (names[lower_right],), radius))
     return bones
+
+
+def _radius_m(skeleton: Skeleton, a: int, b: int) -> float:
+    """Of the capsule about an edge of a body without shoulders and hips."""
+    if skeleton.tree is None:
+        return _OTHER_M
+    trunk = bool(np.isin([a, b], skeleton.core_indices).all())
+    return (_THICK if trunk else _THIN) * skeleton.tree.size_m

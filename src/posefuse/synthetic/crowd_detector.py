@@ -139,7 +139,7 @@ def detect_crowd(
     exact = _exact(rig, points_m, staging)
     sizes = np.array([camera.size_px for camera in rig.cameras])
     capsules = Capsules.together([bodies_of(points_m, skeleton), staging.things])
-    behind = hidden_keypoints(rig, points_m, capsules)
+    behind = hidden_keypoints(rig, points_m, capsules, 1.0 if skeleton.tree is None else skeleton.tree.scale)
     people = _see(exact, behind, sizes, skeleton, rate_hz, law, faults, rng)
     overlaps = _overlaps(exact, people.there, faults)
     if faults.track_ids:

@@ -9,6 +9,7 @@ from posefuse.kernels.articulated import State
 from posefuse.kernels.tally import foretell_views
 from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
+from posefuse.tracking.anew import forget
 from posefuse.tracking.bodies import Sight, chosen, put
 from posefuse.tracking.lengths import told_of_lengths
 from posefuse.tracking.posing import aim, bones_shown
@@ -127,7 +128,9 @@ def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settin
     over: dict[int, str] = {}
     sound = np.isfinite(state.root).all(axis=1)
     for p, track in enumerate(tracks):
-        why = _why_forgotten(track, state, p, time_s, settings) if track.state == TrackState.LOST else ""
+        staying = track.sure and settings.options.population is not None
+        lost = track.state == TrackState.LOST and not staying
+        why = _why_forgotten(track, state, p, time_s, settings) if lost else ""
         if why:
             over[p] = why
         elif not sound[p]:
@@ -242,12 +245,7 @@ def set_limb_anew(state: State, p: int, keypoint: int, points_m: np.ndarray, set
     if not bones:
         return False
     aim(state.bones[p], bones_shown(tree, points_m), bones)
-    columns = [3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)]
-    cov, n = state.covariance[p], tree.n_pose
-    velocities = [len(cov) - n + column for column in columns]
-    for column in (*columns, *velocities):
-        cov[column], cov[:, column] = 0.0, 0.0
-    cov[columns, columns] = settings.most[columns]
-    cov[velocities, velocities] = 0.5 * settings.power[columns] * settings.decay_s[columns]
-    state.velocity[p, columns] = 0.0
+    forget(
+        state, p, np.array([3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)]), settings
+    )
     return True

@@ -21,12 +21,14 @@ class Likeness:
         gain: shape (track, row): what a match is worth; -inf where there is none.
         least: what a match must be worth.
         swapped: shape (track, row, group), int8: whose sides are exchanged.
+        swap_odds: shape (track, row, group): the log odds of that.
         explained: shape (row,), bool: detections of somebody who is followed, whether matched or not.
     """
 
     gain: np.ndarray
     least: float
     swapped: np.ndarray
+    swap_odds: np.ndarray
     explained: np.ndarray
 
 
@@ -155,8 +157,9 @@ class Distance(Protocol):
         ...
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """Which lost person a proposal is.
 
         Args:
@@ -164,6 +167,7 @@ class Distance(Protocol):
             state: theirs.
             born: the state of the body fitted to the proposal.
             seen: the proposal.
+            since_s: when what is proposed was first seen.
             time_s: now.
             settings: of the tracker.
 

@@ -14,24 +14,28 @@ from posefuse.model.frames import Frame
 from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
-from posefuse.tracking import audits, lifecycle
+from posefuse.tracking import anew, audits, leaps, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody
+from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
-from posefuse.tracking.pieces import hold_back, joined_pieces
+from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
+from posefuse.tracking.returns import all_are_known
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.silence import Silence, listen
-from posefuse.tracking.stages import Seen, Stages
+from posefuse.tracking.stages import Likeness, Seen, Stages
 from posefuse.tracking.standing import keep_floor, note_floor
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
+
+_LEAPT_ODDS = 2.0
+"""Log odds that the sides of one who leapt are as a proposal has them."""
 
 Propose = Callable[[Frame, np.ndarray], Proposals]
 """From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
@@ -126,16 +130,23 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
-        rows, swapped, frame = self._match(frame)
-        labels = self.labels = self._labels(rows, swapped)
+        forget_swaps(self.lately.swapped, dt_s, s.options)
+        rows, found = self._match(frame)
+        self._let_leap(frame, rows, found, before, dt_s)
+        lost = np.array([track.state == TrackState.LOST for track in self.tracks], dtype=bool)
+        hold_back(rows, found.gain, lost, s.options)
+        believe_most_labels(rows, found.swapped)
+        frame = joined_pieces(frame, rows, found, s)
+        labels = self.labels = self._labels(rows, found.swapped)
         note_matches(
-            rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
-            self.lately.ids,
+            rows, found.swapped, found.swap_odds, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s,
+            self.lately.swapped, self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
         then = self.state if before is None else before
         keep_posture(then, self.lately, alone, dt_s, s)
         keep_floor(then, self.lately, alone, dt_s, s)
+        self._begin_anew(frame, rows, before, dt_s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
@@ -155,6 +166,16 @@ class ArticulatedTracker:
         s = self.settings
         dt = np.full(len(state.root), max(dt_s, 0.0))
         predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
+
+    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None, dt_s: float) -> None:
+        """Begin where views show them with segments and bones of which nothing is known any more."""
+        which = anew.unknown(self.state, dt_s, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
+        for p in np.flatnonzero(which.any(axis=1)):
+            points = self._points_shown(frame, rows[p])
+            if not np.isfinite(points).any():
+                continue
+            for state in (self.state,) if before is None else (self.state, before):
+                anew.begin_anew(state, int(p), which[p], points, self.settings)
 
     def _put_right(
         self, frame: Frame, rows: np.ndarray, labels: np.ndarray, before: State | None, dt_s: float
@@ -221,18 +242,44 @@ class ArticulatedTracker:
             return np.full((len(self.settings.skeleton), 3), np.nan)
         return proposals.points_m[int(proposals.n_views.argmax())]
 
-    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray, Frame]:
-        """Rows (track, view), whose sides are exchanged (track, row, group), and the frame with pieces joined."""
+    def _match(self, frame: Frame) -> tuple[np.ndarray, Likeness]:
+        """Rows (track, view), and how well detections go with people."""
         s, views = self.settings, len(self.settings.rig)
         found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
-        lost = np.array([track.state == TrackState.LOST for track in self.tracks])
-        hold_back(rows, found.gain, lost, s.options)
-        believe_most_labels(rows, found.swapped)
-        frame = joined_pieces(frame, rows, found, s)
-        return rows, found.swapped, frame
+        return rows, found
+
+    def _let_leap(self, frame: Frame, rows: np.ndarray, found: Likeness, before: State | None, dt_s: float) -> None:
+        """Find those who are not where they were foretold but where they can have leapt, in place.
+
+        Args:
+            frame: the detections.
+            rows: shape (track, view), in and out.
+            found: how well detections go with people; in and out: whose sides are exchanged.
+            before: states at the time of the last frame, if views differ in time; in and out.
+            dt_s: since then.
+        """
+        s, nobodys = self.settings, self._free(frame, rows)
+        of_view = np.bincount(frame.view[nobodys], minlength=len(s.rig)) > 0
+        active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
+        who = leaps.may_have(rows, of_view, active)
+        if not len(who):
+            return
+        nobodys[rows[who][rows[who] >= 0]] = True
+        proposals = self.propose(frame, nobodys)
+        gone_s = np.array([self.time_s - self.tracks[p].firm_s for p in who])
+        for leap in leaps.leaps(who, rows, self.sight.points_m, gone_s, proposals, s):
+            p = leap.place
+            rows[p] = proposals.rows[leap.proposal]
+            for v in np.flatnonzero(rows[p] >= 0):
+                sides = proposals.swapped[leap.proposal, v]
+                found.swapped[p, rows[p, v]] = sides
+                found.swap_odds[p, rows[p, v]] = _LEAPT_ODDS if sides else -_LEAPT_ODDS
+            put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
+            if before is not None:
+                put(before, p, leaps.leapt(before, leap, 0.0, s))
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
@@ -427,7 +474,9 @@ class ArticulatedTracker:
         elif self._is_taken(state):
             return None
         else:
-            found = self.stages.distance.returning(self.tracks, self.state, state, seen, self.time_s, s)
+            found = self.stages.distance.returning(
+                self.tracks, self.state, state, seen, each.evidence[0].time_s, self.time_s, s
+            )
         if found is not None:
             p, why, uncertain = found
             track = self.tracks[p]
@@ -438,7 +487,7 @@ class ArticulatedTracker:
             self.events.append(Event(number, self.time_s, track.name, "returned", why))
             if uncertain:
                 self.events.append(Event(number, self.time_s, track.name, "identity uncertain", uncertain))
-        elif len(self.tracks) >= s.options.max_people:
+        elif len(self.tracks) >= s.options.max_people or all_are_known(self.tracks, s):
             return None
         else:
             self.names += 1

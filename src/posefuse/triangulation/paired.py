@@ -73,7 +73,7 @@ def solve(
             better, found = put_right(rig, mine, own, noise, options, believed)
             parts.append((int(person), frames, asked.keypoints, better))
             chains = [swaps.chains.index(chain) for chain in found.chains]
-            state[np.ix_(frames, [person], np.arange(len(rig)), chains)] = found.state
+            state[np.ix_(frames, np.array([person]), np.arange(len(rig)), np.array(chains))] = found.state
     return (with_parts(layer, parts), replace(swaps, state=state)) if parts else (layer, swaps)
 
 
@@ -99,7 +99,7 @@ def _asked(
     whole, period_s = detections.skeleton, 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ)
     body, keypoints = without_parts(whole)
     pairs, chain_of = whole.pair_indices, Layout.of(whole).chain_of
-    of_body = np.isin(pairs, keypoints).all(axis=1)
+    of_body = np.asarray(np.isin(pairs, keypoints).all(axis=1))
 
     def near_signs(which: np.ndarray) -> np.ndarray:
         signs = signs_of_swaps(rig, detections, tracks, noise, layer, pairs[which], chain_of[which])

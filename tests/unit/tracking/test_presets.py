@@ -277,13 +277,13 @@ def test_near_proposals_are_one_at_their_centroid() -> None:
 def test_who_is_lost_returns_where_they_are_foretold() -> None:
     state, track = standing(), somebody()
     seen = proposal(sight_of(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
-    assert STAGES.distance.returning([track], state, state, seen, 1.0, SETTINGS) is None
+    assert STAGES.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
-    found = STAGES.distance.returning([track], state, state, seen, 1.0, SETTINGS)
+    found = STAGES.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS)
     assert found is not None
     assert found[0] == 0
     elsewhere = replace(seen, points_m=seen.points_m + np.array([0.0, 2.0, 0.0]))
-    assert STAGES.distance.returning([track], state, state, elsewhere, 1.0, SETTINGS) is None
+    assert STAGES.distance.returning([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
 
 
 @pytest.fixture(scope="module")

@@ -47,10 +47,10 @@ def read(path: Path, request: Request) -> Detections:
     if names and len(names) != len(keypoints):
         raise FileError(f"{path}: {len(names)} videos, but {len(keypoints)} cameras in {arrays[0].name}.")
     names = names or [f"camera_{i}" for i in range(len(keypoints))]
-    told = (kind for name, kind in _THIRD if arrays[0].name.lower().startswith(name))
+    told: list[ThirdChannel] = [kind for name, kind in _THIRD if arrays[0].name.lower().startswith(name)]
     if keypoints.ndim == 4 and keypoints.shape[-1] == 3 and not np.isfinite(keypoints[..., 2]).any():
         keypoints = keypoints[..., :2]
-    third = request.third_channel or next(told, None)
+    third = request.third_channel or (told[0] if told else None)
     asked = Request(request.skeleton, request.rate_hz, third, request.progress)
     return from_array(arrays[0], keypoints, names, request.rate_hz, asked)
 

@@ -191,7 +191,7 @@ def _seen(row: Mapping[str, Any], where: str) -> tuple[np.ndarray, list[int]]:
         )
     keypoints = without_missing(np.array(rows).reshape(len(rows), lengths[0] if lengths else 0, _CHANNELS))
     must_be_possible(keypoints, where)
-    seen = np.isfinite(keypoints[..., 0]).any(axis=1)
+    seen = np.asarray(np.isfinite(keypoints[..., 0]).any(axis=1))
     return keypoints[seen], [person.track for person, there in zip(people, seen.tolist(), strict=True) if there]
 
 

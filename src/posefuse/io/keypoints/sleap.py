@@ -79,7 +79,7 @@ def _skeleton(content: h5py.File) -> Skeleton:
 def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
     pixels = _in_order(content["tracks"], ("track", "xy", "node", "frame"))
     if pixels.ndim != 4 or pixels.shape[-1] != 2:
-        raise FileError(f"{file}: expected tracks (track, 2, node, frame), got {content['tracks'].shape}.")
+        raise FileError(f"{file}: expected tracks (track, 2, node, frame), got {pixels.shape}.")
     scores = np.full(pixels.shape[:-1], np.nan)
     if "point_scores" in content:
         scores = _in_order(content["point_scores"], ("track", "node", "frame"))

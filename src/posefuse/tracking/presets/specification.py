@@ -112,7 +112,7 @@ class WeightedScore:
         near = (count >= settings.options.min_joints) & (squared <= o.match_gate * count)
         swapped = np.zeros((*cost.shape, settings.n_groups), dtype=np.int8)
         gain = np.ascontiguousarray(np.where(near, _MATCHED - cost, -np.inf))
-        return Likeness(gain, 0.0, swapped, np.zeros(len(frame.view), dtype=bool))
+        return Likeness(gain, 0.0, swapped, np.zeros(swapped.shape), np.zeros(len(frame.view), dtype=bool))
 
     def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
         """Pairs and views speak for it, reprojection errors, varying bones and misses against it."""
@@ -175,8 +175,9 @@ class PelvisDistance:
         return away if away <= settings.options.specification.cluster_gate else math.inf
 
     def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, time_s: float, settings: Settings
-    ) -> tuple[int, str, str] | None:
+        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
+        settings: Settings,
+    ) -> tuple[int, str, str] | None:  # fmt: skip
         """Whoever is foretold nearest to the proposal, if near enough (C_reacq)."""
         lost = [p for p, track in enumerate(tracks) if track.state == TrackState.LOST]
         if not lost:
