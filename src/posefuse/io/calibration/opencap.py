@@ -2,11 +2,12 @@
 
 The world is the checkerboard, which stands upright; so nobody knows which way is up (``--up``). ``imageSize`` is
 height, width; ``rotation_EulerAngles`` is a Rodrigues vector. Pickles can run programs: of these only numbers and
-arrays are built, and whatever else a file asks for is refused.
+arrays of them are built, not by NumPy's own means, and whatever else a file asks for is refused.
 """
 
 import io
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +25,48 @@ _NEEDED = ("intrinsicMat", "distortion", "imageSize", "rotation", "translation")
 _CORES = ("numpy.core.multiarray", "numpy._core.multiarray")
 
 
+_KIND = re.compile(r"[fiu][1248]|b1")
+
+
+class _Kind:
+    """Stands for NumPy's dtype, of which a broken or hostile pickle makes one that NumPy trips over."""
+
+    def __init__(self, code: Any = "", *_: Any) -> None:
+        self._code, self._order = str(code), "="
+
+    def __setstate__(self, state: Any) -> None:
+        self._order = str(state[1])
+
+    def values(self, content: Any) -> np.ndarray:
+        """The numbers in bytes."""
+        if not _KIND.fullmatch(self._code) or self._order not in ("<", ">", "=", "|"):
+            raise pickle.UnpicklingError(f"numbers of the kind {self._code[:20]!r}, which no calibration needs")
+        return np.frombuffer(content, np.dtype(self._order + self._code)).astype(np.float64)
+
+
+class _Array:
+    """Stands for NumPy's array."""
+
+    def __init__(self, *_: Any) -> None:
+        self.numbers = np.empty(0)
+
+    def __setstate__(self, state: Any) -> None:
+        _, shape, kind, fortran, content = state
+        self.numbers = kind.values(content).reshape(shape, order="F" if fortran else "C")
+
+
+def _scalar(kind: _Kind, content: Any) -> float:
+    return float(kind.values(content)[0])
+
+
 class _Numbers(pickle.Unpickler):
     """Builds arrays and numbers, and refuses everything else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in (("numpy", "ndarray"), ("numpy", "dtype")):
-            return getattr(np, name)
+        if module == "numpy" and name in ("ndarray", "dtype"):
+            return _Kind if name == "dtype" else _Array
         if module in _CORES and name in ("_reconstruct", "scalar"):
-            from numpy._core import multiarray
-
-            return getattr(multiarray, name)
+            return _Array if name == "_reconstruct" else _scalar
         if (module, name) == ("_codecs", "encode"):
             return _latin
         raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no calibration needs")
@@ -93,4 +126,4 @@ def _load(file: Path) -> dict[str, Any]:
         raise FileError(f"{file} is not read as a camera's pickle: {str(error)[:120]}.") from None
     if not isinstance(data, dict):
         raise FileError(f"{file}: expected a dict of a camera's numbers, got {type(data).__name__}.")
-    return data
+    return {key: value.numbers if isinstance(value, _Array) else value for key, value in data.items()}

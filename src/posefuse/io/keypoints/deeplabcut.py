@@ -36,6 +36,7 @@ _COORDINATES = ("x", "y", "likelihood")
 _VARIANCES = (("x_posterior_var", "y_posterior_var"), ("x_ens_var", "y_ens_var"))
 _HEADER = ["scorer", "bodyparts", "coords"]
 _MANY = ["scorer", "individuals", "bodyparts", "coords"]
+_MOST_COORDINATES = 100
 _H5_KEYS = ("df_with_missing", "tracks", "keypoints")
 
 
@@ -90,14 +91,15 @@ def _h5_table(file: Path) -> str | None:
     try:
         with h5py.File(file) as content:
             return next((key for key in _H5_KEYS if f"{key}/table" in content or _is_fixed(content, key)), None)
-    except (OSError, KeyError, ValueError, RuntimeError):
+    except Exception:  # a broken file raises whatever its bytes lead to
         return None
 
 
 def _is_fixed(content: h5py.File, key: str) -> bool:
     """Whether it is a table of pandas' fixed layout, of predictions in 2D: coordinates are the last level of names."""
     levels = [content.get(f"{key}/block0_items_level{i}") for i in (2, 3)]
-    return any(isinstance(level, h5py.Dataset) and b"likelihood" in np.asarray(level) for level in levels)
+    small = [level for level in levels if isinstance(level, h5py.Dataset) and (level.size or 0) <= _MOST_COORDINATES]
+    return any(b"likelihood" in np.asarray(level).ravel().tolist() for level in small)
 
 
 def read(path: Path, request: Request) -> Detections:
