@@ -27,6 +27,8 @@ NAMED_AS: dict[Fault, tuple[Kind, ...]] = {
     "moved across": (Kind.POSE,),
     "moved along": (Kind.POSE,),
     "bumped": (Kind.POSE,),
+    "moved across later": (Kind.POSE,),
+    "moved along later": (Kind.POSE,),
     "focal": (Kind.FOCAL,),
     "lens": (Kind.LENS,),
     "rotated image": (Kind.IMAGE,),
@@ -87,8 +89,9 @@ def cases(first: int, seeds: int, healthy: int, pairs: int) -> Iterator[tuple[tu
             yield from (((fault,), first + number) for fault in FAULTS)
         yield from (((), first + k) for k in range(number * healthy // rounds, (number + 1) * healthy // rounds))
         total = pairs * len(every)
+        # Every pair has a rig of its own: what one rig cannot tell would count in all pairs of a kind.
         for k in range(number * total // rounds, (number + 1) * total // rounds):
-            yield every[k * step % len(every)], first + 500 + k // len(every)
+            yield every[k * step % len(every)], first + 500 + k
 
 
 def record(faults: Sequence[Fault], seed: int) -> dict:

@@ -61,10 +61,15 @@ def _table(rng: np.random.Generator, start: int):
 
 def read(folder: Path) -> dict[str, float]:
     """Read a recording range by range."""
+    return read_ranges(folder, "coco_wholebody_133")
+
+
+def read_ranges(path: Path, skeleton: str | None) -> dict[str, float]:
+    """Read what is at a path range by range, a thousand frames each."""
     from posefuse import read_detections
 
     start = time.perf_counter()
-    found = read_detections(folder, "coco_wholebody_133")
+    found = read_detections(path, skeleton)
     opened = time.perf_counter() - start
     total = 0.0
     for chunk in found.chunks(1000):

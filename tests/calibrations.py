@@ -47,13 +47,13 @@ def vicon(rig: CameraRig, folder: Path) -> Path:
         quaternion = " ".join(map(repr, Rotation.from_matrix(c.rotation).as_quat().tolist()))
         centre = " ".join(map(repr, (1000.0 * c.centre_m).tolist()))
         k, (width, height) = c.matrix.tolist(), c.size_px
-        k1, k2 = coefficients(c)[:2]
+        k1, k2, _, _, k3 = coefficients(c)
         cameras.append(
             f'<Camera DEVICEID="{c.name}" SYSTEM="DV" SENSOR_SIZE="{width + 40} {height + 20}" '
             f'VIDEO_SIZE="{width} {height}" PIXEL_ASPECT_RATIO="{k[0][0] / k[1][1]!r}"><KeyFrames><KeyFrame '
             f'FOCAL_LENGTH="{k[0][0]!r}" PRINCIPAL_POINT="{k[0][2] + 20!r} {k[1][2] + 10!r}" '
             f'ORIENTATION="{quaternion}" POSITION="{centre}" '
-            f'VICON_RADIAL2="none 0 0 {k1!r} {k2!r} 0" WORLD_ERROR="0.1"/></KeyFrames></Camera>'
+            f'VICON_RADIAL2="none 0 0 {k1!r} {k2!r} {k3!r}" WORLD_ERROR="0.1"/></KeyFrames></Camera>'
         )
     marker = '<Camera DEVICEID="marker" SYSTEM="VX"/>'
     return _text(folder / "session.xcp", f'<?xml version="1.0"?><Cameras>{marker}{"".join(cameras)}</Cameras>')

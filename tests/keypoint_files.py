@@ -14,6 +14,7 @@ from scipy.io import savemat
 
 from posefuse.io.keypoints import detection_tables, native, replay, tidy
 from posefuse.io.keypoints.tidy_columns import table_of
+from posefuse.io.pandas_tables import write_frame
 from posefuse.model.detections import Detections
 from tests.files import write_openpose
 
@@ -190,6 +191,16 @@ def deeplabcut_h5(detections: Detections, folder: Path) -> Path:
             table = np.empty(len(numbers), dtype=kind)
             table["index"], table["values_block_0"] = numbers, values
             group["table"] = table
+    return folder
+
+
+def deeplabcut_fixed(detections: Detections, folder: Path) -> Path:
+    """In pandas' fixed layout, as movement and scripts write them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, columns, numbers, values in _deeplabcut(detections):
+        with h5py.File(folder / f"trial_{name}_dlc.h5", "w") as file:
+            levels = ("scorer", "individuals", "bodyparts", "coords")
+            write_frame(file, "df_with_missing", levels, columns, np.asarray(numbers), [values])
     return folder
 
 
@@ -390,9 +401,9 @@ WRITERS: dict[str, Callable[[Detections, Path], Path]] = {
     writer.__name__: writer
     for writer in (
         openpose, mmpose, rtmlib, alphapose, coco_results, coco_annotations, easymocap, deeplabcut_many, deeplabcut_h5,
-        label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder, replay_lines,
-        replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide, mediapipe_long,
-        opencap, eks,
+        deeplabcut_fixed, label3d, sleap, own, deeplabcut, tidy_csv, tidy_table, tidy_of_others, detection_folder,
+        replay_lines, replay_without_head, payload_lines, payload_arrays, slp, mediapipe_json, mediapipe_wide,
+        mediapipe_long, opencap, eks,
     )
 }  # fmt: skip
 

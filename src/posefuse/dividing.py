@@ -5,12 +5,14 @@ of one subject that takes no time), points are measured range by range, and solv
 them the windows' people are made one, and everything that depends on the whole recording is settled. Points are those
 of a run in one go, if people are.
 
-Pieces are files of a folder that all can see: what is to be done, and beside it what came of it.
+Pieces are files of a folder that all can see: what is to be done, and beside it what came of it, a part as
+:mod:`posefuse.io.parts` keeps it: work that was ended goes on from the pieces that are done.
 """
 
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,17 +21,20 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.following.followed import Followed
-from posefuse.following.stitching import Stitched, stitch
-from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
-from posefuse.measuring import Plan, context_frames, measure
+from posefuse.following.stitching import Stitched, bodies_brought, stitch
+from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, look_through, windows_of
+from posefuse.io.parts import Parts
+from posefuse.measuring import Plan, context_frames, head_of, measure
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options import Options
+from posefuse.model.pieces import Piece
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import prepare, who_is_followed
 from posefuse.progress import Progress, watched
 from posefuse.solving import BLOCK_FRAMES, Solver, clock_of, windows
+from posefuse.tracking.known_bodies import KnownBodies
 
 
 class Do(Protocol):
@@ -45,25 +50,28 @@ class Team:
     """Whoever does the pieces, and where these lie.
 
     Attributes:
-        folder: for them alone; whoever does them sees it under the same path.
+        parts: where pieces lie; whoever does them sees the folder under the same path.
         do: has them done.
         window_s: about how long a window is.
     """
 
-    folder: Path
+    parts: Parts
     do: Do
     window_s: float
 
-    def round(self, work: Callable[[Path], None], name: str, pieces: Iterator[Any]) -> list[Path]:
-        """Have pieces of one kind done; where what came of each is."""
-        paths = []
+    def round(self, work: Callable[[Path], None], name: str, pieces: Iterable[Callable[[], Any]]) -> list[str]:
+        """Have pieces of one kind done, but for those that are; the names of the parts that come of each."""
+        names, todo = [], []
+        self.parts.begin()
         for i, piece in enumerate(pieces):
-            paths.append(self.folder / f"{name}_{i:05d}.todo")
-            _write(paths[-1], piece)
-        self.do(work, paths)
-        for path in paths:
+            names.append(f"{name}_{i:05d}")
+            if self.parts.get(names[-1]) is None:
+                todo.append(self.parts.folder / f"{names[-1]}.todo")
+                todo[-1].write_bytes(pickle.dumps((self.parts.key, piece()), protocol=pickle.HIGHEST_PROTOCOL))
+        self.do(work, todo)
+        for path in todo:
             path.unlink()
-        return [path.with_suffix(".done") for path in paths]
+        return names
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,38 +122,52 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
 
     The one subject's body, if there is one, is given by its smoother, which goes through the recording once.
     """
-    n_frames = plan.detections.n_frames
+    n_frames, head = plan.detections.n_frames, _head(plan)
     spans = list(ranges(n_frames, CHUNK_FRAMES))
-    done = team.round(measure_piece, "measured", (_alone(plan, *span) for span in spans))
-    parts = (_whole(plan, _taken(path), start) for path, (start, _) in zip(done, spans, strict=True))
+    done = team.round(measure_piece, "measured", (partial(_alone, plan, *span) for span in spans))
+    parts = (
+        _whole(plan, team.parts.get(name).of_result(head), span[0]) for name, span in zip(done, spans, strict=True)
+    )
     if plan.bodies is not None:
         parts = _with_body(plan, parts)
     if plan.solver is not None:
         solver, size = plan.solver, max(BLOCK_FRAMES, plan.solver.margin)
-        pieces = (solver.alone(window) for window in windows(iter(parts), n_frames, solver.margin, size))
-        parts = (_taken(path) for path in team.round(solve_piece, "solved", pieces))
+        pieces = (partial(solver.alone, window) for window in windows(parts, n_frames, solver.margin, size))
+        parts = (team.parts.get(name).of_result(head) for name in team.round(solve_piece, "solved", pieces))
     if plan.alignment is not None:
         parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "putting together", progress)
 
 
+def look_piece(path: Path) -> None:
+    """Look through a window: who is there, and what their bodies are."""
+    parts, piece = _read(path)
+    parts.put(path.stem, look_through(*piece))
+
+
 def follow_piece(path: Path) -> None:
     """Follow everybody through a window."""
-    seen, bodies = follow_window(*_read(path))
-    _write(path.with_suffix(".bodies"), bodies)
-    _write(path.with_suffix(".done"), seen)
+    parts, piece = _read(path)
+    parts.put(path.stem, follow_window(*piece))
 
 
 def measure_piece(path: Path) -> None:
     """Measure a range of frames."""
-    _write(path.with_suffix(".done"), measure(*_read(path)))
+    parts, piece = _read(path)
+    parts.put(path.stem, Piece.of(measure(*piece)))
 
 
 def solve_piece(path: Path) -> None:
     """Solve a block of frames over time."""
-    solver, window = _read(path)
+    parts, (solver, window) = _read(path)
     assert isinstance(solver, Solver)
-    _write(path.with_suffix(".done"), solver.solved(window))
+    parts.put(path.stem, Piece.of(solver.solved(window)))
+
+
+def _read(path: Path) -> tuple[Parts, Any]:
+    """What is to be done, and where what comes of it is kept."""
+    key, piece = pickle.loads(path.read_bytes())
+    return Parts(path.parent, key), piece
 
 
 def _followed(rig: CameraRig, detections: Detections, options: Options, team: Team) -> Stitched:
@@ -154,25 +176,28 @@ def _followed(rig: CameraRig, detections: Detections, options: Options, team: Te
     rate_hz = 1.0 / clock_of(detections).period_s
     spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.forget_after_s)
 
-    def piece(window: Window) -> tuple[CameraRig, Detections, Options, Window]:
-        return rig, replace(detections.frames(window.first, window.last), skeleton=skeleton), fixed, window
+    def piece(window: Window, *known: KnownBodies) -> tuple[Any, ...]:
+        return rig, replace(detections.frames(window.first, window.last), skeleton=skeleton), fixed, window, *known
 
-    done = team.round(follow_piece, "followed", map(piece, spans))
-    seen: list[Seen] = [_taken(path) for path in done]
-    found = stitch(seen, detections.frame_numbers, _Bodies(tuple(path.with_suffix(".bodies") for path in done)))
+    looked = team.round(look_piece, "looked", (partial(piece, window) for window in spans))
+    brought = bodies_brought([team.parts.get(name) for name in looked], detections)
+    pieces = (partial(piece, window, known) for window, known in zip(spans, brought, strict=True))
+    done = team.round(follow_piece, "followed", pieces)
+    seen: list[Seen] = [team.parts.get(name)[0] for name in done]
+    found = stitch(seen, detections.frame_numbers, _Bodies(team.parts, done))
     return found.only(options.person) if options.person else found
 
 
 class _Bodies:
     """Reads the bodies of windows, which are wanted in order: the last is at hand."""
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = paths
+    def __init__(self, parts: Parts, names: Sequence[str]) -> None:
+        self._parts, self._names = parts, names
         self._last: tuple[int, Bodies] | None = None
 
     def __call__(self, window: int) -> Bodies:
         if self._last is None or self._last[0] != window:
-            self._last = window, _read(self._paths[window])
+            self._last = window, self._parts.get(self._names[window])[1]
         return self._last[1]
 
 
@@ -188,13 +213,21 @@ def _alone(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
     return part, start - first, stop - first
 
 
-def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
-    """A measured range with what is known of the whole recording: the bodies of many, and what happened to them."""
-    subjects = plan.subjects
+def _head(plan: Plan) -> Reconstruction:
+    """What all ranges of a result share, with no frames."""
+    head, subjects = head_of(plan), plan.subjects
     if not isinstance(subjects, Stitched):
-        return part
-    part = replace(part, events=subjects.events)
-    return part if plan.options.bodies == "none" else subjects.with_bodies(part, start)
+        return head
+    head = replace(head, events=subjects.events)
+    return head if plan.options.bodies == "none" else replace(head, skeleton=subjects.skeleton)
+
+
+def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
+    """A measured range with the bodies of many."""
+    subjects = plan.subjects
+    if isinstance(subjects, Stitched) and plan.options.bodies != "none":
+        return subjects.with_bodies(part, start)
+    return part
 
 
 def _with_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:
@@ -206,24 +239,5 @@ def _with_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstr
         stop = start + part.n_frames
         seen = plan.detections.frames(start, stop)
         layer, poses = plan.bodies.bodies(plan.rig, seen, start, smoother.take(stop))
-        known = replace(part, skeleton=plan.bodies.skeleton, poses=poses, events=plan.bodies.events)
-        yield replace(known, layers={**part.layers, "model": layer})
+        yield replace(part, poses=poses, layers={**part.layers, "model": layer})
         start = stop
-
-
-def _write(path: Path, value: object) -> None:
-    """Whole or not at all: somebody else may do the same piece."""
-    temporary = path.with_suffix(f"{path.suffix}.partial")
-    temporary.write_bytes(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
-    temporary.replace(path)
-
-
-def _read(path: Path) -> Any:
-    return pickle.loads(path.read_bytes())
-
-
-def _taken(path: Path) -> Any:
-    """What came of a piece, which is needed once."""
-    value = _read(path)
-    path.unlink()
-    return value

@@ -92,7 +92,7 @@ def finished_chunks(plan: Plan, keeper: Keeper) -> Iterator[Reconstruction]:
     note = partial_note(last, plan.detections.n_frames)
     provenance = replace(plan.provenance, notes=(note, *plan.provenance.notes))
     events = tuple(event for event in _events(plan) if event.number <= until)
-    head = replace(_head(plan), provenance=provenance, events=events)
+    head = replace(head_of(plan), provenance=provenance, events=events)
     parts = (keeper.get(name.format(i)).of_result(head) for i, _ in kept)
     yield from parts if plan.alignment is None else laid(parts, plan.alignment)
 
@@ -116,7 +116,7 @@ def _stage_of(plan: Plan) -> str:
 def _measured(plan: Plan, keeper: Keeper, first: int = 0) -> Iterator[Reconstruction]:
     """The measured and model layers from chunk ``first`` on; those that are kept are not made again."""
     smoother = None if plan.bodies is None else plan.bodies.smoother()
-    head, given = _head(plan) if keeper.keeps else None, 0
+    head, given = head_of(plan) if keeper.keeps else None, 0
     for i, (start, stop) in enumerate(ranges(plan.detections.n_frames, plan.options.chunk_frames)):
         name = _MEASURED.format(i)
         if i < first and keeper.has(name):
@@ -159,7 +159,7 @@ def _solved(plan: Plan, solver: Solver, keeper: Keeper) -> Iterator[Reconstructi
     spans = list(ranges(n_frames, solver.size))
     done = 0
     if keeper.keeps:
-        head = _head(plan)
+        head = head_of(plan)
         while done < len(spans) and (piece := keeper.get(_SOLVED.format(done))) is not None:
             done += 1
             yield piece.of_result(head)
@@ -171,7 +171,7 @@ def _solved(plan: Plan, solver: Solver, keeper: Keeper) -> Iterator[Reconstructi
         yield keeper.put(_SOLVED.format(i), Piece.of(part)).of_result(part) if keeper.keeps else part
 
 
-def _head(plan: Plan) -> Reconstruction:
+def head_of(plan: Plan) -> Reconstruction:
     """What all ranges of a result share, with no frames."""
     people = plan.subjects.follow(0, 0).person_ids
     skeleton = plan.detections.skeleton if plan.bodies is None else plan.bodies.skeleton
@@ -224,7 +224,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
         tracks,
         None if swaps is None else swaps.frames(start - first, stop - first),
         poses,
-    ).of_result(_head(plan))
+    ).of_result(head_of(plan))
 
 
 def _events(plan: Plan) -> tuple[Event, ...]:

@@ -35,7 +35,15 @@ from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.weights import weighed
 from posefuse.postprocess.bones import usual_bones
 from posefuse.progress import Progress, Silent
-from posefuse.settled import cut_time, settle_method, settle_min_views, settle_pairs, settle_people, settle_solve
+from posefuse.settled import (
+    cut_time,
+    settle_chunks,
+    settle_method,
+    settle_min_views,
+    settle_pairs,
+    settle_people,
+    settle_solve,
+)
 from posefuse.solving import Postprocess, Solver, Step
 from posefuse.tracking.records import People
 from posefuse.triangulation import noise as noise_scale
@@ -181,7 +189,7 @@ def look(
     detections = align_views(detections, options.reference_view)
     rig, detections, notes = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    options = settle_people(options, detections, len(rig))
+    options = settle_chunks(settle_people(options, detections, len(rig)), detections)
     step = None if options.sync.does_nothing else retiming.in_step(detections, rig.names, options.sync)
     if step is not None:
         detections, notes = step.detections, (*notes, *step.notes)

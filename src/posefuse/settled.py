@@ -16,6 +16,9 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.triangulation.registry import load_method
 
 _TELLING_S = 10.0
+_CHUNK_BYTES, _DETECTED_BYTES, _LEAST_FRAMES = 600_000_000, 130, 256
+"""Of a chunk, about; of a detected keypoint in it, measured on eight cameras; and frames below which what is looked at
+around a chunk is most of the work."""
 
 
 def cut_time(detections: Detections, options: Options) -> Detections:
@@ -38,6 +41,14 @@ def cut_time(detections: Detections, options: Options) -> Detections:
             f"{times[0]:.3f} s to {times[-1]:.3f} s."
         )
     return detections.between(start, stop)
+
+
+def settle_chunks(options: Options, detections: Detections) -> Options:
+    """Lower ``chunk_frames`` where so many people have so many keypoints that a chunk would fill the memory."""
+    rows_of_frame = int(detections.offsets[-1]) / max(detections.n_frames, 1)
+    frame_bytes = max(rows_of_frame, 1.0) * len(detections.skeleton) * _DETECTED_BYTES
+    most = max(int(_CHUNK_BYTES / frame_bytes), _LEAST_FRAMES)
+    return replace(options, chunk_frames=min(options.chunk_frames, most))
 
 
 def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
@@ -68,9 +79,12 @@ def settle_people(options: Options, detections: Detections, n_cameras: int) -> O
 def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
     """Fill in how keypoints that come in pairs are solved.
 
-    Other methods than the default are asked for by name for what they do with the labels as they are.
+    Other methods than the default are asked for by name for what they do with the labels as they are. And who asks for
+    people as they are followed, without a smoother, asks for what a stream gives: sides are decided over time, by later
+    frames too, which a stream has not seen.
     """
-    believed = options.triangulation.method != TriangulationOptions().method
+    causal = options.people == "many" and options.tracker.smoother == "none"
+    believed = causal or options.triangulation.method != TriangulationOptions().method
     pairs = options.pairs or ("labels" if believed else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 

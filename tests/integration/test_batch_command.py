@@ -11,9 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from posefuse.batch.jobs import jobs_of
+from posefuse.cli.batch_work import do_job
 from posefuse.io.calibration import anipose
+from posefuse.io.files import PARTS
 from posefuse.io.keypoints import native
+from posefuse.io.parts import Parts
 from posefuse.io.results import netcdf
+from posefuse.model.options import Options
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
@@ -97,6 +102,41 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
     assert (output / "rec_001" / "reconstruction.nc").read_bytes() == result
     assert (output / "batch.html").read_bytes() != page
     assert (output / "batch.csv").read_bytes() != table
+
+
+def test_a_batch_that_was_ended_goes_on_within_a_recording(tmp_path, monkeypatch):
+    """Of 30 frames in chunks of 10, the third is not finished."""
+    (folder,) = recordings(tmp_path / "recs", 1, {}, 1.0)
+    options = Options(chunk_frames=10, solve="frame", pairs="labels")
+    put = Parts.put
+    made: list[str] = []
+
+    def work(name: str, ends: bool) -> str:
+        def noted(parts: Parts, part: str, value: object) -> object:
+            if ends and part == "measured_000002":
+                raise OSError(28, "No space left on device", str(parts.folder / part))
+            made.append(part)
+            return put(parts, part, value)
+
+        monkeypatch.setattr(Parts, "put", noted)
+        (job,) = jobs_of([folder], tmp_path / name, None, options)
+        return do_job(job).state
+
+    assert work("whole", ends=False) == "done"
+    assert work("out", ends=True) == "failed"
+    assert (tmp_path / "out" / "rec_000" / PARTS).is_dir()
+    made.clear()
+    assert work("out", ends=False) == "done"
+    assert made == ["measured_000002"]
+    whole, out = (
+        {
+            path.relative_to(tmp_path / name): path.read_bytes()
+            for path in (tmp_path / name).rglob("*")
+            if path.is_file()
+        }
+        for name in ("whole", "out")
+    )
+    assert out == whole
 
 
 @pytest.mark.long

@@ -52,19 +52,20 @@ def test_numbers_that_cannot_be_had(run, files):
     assert numbers["undefined"]["mpjpe_mm"] == "nobody is matched within 0.5 m"
 
 
-def test_one_trc_a_person(run, files):
+@pytest.mark.parametrize("ending", ["trc", "c3d"])
+def test_one_file_a_person(ending, run, files):
     truth = posefuse.read_reconstruction(files / "truth.nc")
     for p, name in enumerate(("anna", "otto")):
         layer = truth.layers["measured"]
         one = {field: np.asarray(getattr(layer, field))[:, p : p + 1] for field in vars(layer)}
         single = replace(truth, person_ids=(name,), layers={"measured": replace(layer, **one)})
-        posefuse.write(single, files / f"{name}.trc")
-    code, said, _ = run("evaluate", files, files / "anna.trc", files / "otto.trc")
+        posefuse.write(single, files / f"{name}.{ending}")
+    code, said, _ = run("evaluate", files, files / f"anna.{ending}", files / f"otto.{ending}")
     assert code == 0
     numbers = json.loads((files / "evaluation.json").read_text())
     assert [person["name"] for person in numbers["people"]] == ["anna", "otto"]
     assert numbers["clear"][0]["misses"] == 0
     assert "anna" in said
-    code, _, said = run("evaluate", files, files / "anna.trc", files / "truth.nc")
+    code, _, said = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
     assert code == 1
-    assert "TRC files, one a person" in said
+    assert "TRC or C3D files, one a person" in said

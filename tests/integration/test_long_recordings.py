@@ -164,3 +164,16 @@ def test_twenty_kills_of_five_minutes(tmp_path):
             kills += 1
     assert start(recording, output, 256).wait(timeout=3600) == 0
     assert contents(output) == contents(whole)
+
+
+@pytest.mark.long
+def test_the_run_that_compiles_the_kernels_gives_the_bytes_of_those_that_load_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    recording = write(tmp_path / "recording", seconds=3.0)
+    written = []
+    for name in ("compiling", "loading"):
+        process = start(recording, tmp_path / name, chunk=40)
+        said = process.communicate()[0]
+        assert process.returncode == 0, said
+        written.append(contents(tmp_path / name))
+    assert written[0] == written[1]

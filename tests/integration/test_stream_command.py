@@ -55,9 +55,7 @@ def test_a_recording_through_the_command_gives_the_numbers_of_reconstruct(run, f
     done = subprocess.run(
         stream(folder, "--clock", "messages", *FIXED), input=lines, capture_output=True, check=True, env=ENVIRONMENT
     )
-    options = Options(
-        people="many", pairs="labels", noise_scale_px=6.0, tracker=replace(Options().tracker, smoother="none")
-    )
+    options = Options(people="many", noise_scale_px=6.0, tracker=replace(Options().tracker, smoother="none"))
     rig = posefuse.read_cameras(folder / "calibration.toml")
     result = posefuse.reconstruct(rig, posefuse.read_detections(folder / "keypoints.nc"), options)
     start, *frames, report = [json.loads(line) for line in done.stdout.splitlines()]

@@ -1,5 +1,6 @@
 """What is written is read back: everything where a format holds everything, else up to its stated digits."""
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.io.calibration import anipose
+from posefuse.errors import FileError
+from posefuse.io.calibration.read import find_format
+from posefuse.io.calibration.registry import CALIBRATIONS as REGISTRY
+from posefuse.io.calibration.write import write_as
+from posefuse.io.formats import by_name
 from posefuse.io.keypoints import native
-from posefuse.io.results import trc
+from posefuse.io.results import c3d_reading, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
@@ -115,18 +120,50 @@ def test_detections_are_lossless(seed, frames, views):
         assert posefuse.read_detections(path) == detections
 
 
-@given(seed=seeds, names=st.lists(words, min_size=1, max_size=12, unique=True), lens=st.sampled_from(LensModel))
+CALIBRATIONS = {"anipose": "calibration.toml", "pose2sim": "calibration.toml", "qualisys": "calibration.qca.txt"}
+OTHER_LENSES = {
+    "anipose": (),
+    "pose2sim": (LensModel.RATIONAL, LensModel.FISHEYE, LensModel.BROWN),
+    "qualisys": (LensModel.RATIONAL, LensModel.FISHEYE),
+}
+"""Which lenses the formats have no numbers for; of Pose2Sim's, those with k3."""
+
+
+@pytest.mark.parametrize("form", CALIBRATIONS)
+@given(
+    seed=seeds,
+    names=st.lists(words, min_size=1, max_size=12, unique=True),
+    lens=st.sampled_from(LensModel),
+    up=st.sampled_from([None, "y", "z", "z", "z"]),
+    said=st.lists(words, max_size=2),
+)
 @examples(25)
-def test_calibrations_keep_every_camera(seed, names, lens):
+def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
+    """Or say what they cannot hold, and write nothing."""
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
+    rig = replace(rig, up_axis=up, notes=tuple(said), left_out=tuple(said))
+    if form == "pose2sim" and lens is LensModel.BROWN and seed % 2:
+        rig = replace(rig, cameras=tuple(replace(c, distortion=(*c.distortion[:4], 0.0)) for c in rig.cameras))
+        lens = LensModel.PINHOLE
+    refused = lens in OTHER_LENSES[form] or (form != "anipose" and up != "z")
+    impossible = form == "qualisys" and any(
+        re.search(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]", x) for x in [*names, *said]
+    )
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "calibration.toml"
-        anipose.write(rig, path)
+        path = Path(folder) / CALIBRATIONS[form]
+        written = by_name(REGISTRY, form)
+        if refused or impossible:
+            with pytest.raises(FileError, match=f"{form}'s format"):
+                write_as(written, rig, path)
+            assert list(Path(folder).iterdir()) == []
+            return
+        write_as(written, rig, path)
+        assert find_format(path).name == form
         found = posefuse.read_cameras(path)
-    assert found.names == rig.names
+    assert (found.names, found.notes, found.left_out, found.up_axis) == (rig.names, rig.notes, rig.left_out, up)
     for a, b in zip(found.cameras, rig.cameras, strict=True):
         np.testing.assert_array_equal(a.matrix, b.matrix)
-        assert (a.lens, a.size_px) == (b.lens if lens is not LensModel.PINHOLE else a.lens, b.size_px)
+        assert (a.lens, a.size_px) == (b.lens if b.lens is not LensModel.PINHOLE else a.lens, b.size_px)
         assert a.distortion == b.distortion or not any((*a.distortion, *b.distortion))
         np.testing.assert_allclose(a.camera_from_world, b.camera_from_world, atol=1e-12)
 
@@ -155,6 +192,11 @@ def test_trc_keeps_micrometres(seed, frames, up):
     assert found.rate_hz == pytest.approx(result.rate_hz, rel=1e-9)
 
 
+def residuals_everywhere(content: ezc3d.c3d) -> np.ndarray:
+    """Shape (frame, point), as ezc3d reads them."""
+    return content["data"]["meta_points"]["residuals"][0].T
+
+
 @given(seed=seeds, frames=st.integers(1, 12), views=st.integers(1, 9))
 @examples(15)
 def test_c3d_keeps_what_it_says(seed, frames, views):
@@ -172,19 +214,33 @@ def test_c3d_keeps_what_it_says(seed, frames, views):
         path = Path(folder) / "someone.c3d"
         posefuse.write(result, path)
         content = ezc3d.c3d(str(path))
+        stored, other = posefuse.read_points(path), c3d_reading.read(path)
     places = result.frame_numbers - result.frame_numbers[0]
     found = content["data"]["points"][:3].transpose(2, 1, 0)[places]
     np.testing.assert_allclose(found, 1000.0 * points[:, 0], rtol=1e-6)
-    residuals = content["data"]["meta_points"]["residuals"][0].T[places]
+    given_sd = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
     missing, filled = np.isnan(points[:, 0, :, 0]), np.asarray(layer.source)[:, 0] == Source.FILLED
-    np.testing.assert_array_equal(residuals == -1.0, missing)
-    unknown = np.isnan(layer.sd_m[:, 0]).any(axis=-1)
-    np.testing.assert_array_equal((residuals == 0.0) & ~missing, (filled | unknown) & ~missing)
-    masks = content["data"]["meta_points"]["camera_masks"].transpose(2, 1, 0)[places].astype(bool)
-    used = is_used(np.asarray(layer.view_status)[:, 0]) if views <= 7 else np.zeros((frames, 4, 7), dtype=bool)
-    np.testing.assert_array_equal((masks & ~missing[..., None])[..., : used.shape[-1]], used & ~missing[..., None])
+    np.testing.assert_array_equal(residuals_everywhere(content) == -1.0, other.residual == -1.0)
+    np.testing.assert_array_equal(other.residual[places] == -1.0, missing)
+    told = ~(missing | filled | np.isnan(given_sd))
+    np.testing.assert_allclose(other.residual[places][told], np.clip(given_sd[told], 0.1, 25.5), atol=0.0501)
+    assert (other.residual[places][~told & ~missing] == 0.0).all()
+    used = is_used(np.asarray(layer.view_status)[:, 0]) & ~(missing | filled)[..., None]
+    bits = np.zeros((frames, 4, 7), dtype=bool)
+    bits[..., :views] = used if views <= 7 else False
+    np.testing.assert_array_equal(other.cameras[places], bits)
     assert content["parameters"]["POINT"]["RATE"]["value"][0] == pytest.approx(result.rate_hz, rel=1e-6)
     assert content["parameters"]["POINT"]["LABELS"]["value"] == list(result.skeleton.keypoints)
+    np.testing.assert_allclose(stored.points_m[places][:, 0], points[:, 0], rtol=1e-6)
+    np.testing.assert_array_equal(np.isnan(stored.points_m[..., 0][:, 0]), residuals_everywhere(content) == -1.0)
+    assert (stored.keypoints, stored.person_ids, stored.unit) == (result.skeleton.keypoints, ("someone",), "m")
+    assert (stored.layer, stored.rate_hz) == ("measured", pytest.approx(result.rate_hz, rel=1e-6))
+    np.testing.assert_array_equal(stored.frame_numbers[places], result.frame_numbers)
+    np.testing.assert_allclose(stored.time_s, stored.frame_numbers / stored.rate_hz)
+    if views <= 7:
+        np.testing.assert_array_equal(stored.n_views[places][:, 0], used.sum(axis=-1))
+    else:
+        assert stored.n_views is None
 
 
 @given(

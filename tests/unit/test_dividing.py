@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posefuse.dividing import Team, is_long, prepare_divided, reconstruct_divided
+from posefuse.dividing import Do, Team, is_long, prepare_divided, reconstruct_divided
+from posefuse.io.parts import Parts
 from posefuse.model.gathering import gathered
 from posefuse.model.options import Options
 from posefuse.model.postprocess_options import PostprocessOptions
@@ -26,9 +27,8 @@ def here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
         work(piece)
 
 
-def divided(scene, options: Options, folder: Path, window_s: float) -> Reconstruction:
-    folder.mkdir()
-    team = Team(folder, here, window_s)
+def divided(scene, options: Options, folder: Path, window_s: float, do: Do = here) -> Reconstruction:
+    team = Team(Parts(folder, "key"), do, window_s)
     plan = prepare_divided(scene.rig, scene.detections, options, team, Silent())
     return gathered(reconstruct_divided(plan, team, Silent()), plan.detections.n_frames)
 
@@ -62,6 +62,31 @@ def test_people_of_two_windows_are_those_of_one_run(tmp_path):
     )
     assert np.nanmedian(apart_m) < 0.005
     assert list((tmp_path / "x").glob("*.todo")) == []
+
+
+def test_a_divided_run_that_was_ended_goes_on_from_the_pieces_that_are_done(tmp_path):
+    """One measured piece is done when it ends; another is damaged before it goes on."""
+    scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
+    options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
+    whole = divided(scene, options, tmp_path / "whole", 4.0)
+    done: list[str] = []
+
+    def ended(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+        here(work, pieces)
+        raise KeyboardInterrupt
+
+    def noted(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+        done.extend(piece.stem for piece in pieces)
+        here(work, pieces)
+
+    with pytest.raises(KeyboardInterrupt):
+        divided(scene, options, tmp_path / "x", 4.0, ended)
+    damaged = tmp_path / "x" / "measured_00001.part"
+    damaged.write_bytes(damaged.read_bytes()[:-1])
+    assert divided(scene, options, tmp_path / "x", 4.0, noted) == whole
+    assert done[0] == "measured_00001"
+    assert not any(name.startswith("measured") for name in done[1:])
+    assert any(name.startswith("solved") for name in done)
 
 
 @pytest.mark.long

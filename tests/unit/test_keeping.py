@@ -216,6 +216,29 @@ class TestParts:
         with pytest.raises(FileError, match="Where is it from"):
             parts.get("a")
 
+    def test_a_part_that_is_damaged_anywhere_is_none(self, tmp_path):
+        parts = Parts(tmp_path / "parts", "key")
+        parts.spool("a.b").add(np.arange(3))
+        parts.put("a", np.arange(5))
+        path = tmp_path / "parts" / "a.part"
+        whole = path.read_bytes()
+        for at in range(len(whole)):
+            path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+            assert parts.get("a") is None, at
+        path.write_bytes(whole)
+        np.testing.assert_array_equal(parts.get("a"), np.arange(5))
+
+    @pytest.mark.parametrize("at", [0, 9, 17, 40])
+    def test_a_damaged_spool_is_said(self, tmp_path, at):
+        spool = Parts(tmp_path / "parts", "key").spool("a.b")
+        place = spool.add(np.arange(3))
+        path = tmp_path / "parts" / "a.b.spool"
+        damaged = bytearray(path.read_bytes())
+        damaged[at] ^= 1
+        path.write_bytes(damaged)
+        with pytest.raises(FileError, match="damaged at byte 0. Remove .*parts"):
+            spool.read(place)
+
     def test_a_spool_is_as_long_as_its_part_knows(self, tmp_path):
         parts = Parts(tmp_path / "parts", "key")
         spool = parts.spool("a.b")

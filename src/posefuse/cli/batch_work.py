@@ -3,7 +3,6 @@
 import contextlib
 import io
 import math
-import tempfile
 import threading
 import traceback
 import warnings
@@ -18,7 +17,7 @@ from posefuse.cli.console import Bars
 from posefuse.cli.reading import digest
 from posefuse.dividing import Do
 from posefuse.errors import PosefuseError, PosefuseWarning
-from posefuse.io.files import must_exist, replacing_folder
+from posefuse.io.files import PARTS, must_exist, replacing_folder
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
 from posefuse.model.options import Options
@@ -30,8 +29,9 @@ _ONE_AT_A_TIME = threading.Lock()
 """What is printed and warned of belongs to a process, so that a process does one recording at a time."""
 
 
-Make = Callable[[Path, Job, Path, Path], None]
-"""Writes a result: into which folder, of which job, from which calibration and keypoints."""
+Make = Callable[[Path, Job, Path, Path], Callable[[], None]]
+"""Writes a result: into which folder, of which job, from which calibration and keypoints. Gives what is to be called
+when the result is in its place: what was kept to go on from is not needed any more."""
 
 
 def do_job(job: Job) -> Outcome:
@@ -106,25 +106,27 @@ def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outc
     calibration, keypoints = _inputs(job)
     marker = MARK if (job.output / MARK).exists() else RESULT
     with replacing_folder(job.output, marker) as staging:
-        make(staging, job, calibration, keypoints)
+        forget = make(staging, job, calibration, keypoints)
         numbers = _numbers(netcdf.read_reconstruction(staging / RESULT))
         # From here on the folder is another result, and not a whole one until its mark is there.
         remove_mark(job.output)
+    forget()
     outcome = Outcome(job.name, "done", "", numbers, tuple(said))
     write_mark(job.output, _key(calibration, keypoints, job.options, window_s), outcome, digest)
     return outcome
 
 
-def _whole(folder: Path, job: Job, calibration: Path, keypoints: Path) -> None:
+def _whole(folder: Path, job: Job, calibration: Path, keypoints: Path) -> Callable[[], None]:
     from posefuse.cli.reconstruct import reconstruct_into
 
-    reconstruct_into(folder, job.folder, calibration, keypoints, job.options)
+    made = reconstruct_into(folder, job.folder, calibration, keypoints, job.options, parts=job.output / PARTS)
+    return made.done
 
 
-def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Path) -> None:
-    """As :func:`reconstruct_into`, with pieces in a folder of their own that goes before the result is in its place."""
+def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Path) -> Callable[[], None]:
+    """As :func:`reconstruct_into`, with pieces that others do; those that are done are kept until the result is."""
     from posefuse.cli.reading import must_have_rate, read_inputs
-    from posefuse.cli.reconstruct import write_beside, write_debug
+    from posefuse.cli.reconstruct import parts_of, write_beside, write_debug
     from posefuse.diagnosis import with_health
     from posefuse.dividing import Team, prepare_divided, reconstruct_divided
     from posefuse.io.results import netcdf
@@ -135,14 +137,15 @@ def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Pat
     if options.skeleton is not None:
         options = replace(options, skeleton=inputs.detections.skeleton.name)
     assert job.window_s is not None
-    with tempfile.TemporaryDirectory(prefix=".pieces-", dir=folder) as pieces:
-        team = Team(Path(pieces), do, job.window_s)
-        plan = with_health(prepare_divided(inputs.rig, inputs.detections, options, team, progress))
-        plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
-        netcdf.write(reconstruct_divided(plan, team, progress), folder / RESULT)
-        result = netcdf.read_reconstruction(folder / RESULT)
-        write_beside(result, folder, progress)
-        write_debug(plan, result, folder, progress)
+    parts = parts_of(job.output / PARTS, inputs, options, job.window_s)
+    team = Team(parts, do, job.window_s)
+    plan = with_health(prepare_divided(inputs.rig, inputs.detections, options, team, progress))
+    plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+    netcdf.write(reconstruct_divided(plan, team, progress), folder / RESULT)
+    result = netcdf.read_reconstruction(folder / RESULT)
+    write_beside(result, folder, progress)
+    write_debug(plan, result, folder, progress)
+    return parts.remove
 
 
 def _key(calibration: Path, keypoints: Path, options: Options, window_s: float | None) -> str:

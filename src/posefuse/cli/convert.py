@@ -19,6 +19,7 @@ from posefuse.model.skeletons import Skeleton, find_skeleton
 # What a name ends in tells the format, where one format is meant.
 _BY_ENDING = {
     ".csv": "tidy", ".parquet": "tidy", ".jsonl": "replay", ".nc": "posefuse", ".toml": "anipose",
+    ".qca.txt": "qualisys",
 }  # fmt: skip
 
 
@@ -60,7 +61,7 @@ def convert(
 
         convert_result(path, to or _result_format(output), output, layer)
         return
-    name = to or _BY_ENDING.get(output.suffix)
+    name = to or next((form for ending, form in _BY_ENDING.items() if output.name.endswith(ending)), None)
     if name is None:
         raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(_written(), 20)}.")
     keypoints, calibration = _writer(KEYPOINTS, name), _writer(CALIBRATIONS, name)
@@ -173,10 +174,11 @@ def _mapped(detections: Detections, skeleton: Skeleton) -> Detections:
 
 def _convert_calibration(source: Path, output: Path, form: Format, options: Options) -> None:
     from posefuse.io.calibration.read import read_cameras
+    from posefuse.io.calibration.write import write_as
 
     rig = read_cameras(source, length_unit=options.length_unit, up=options.up)
     for text in rig.notes:
         note(f"note: {text}")
-    form.load().write(rig, output)
+    write_as(form, rig, output)
     say(f"{count(len(rig), 'camera')}, up axis {rig.up_axis or 'unknown'}")
     say(f"Wrote {output} ({form.name})")

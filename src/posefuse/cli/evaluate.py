@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 StateName = Literal["tentative", "active", "lost"]
 
+_OF_ONE = (".trc", ".c3d")
+"""Files of one person each."""
 NOT_THERE = "-"
 """Stands for a number that cannot be had."""
 
@@ -33,8 +35,8 @@ def evaluate(
     truth: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="Known positions: a truth.nc, another reconstruction.nc, or TRC files, one a person. Without any, "
-            "what the result says of itself."
+            help="Known positions: a truth.nc, another reconstruction.nc, or TRC or C3D files, one a person. Without "
+            "any, what the result says of itself."
         ),
     ] = (),
     *,
@@ -117,17 +119,19 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     """A result and its truth with many people in either; None where there is one in both.
 
     Raises:
-        ResultError: if several files are given that are not TRC.
+        ResultError: if several files are given that are not TRC or C3D.
     """
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation import together
     from posefuse.io.results import netcdf
 
     first = files[0]
-    are_trc = [file.suffix.lower() == ".trc" for file in files]
-    if len(files) > 1 and not all(are_trc):
-        raise ResultError(f"Give one truth with everybody in it, or TRC files, one a person; got {len(files)} files.")
-    if all(are_trc):
+    of_one = [file.suffix.lower() in _OF_ONE for file in files]
+    if len(files) > 1 and not all(of_one):
+        raise ResultError(
+            f"Give one truth with everybody in it, or TRC or C3D files, one a person; got {len(files)} files."
+        )
+    if all(of_one):
         if len(files) == len(result.person_ids) == 1:
             return None
         return together.with_truths(
@@ -146,22 +150,53 @@ def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
 
 def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
     """Read a truth file of one person; what comes back finds its positions at the frames of a result."""
-    import numpy as np
-
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation import accuracy
-    from posefuse.io.results import netcdf, trc
+    from posefuse.io.results import netcdf
+
+    if path.suffix.lower() == ".trc":
+        return _trc_finder(path)
+    if path.suffix.lower() == ".c3d":
+        return _c3d_finder(path)
+    known = in_calibration_world(netcdf.read_reconstruction(path))
+    return lambda result: accuracy.truth_from_result(result, known)
+
+
+def _trc_finder(path: Path) -> Callable[[Reconstruction], Truth]:
+    """Of a TRC, which has y up."""
+    import numpy as np
+
+    from posefuse.evaluation.accuracy import truth_from_trajectories
+    from posefuse.io.results import trc
     from posefuse.io.results.axes import y_up_from_world
 
-    if path.suffix.lower() != ".trc":
-        known = in_calibration_world(netcdf.read_reconstruction(path))
-        return lambda result: accuracy.truth_from_result(result, known)
     tracks = trc.read(path)
 
     def found(result: Reconstruction) -> Truth:
         world_from_file = np.asarray(y_up_from_world(result.rig.up_axis)).T
-        points = tracks.points_m @ world_from_file.T
-        return accuracy.truth_from_trajectories(result, tracks.names, tracks.time_s, points)
+        return truth_from_trajectories(result, tracks.names, tracks.time_s, tracks.points_m @ world_from_file.T)
+
+    return found
+
+
+def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
+    """Of a C3D, in the world of the calibration; names may have a subject's before a colon."""
+    from posefuse.evaluation.accuracy import truth_from_trajectories
+    from posefuse.io.results import c3d_reading
+
+    tracks = c3d_reading.read(path)
+    if not tracks.unit:
+        raise ResultError(f"{path} does not say in POINT:UNITS whether its points are in mm, cm or m.")
+    names = tuple(name.rpartition(":")[2] for name in tracks.names)
+
+    def found(result: Reconstruction) -> Truth:
+        up = result.rig.up_axis
+        if None not in (up, tracks.up) and up != tracks.up:
+            raise ResultError(
+                f"{path} has {tracks.up} up (POINT:Y_SCREEN), the calibration {up}: they are of different worlds. "
+                "Export the C3D in the calibration's axes."
+            )
+        return truth_from_trajectories(result, names, tracks.time_s, tracks.points)
 
     return found
 

@@ -33,6 +33,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracker_options import Smoother
 
 if TYPE_CHECKING:
+    from posefuse.io.parts import Parts
     from posefuse.measuring import Plan
 
 FILTER_FIGURE = "debug/percentile_filter.png"
@@ -188,7 +189,19 @@ def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Kee
     """What keeps finished parts of a long recording, and what removes them; of a short one none are kept."""
     if parts is None or inputs.detections.n_frames <= options.chunk_frames:
         return NOTHING, lambda: None
+    keeper = parts_of(parts, inputs, options)
+    return keeper, keeper.remove
 
+
+def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "Parts":
+    """The finished parts in a folder, if they are of the same input, options and versions; it is said what is there.
+
+    Args:
+        parts: the folder.
+        inputs: what was read.
+        options: of the reconstruction.
+        window_s: of the windows that the recording is divided into, if it is.
+    """
     from posefuse.io.netcdf import skeleton_text
     from posefuse.io.parts import Parts, digest_of
 
@@ -198,13 +211,14 @@ def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Kee
         "skeleton": skeleton_text(inputs.detections.skeleton),
         "versions": {"python": python_version()}
         | {name: version(name) for name in ("posefuse", "numpy", "numba", "scipy")},
+        "window_s": window_s,
     }
     keeper, others = Parts.opened(parts, digest_of(told))
     if others:
         note(f"note: {parts} held {count(others, 'part')} of other input, options or versions; they are not used.")
     elif parts.exists():
         note(f"note: going on from the finished parts in {parts}.")
-    return keeper, keeper.remove
+    return keeper
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:

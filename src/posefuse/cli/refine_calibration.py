@@ -29,7 +29,8 @@ def refine_calibration(
         Path,
         Parameter(
             name=["--output", "-o"],
-            help="Calibration to write, in the format of the one that is read if that is pose2sim's, else anipose's.",
+            help="Calibration to write: in the format of the one that is read if that is Pose2Sim's or Qualisys' "
+            "(name.qca.txt), else in Anipose's (name.toml).",
         ),
     ],
     calibration: CalibrationPath = None,
@@ -49,7 +50,7 @@ def refine_calibration(
 
     The calibration that is read stays as it is. Cameras that cannot be helped are left out by name.
     """
-    from posefuse.io.calibration.write import write_like
+    from posefuse.io.calibration.write import must_be_named, write_like
     from posefuse.refining import refine_calibration as refined
 
     progress = Bars()
@@ -57,6 +58,7 @@ def refine_calibration(
     place, rig, detections = _read(recording, calibration, keypoints, source, options, progress)
     if output.exists() and output.resolve() == place.resolve():
         raise FileError(f"--output {output} is the calibration that is refined, which stays as it is. Name another.")
+    must_be_named(output, place)
     if source == "board":
         options = replace(options, people="one")
     result = refined(rig, detections, options, chosen, progress=progress)

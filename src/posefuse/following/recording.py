@@ -20,12 +20,14 @@ from posefuse.model.options import Options
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
+from posefuse.tracking.known_bodies import KnownBodies
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
 _SURE_LOG_ODDS = 1e9
 _ANYWHERE = 1e9
 _NAME = "following"
+_BOOK = f"{_NAME}.book"
 _INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
 
 
@@ -58,7 +60,12 @@ def follow_subject(
 
 
 def follow(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    keeper: Keeper = NOTHING,
+    known: KnownBodies | None = None,
 ) -> Followed:
     """Follow everybody through a recording.
 
@@ -68,12 +75,13 @@ def follow(
         options: of its reconstruction.
         progress: told how far the work is.
         keeper: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
+        known: bodies that somebody else found.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper)
+    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper, known)
     progress.start("following people", detections.n_frames)
     progress.advance(stage.done)
     times_s = _times(detections)
@@ -84,10 +92,10 @@ def follow(
                 stage = stage.keep(keeper)
                 progress.advance(stop - start)
     except KeyboardInterrupt:
-        known = _Stage.kept(keeper)
-        if known is None or not keeper.keeps:
+        kept = _Stage.kept(keeper)
+        if kept is None or not keeper.keeps:
             raise
-        stage = known
+        stage = kept
         warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
     progress.finish()
     return stage.book.close(detections.between(0, stage.done) if stage.done < detections.n_frames else detections)
@@ -108,14 +116,16 @@ class _Stage:
     done: int = 0
 
     @classmethod
-    def first(cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper) -> "_Stage":
+    def first(
+        cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper, known: KnownBodies | None
+    ) -> "_Stage":
         """Before the first frame."""
         noise = rough_noise(rig, detections, options)
-        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options, known)
         spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
-        return cls(tracker, Book(History(body, spools[0]), parts))
+        return cls(tracker, Book(History(body, spools[0]), parts, keeper.spool(_BOOK)))
 
     @classmethod
     def kept(cls, keeper: Keeper) -> "_Stage | None":
@@ -125,11 +135,15 @@ class _Stage:
 
     def keep(self, keeper: Keeper) -> "_Stage":
         """Keep it; the same as whoever goes on from there has it."""
+        self.book.put_away()
         stage = keeper.put(_NAME, self)
         return stage if stage is self else stage.going_on(keeper)
 
     def going_on(self, keeper: Keeper) -> "_Stage":
-        """The same with its histories in the keeper's spools."""
+        """The same with its book and histories in the keeper's spools."""
+        spool = keeper.spool(_BOOK)
+        assert spool is not None
+        self.book.goes_on_in(spool)
         histories = (self.book.history, *self.book.parts)
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = keeper.spool(name)

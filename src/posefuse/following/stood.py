@@ -87,7 +87,7 @@ class Stood:
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
-        self.bridged[f[:, None], p[:, None], keypoints] = (person.run.missing_s[seen] > 0.0)[:, None]
+        self.bridged[f[:, None], p[:, None], keypoints] = (person.missing_s[seen] > 0.0)[:, None]
         self.turns[f, p, first.segment : first.segment + body.turns.shape[1]] = body.turns[seen]
         self.directions[f, p, first.bone : first.bone + known.directions.shape[1]] = known.directions
         self.angle_sd_deg[f, p, first.angle : first.angle + known.angle_sd_deg.shape[1]] = known.angle_sd_deg

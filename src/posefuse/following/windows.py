@@ -2,15 +2,19 @@
 
 A window is followed from before its first frame to after its last, so long that whoever a tracker still remembers at
 either end was seen within: who lives there is known to both neighbours, which :mod:`posefuse.following.stitching` makes
-one. What all windows have to agree on, the noise and how bodies move, is found before.
+one. What all windows have to agree on, the noise and how bodies move, is found before. So are the lengths of bodies,
+which a tracker finds in the first seconds that show somebody: windows are looked through once before they are followed,
+and who comes from an earlier window brings along the body that was found there.
 """
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from posefuse.following.followed import Followed
 from posefuse.following.noise import rough_noise
 from posefuse.following.recording import follow
 from posefuse.following.trackers import with_tree
@@ -23,6 +27,7 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Silent
 from posefuse.survey import known_noise
+from posefuse.tracking.known_bodies import KnownBodies, KnownBody
 
 _SETTLE_S = 10.0
 """Until people are believed and their bodies known."""
@@ -56,6 +61,7 @@ class Seen:
         skeleton: with the tree that bodies were fitted to.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
+        kept: by name, bodies whose lengths were kept.
     """
 
     window: Window
@@ -64,6 +70,7 @@ class Seen:
     skeleton: Skeleton
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
+    kept: Mapping[str, KnownBody] = field(default_factory=dict)
 
 
 Bodies = tuple[Layer, Poses]
@@ -106,22 +113,38 @@ def agreed(rig: CameraRig, detections: Detections, options: Options) -> tuple[Sk
     return skeleton, options
 
 
-def follow_window(rig: CameraRig, detections: Detections, options: Options, window: Window) -> tuple[Seen, Bodies]:
-    """Follow everybody through a window.
+def look_through(rig: CameraRig, detections: Detections, options: Options, window: Window) -> Seen:
+    """Follow everybody through a window, to know who is there and what their bodies are.
+
+    Arguments and errors are those of :func:`follow_window`.
+    """
+    return _seen(follow(rig, detections, options, Silent()), window)
+
+
+def follow_window(
+    rig: CameraRig, detections: Detections, options: Options, window: Window, known: KnownBodies
+) -> tuple[Seen, Bodies]:
+    """Follow everybody through a window, with the bodies that people brought along.
 
     Args:
         rig: the cameras.
         detections: of the wider range of the window.
         options: from :func:`agreed`.
         window: which.
+        known: bodies of those who were there before.
 
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = follow(rig, detections, options, Silent())
-    seen = Seen(window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m)
+    found = follow(rig, detections, options, Silent(), known=known)
     start, stop = window.start - window.first, window.stop - window.first
     smoother = found.smoother()
     if start:
         smoother.take(start)
-    return seen, found.bodies(rig, detections.frames(start, stop), start, smoother.take(stop))
+    return _seen(found, window), found.bodies(rig, detections.frames(start, stop), start, smoother.take(stop))
+
+
+def _seen(found: Followed, window: Window) -> Seen:
+    return Seen(
+        window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m, dict(found.kept)
+    )  # fmt: skip

@@ -22,12 +22,13 @@ from posefuse.health.hypotheses import (
     solve,
     usual_effect,
 )
+from posefuse.health.pace import late_by, likeliest, same_line
 from posefuse.health.points import Points, solve_points
 from posefuse.health.state import N_COLUMNS, State, look
 from posefuse.health.system import System, block_of, linearise
 
-THRESHOLD = 13.0
-"""Of the penalised gain: healthy recordings, with some forty numbers that may be wrong, reach it once in some 500."""
+THRESHOLD = 10.0
+"""Of the penalised gain: what a healthy recording, with some forty numbers that may be wrong, hardly ever reaches."""
 _STEPS = 3
 _FINAL_STEPS = 8
 _STILL = 0.1
@@ -115,7 +116,7 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
         found, now = chosen
         effect = min(effect, usual_effect(now.system, (), evidence.n_views))
     if found:
-        found, now = looker.settle(now, found, _FINAL_STEPS)
+        found, now = looker.timed(*looker.settle(now, found, _FINAL_STEPS))
     return Fine(first, now, tuple(_with_sds(now.system, found)), effect)
 
 
@@ -146,7 +147,7 @@ class _Looker:
         self, now: Looked, found: list[Found], verdicts: list[Verdict], free: Sequence[str]
     ) -> tuple[list[Found], Looked] | None:
         """The best hypothesis fitted with all that was accepted, or None where none gains enough."""
-        good = _one_clock([verdict for verdict in verdicts if verdict.score > THRESHOLD])
+        good = [verdict for verdict in verdicts if verdict.score > THRESHOLD]
         if not good:
             return None
         best, (accepted, looked) = self.fitting(now, found, _rivals(good))
@@ -163,7 +164,7 @@ class _Looker:
         judge of these: between frames, where points are put on straight lines, errors average out.
         """
         if rivals[0].hypothesis.kind in CLOCKS:
-            return rivals[0], self.fit(now, found, rivals[0])
+            return rivals[0], self.timed(*self.fit(now, found, rivals[0]))
         tried = [(v, self.fit(now, found, v)) for v in rivals if v.hypothesis.kind not in CLOCKS]
         effect = min(usual_effect(looked.system, (), self.evidence.n_views) for _, (_, looked) in tried)
         costs = [2.0 * looked.points.cost / effect + v.hypothesis.penalty for v, (_, looked) in tried]
@@ -172,6 +173,22 @@ class _Looker:
     def fit(self, now: Looked, found: list[Found], verdict: Verdict) -> tuple[list[Found], Looked]:
         """Everything accepted and one thing more, fitted together in a few steps."""
         return self.settle(now, [*found, Found(verdict, np.zeros(len(verdict.values)), verdict.sds)], _STEPS)
+
+    def timed(self, items: list[Found], now: Looked) -> tuple[list[Found], Looked]:
+        """The same with every clock wrong in the likeliest way, as the others' corrections leave it."""
+        views = [item.hypothesis.view for item in items if item.hypothesis.kind in CLOCKS]
+        state, out = now.state, list(items)
+        for place, item in enumerate(items):
+            view = item.hypothesis.view
+            if item.hypothesis.kind not in CLOCKS or views.count(view) > 1:
+                continue
+            granted = late_by(item.hypothesis, item.values)
+            line = likeliest(now.system, view, granted, self.evidence.period_s, item.verdict.effect)
+            if line is not None and not same_line(line.hypothesis, item.hypothesis):
+                state = state.with_late(view, (line.late_s - granted)[self.blocks])
+                verdict = replace(item.verdict, hypothesis=line.hypothesis, values=line.values, sds=line.sds)
+                out[place] = replace(item, verdict=verdict, values=line.values, sds=line.sds)
+        return (items, now) if state is now.state else self.settle(self.look(state, now.points), out, _STEPS)
 
     def settle(self, now: Looked, items: list[Found], steps: int) -> tuple[list[Found], Looked]:
         """Everything accepted fitted together, until it stays."""
@@ -185,20 +202,6 @@ class _Looker:
             if (np.abs(values) < _STILL * sds).all():
                 break
         return items, now
-
-
-def _one_clock(good: Sequence[Verdict]) -> list[Verdict]:
-    """Of what may be wrong with one view's clock the likeliest only."""
-    out, clocks = [], {}
-    for verdict in good:
-        if verdict.hypothesis.kind in CLOCKS:
-            clocks.setdefault(verdict.hypothesis.view, []).append(verdict)
-        else:
-            out.append(verdict)
-    for rivals in clocks.values():
-        effect = min(verdict.effect for verdict in rivals)
-        out.append(max(rivals, key=lambda v: v.raw / effect - v.hypothesis.penalty))
-    return sorted(out, key=lambda verdict: -verdict.score)
 
 
 def _within(unknowns: Sequence[Unknown], values: np.ndarray) -> np.ndarray:

@@ -99,8 +99,13 @@ def must_unfold(path: Path, n_bytes: int) -> None:
     Raises:
         FileError: if it is a bomb: more than 256 MB, and two hundred times the file.
     """
-    if n_bytes > _LARGE_BYTES and n_bytes > _MOST_UNFOLDED * path.stat().st_size:
+    if n_bytes > most_unfolded(path):
         raise FileError(f"{path} ({path.stat().st_size} bytes) would unfold to {n_bytes} bytes; it is not read.")
+
+
+def most_unfolded(path: Path) -> int:
+    """How many bytes a packed file may unfold to: 256 MB, or two hundred times itself."""
+    return max(_LARGE_BYTES, _MOST_UNFOLDED * path.stat().st_size)
 
 
 def read_npz(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
@@ -245,7 +250,9 @@ def replacing_folder(
     if folder.exists() and not folder.is_dir():
         raise FileError(f"--output {folder} is a file; give a folder.")
     others = sorted(entry.name for entry in folder.iterdir() if entry.name != PARTS) if folder.is_dir() else []
-    if others and not (folder / marker).exists():
+    # Parts are ours, and whoever was ended while files came to their places left those that had.
+    ours = (folder / marker).exists() or (folder / PARTS).exists()
+    if others and not ours:
         raise FileError(
             f"--output {folder} already holds other files ({choices(others, 5)}) "
             "and is no result of this command. Choose a new or an empty folder."
@@ -264,7 +271,8 @@ def replacing_folder(
                     stale.unlink()
                     if stale.parent != folder and not any(stale.parent.iterdir()):
                         stale.parent.rmdir()
-            for entry in sorted(entry for entry in staging.rglob("*") if entry.is_file()):
+            # The marker first: if that is as far as it comes, the folder is known for what it is.
+            for entry in sorted((e for e in staging.rglob("*") if e.is_file()), key=lambda e: (e.name != marker, e)):
                 target = folder / entry.relative_to(staging)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(entry, target)

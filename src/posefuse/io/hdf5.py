@@ -6,6 +6,7 @@ computer that reads it; and the library follows broken heaps of texts without en
 
 import contextlib
 import math
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,13 @@ from typing import Any
 import h5py
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_unfold, reading
+from posefuse.io.files import most_unfolded, must_unfold, reading
 from posefuse.io.heaps import check_heaps
 
-_UNPACKS = {1: "deflate", 4: "szip", 32000: "lzf"}
+_DEFLATE = 1
+_MOST_DEFLATED = 1032
+"""Deflate makes at most so much of a byte. The other two are held to their chunk, or make less."""
+_UNPACKS = {_DEFLATE: "deflate", 4: "szip", 32000: "lzf"}
 """Filters that make more of what they are given: the numbers by which HDF5 knows them."""
 
 
@@ -75,6 +79,7 @@ def must_be_plain(path: Path, file: h5py.File, size_of: Callable[[h5py.Dataset],
         nonlocal total
         if isinstance(item, h5py.Dataset):
             _must_be_here(path, name, item)
+            _must_fill_chunks(path, name, item)
             total += size_of(item)
 
     def elsewhere(name: str, link: Any) -> tuple[str, str] | None:
@@ -97,6 +102,26 @@ def _must_be_here(path: Path, name: str, data: h5py.Dataset) -> None:
         raise FileError(f"{path}: {name} is packed {len(packed)} times ({', '.join(packed)}); it is not read.")
 
 
+def _must_fill_chunks(path: Path, name: str, data: h5py.Dataset) -> None:
+    """Refuse deflated chunks that hold more than a chunk: the library unpacks all of it before it compares.
+
+    Only those are looked into that could hold more than a file may unfold to: a few of any file.
+    """
+    made = data.id.get_create_plist()
+    if data.chunks is None or _DEFLATE not in [made.get_filter(i)[0] for i in range(made.get_nfilters())]:
+        return
+    harmless = most_unfolded(path) // _MOST_DEFLATED
+    if data.id.get_storage_size() <= harmless:
+        return
+    found: list[tuple[int, ...]] = []
+    data.id.chunk_iter(lambda chunk: found.append(chunk.chunk_offset) if chunk.size > harmless else None)
+    room = math.prod(data.chunks) * data.dtype.itemsize + _CHECKSUM_BYTES
+    for place in found:
+        _, content = data.id.read_direct_chunk(place)
+        if len(zlib.decompressobj().decompress(content, room + 1)) > room:
+            raise FileError(f"{path}: a chunk of {name} at {place} holds more than {room} bytes; it is not read.")
+
+
 def _whole_bytes(data: h5py.Dataset) -> int:
     return math.prod(data.shape or ()) * data.dtype.itemsize
 
@@ -108,3 +133,4 @@ def _ranged_bytes(data: h5py.Dataset) -> int:
 
 
 _LONG_AXES = 3
+_CHECKSUM_BYTES = 4

@@ -6,12 +6,16 @@ line of JSON: that digest, the part's own, and its size. Of other input, of anot
 Spools (``*.spool``) are files at whose end values are added; a part that is kept says how long they were then.
 """
 
+import contextlib
 import hashlib
 import json
 import os
 import pickle
 import shutil
-from collections.abc import Mapping
+import struct
+import tempfile
+import zlib
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +23,7 @@ from typing import Any, Self
 from posefuse.errors import FileError
 
 _MANIFEST = "manifest.json"
-_LAYOUT = 1
+_LAYOUT = 2
 _OURS = ("posefuse.model.", "posefuse.tracking.", "posefuse.following.", "posefuse.kernels.")
 _FOREIGN = {
     ("array", "array"),
@@ -38,6 +42,18 @@ _FUNCTIONS = {("posefuse.following.noise", "propose_people")}
 def digest_of(told: Mapping[str, Any]) -> str:
     """A digest of what parts depend on; values are those of JSON."""
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+@contextlib.contextmanager
+def _keeping(path: Path) -> Iterator[None]:
+    """Say in a sentence why something cannot be kept."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(
+            f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are kept there "
+            "while the result is made; what is done stays. Make room, and the same command goes on from it."
+        ) from None
 
 
 class Parts:
@@ -82,9 +98,9 @@ class Parts:
         try:
             with self._path(name).open("rb") as file:
                 head, packed = json.loads(file.readline()), file.read()
-        except (OSError, ValueError):
-            return None
-        if head.get("key") != self.key or head.get("sha256") != hashlib.sha256(packed).hexdigest():
+            if head["key"] != self.key or head["sha256"] != _digest(head, packed):
+                return None
+        except (OSError, ValueError, KeyError, TypeError):
             return None
         for spool, size in head["spools"].items():
             if not self._spool_path(spool).is_file() or self._spool_path(spool).stat().st_size < size:
@@ -100,29 +116,47 @@ class Parts:
         content = pickle.dumps(value, protocol=5)
         packed = _packed(content)
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
-        head = {"key": self.key, "sha256": hashlib.sha256(packed).hexdigest(), "size": len(content), "spools": spools}
-        self._begin()
-        path = self._path(name)
-        temporary = path.with_suffix(".partial")
+        head = {"key": self.key, "size": len(content), "spools": spools}
+        self.begin()
+        with _keeping(self.folder):
+            for each in spools:
+                with self._spool_path(each).open("rb+") as file:
+                    os.fsync(file.fileno())
+            self._write(name, {**head, "sha256": _digest(head, packed)}, packed)
+        return _loaded(content)
+
+    def _write(self, name: str, head: Mapping[str, Any], packed: bytes) -> None:
+        # Somebody else, on another machine too, may make the same part.
+        number, made = tempfile.mkstemp(".partial", f"{name}.", self.folder)
+        temporary = Path(made)
         try:
-            with temporary.open("wb") as file:
+            with os.fdopen(number, "wb") as file:
                 file.write(json.dumps(head, sort_keys=True).encode() + b"\n")
                 file.write(packed)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(temporary, path)
+            os.replace(temporary, self._path(name))
         finally:
             temporary.unlink(missing_ok=True)
-        return _loaded(content)
 
     def spool(self, name: str) -> "FileSpool":
         """A file at whose end values are added, of the part whose name is that before the first dot."""
-        self._begin()
+        self.begin()
         return FileSpool(self._spool_path(name))
 
     def within(self, name: str) -> "Parts":
         """Parts in a folder of their own."""
         return Parts(self.folder / name, self.key)
+
+    def begin(self) -> None:
+        """Make the folder, which says what it is of, if it is not there."""
+        if (self.folder / _MANIFEST).exists():
+            return
+        with _keeping(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            temporary = self.folder / f"{_MANIFEST}.partial"
+            temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
+            os.replace(temporary, self.folder / _MANIFEST)
 
     def remove(self) -> None:
         """All of them; nothing more will go on from them."""
@@ -136,14 +170,6 @@ class Parts:
 
     def _spool_sizes(self) -> dict[str, int]:
         return {file.stem: file.stat().st_size for file in sorted(self.folder.glob("*.spool"))}
-
-    def _begin(self) -> None:
-        if (self.folder / _MANIFEST).exists():
-            return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        temporary = self.folder / f"{_MANIFEST}.partial"
-        temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
-        os.replace(temporary, self.folder / _MANIFEST)
 
 
 def _key_in(folder: Path) -> str:
@@ -173,17 +199,37 @@ class FileSpool:
         """Take a value; where in the file it begins."""
         content = pickle.dumps(value, protocol=5)
         packed = _packed(content)
-        with self._path.open("ab") as file:
+        with _keeping(self._path), self._path.open("ab") as file:
             place = file.tell()
-            file.write(len(packed).to_bytes(8, "little") + len(content).to_bytes(8, "little") + packed)
+            sizes = _SIZES.pack(len(packed), len(content))
+            file.write(sizes + zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") + packed)
         return place
 
     def read(self, place: int) -> Any:
-        """The value that begins there."""
+        """The value that begins there.
+
+        Raises:
+            FileError: if it is not what was written.
+        """
         with self._path.open("rb") as file:
             file.seek(place)
-            packed, size = (int.from_bytes(file.read(8), "little") for _ in range(2))
-            return _loaded(_unpacked(file.read(packed), size))
+            sizes, check = file.read(_SIZES.size), file.read(4)
+            length, size = _SIZES.unpack(sizes) if check else (0, 0)
+            packed = file.read(min(length, self._path.stat().st_size))
+        if not check or zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") != check:
+            folder = self._path.parent
+            raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder}, and all is made anew.")
+        return _loaded(_unpacked(packed, size))
+
+
+_SIZES = struct.Struct("<QQ")
+"""Of a value in a spool: its bytes there, and those that it unfolds to; then comes a check sum, then the value."""
+
+
+def _digest(head: Mapping[str, Any], packed: bytes) -> str:
+    """Of a part with what is said of it."""
+    told = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
+    return hashlib.sha256(told.encode() + packed).hexdigest()
 
 
 def _packed(content: bytes) -> bytes:

@@ -5,6 +5,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from posefuse.kernels.linking import OwnCopies
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Rewrites turn array expressions and exceptions into other code; kernels hold neither, and looking for them is a
@@ -14,7 +16,7 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {
 
 def kernel(function: F) -> F:
     """Compile a kernel: cached on disk, outside the GIL, division by zero gives inf, fused multiply-add allowed."""
-    return cast("F", numba.njit(**_OPTIONS, cache=True)(function))
+    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=OwnCopies)(function))
 
 
 def step(function: F) -> F:

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from posefuse.model.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.thinned import Thinned
 from posefuse.model.tracks import TrackState
 from posefuse.report.packing import view_codes
 
@@ -52,24 +54,30 @@ class Cells:
     worst: dict[str, Worst]
 
 
-def cells_of(parts: Iterable[Reconstruction], layer: LayerName) -> Cells:
-    """Gather the numbers from consecutive ranges of frames."""
-    gathered = [_part_of(part, layer) for part in parts]
-    errors, codes = (np.concatenate(each) for each in zip(*gathered, strict=True))
-    used = codes == USED
-    used_px = np.where(used, errors, np.nan)
-    there = (codes >= 0).sum(axis=(0, 1))
-    counts = np.stack([(codes == code).sum(axis=(0, 1)) for code in (MISSING, USED, REJECTED)], axis=-1)
-    median, p90 = _percentiles(used_px)
+def cells_of(parts: Iterable[Reconstruction], layer: LayerName, n_frames: int) -> Cells:
+    """Gather the numbers from consecutive ranges of frames, ``n_frames`` in all.
+
+    Everything is counted and looked at; what a long recording's errors are like is told from every n-th frame.
+    """
+    kept, counts = Thinned(), None
+    worst = {name: _Worst(n_frames) for name in ("error", "rejected", "missing")}
+    for part in parts:
+        errors, codes = _part_of(part, layer)
+        used_px = np.where(codes == USED, errors, np.float32(np.nan))
+        kept.add(used_px)
+        own = np.stack([(codes == code).sum(axis=(0, 1)) for code in (MISSING, USED, REJECTED)], axis=-1)
+        counts = own if counts is None else counts + own
+        worst["error"].add(used_px, errors)
+        worst["rejected"].add(np.where(codes == REJECTED, np.nan_to_num(errors) + 1e-6, np.nan), errors)
+        worst["missing"].add(np.where(codes == MISSING, 1.0, np.nan), errors)
+    median, p90 = _percentiles(kept.values)
+    assert counts is not None
+    there = counts.sum(axis=-1, keepdims=True)
     return Cells(
         error_px=median,
         p90_px=p90,
-        shares=np.where(there[..., None] > 0, counts / np.maximum(there, 1)[..., None], np.nan),
-        worst={
-            "error": _worst(used_px, errors),
-            "rejected": _worst(np.where(codes == REJECTED, np.nan_to_num(errors) + 1e-6, np.nan), errors),
-            "missing": _worst(np.where(codes == MISSING, 1.0, np.nan), errors),
-        },
+        shares=np.where(there > 0, counts / np.maximum(there, 1), np.nan),
+        worst={name: each.found() for name, each in worst.items()},
     )
 
 
@@ -94,31 +102,59 @@ def _percentiles(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return median, p90
 
 
-def _worst(score: np.ndarray, errors: np.ndarray) -> Worst:
-    """The greatest scores, at most one of a spell.
+class _Worst:
+    """Gathers the greatest scores of consecutive ranges of frames, at most one of a spell.
 
     Args:
-        score: shape (frame, person, keypoint, view), NaN where a frame does not count.
-        errors: of the same shape, in px.
+        n_frames: of all ranges.
     """
-    frames, people, keypoints, views = score.shape
-    if not people or not frames:
-        nothing = np.full((keypoints, views, 0), -1)
-        return Worst(nothing, nothing, nothing.astype(float))
-    filled = np.where(np.isfinite(score), score, -1.0)
-    starts = np.unique(np.linspace(0, frames, min(_SPELLS, frames), endpoint=False).astype(int))
-    found = []
-    for start, stop in zip(starts, [*starts[1:], frames], strict=True):
-        spell = filled[start:stop].reshape(-1, keypoints, views)
-        best = spell.argmax(axis=0)
-        found.append((np.take_along_axis(spell, best[None], axis=0)[0], start + best // people, best % people))
-    value, place, person = (np.stack(each, axis=-1) for each in zip(*found, strict=True))
-    order = np.argsort(-value, axis=-1, kind="stable")[..., :WORST]
-    value, place, person = (np.take_along_axis(each, order, axis=-1) for each in (value, place, person))
-    k, v = np.indices((keypoints, views))
-    error_px = errors[place, person, k[..., None], v[..., None]]
-    there = value >= 0
-    return Worst(np.where(there, place, -1), np.where(there, person, -1), np.where(there, error_px, np.nan))
+
+    def __init__(self, n_frames: int) -> None:
+        starts = np.unique(np.linspace(0, n_frames, min(_SPELLS, n_frames), endpoint=False).astype(int))
+        self._spells = list(pairwise([*starts.tolist(), n_frames]))
+        self._best: list[np.ndarray] = []
+        """Of each spell score, place, person and error, shape (4, keypoint, view)."""
+        self._at = 0
+
+    def add(self, score: np.ndarray, errors: np.ndarray) -> None:
+        """More frames.
+
+        Args:
+            score: shape (frame, person, keypoint, view), NaN where a frame does not count.
+            errors: of the same shape, in px.
+        """
+        frames, people, keypoints, views = score.shape
+        if not self._best:
+            self._best = [np.full((4, keypoints, views), -1.0) for _ in self._spells]
+        filled = np.where(np.isfinite(score), score, -1.0).reshape(-1, keypoints, views)
+        for spell, (start, stop) in enumerate(self._spells):
+            first, last = max(start - self._at, 0), min(stop - self._at, frames)
+            if first >= last or not people:
+                continue
+            some = filled[first * people : last * people]
+            best = some.argmax(axis=0)
+            value = np.take_along_axis(some, best[None], axis=0)[0]
+            row = first * people + best
+            k, v = np.indices((keypoints, views))
+            error_px = errors.reshape(-1, keypoints, views)[row, k, v]
+            found = np.stack([value, self._at + row // people, row % people, error_px])
+            before = self._best[spell]
+            self._best[spell] = np.where(value > before[0], found, before)
+        self._at += frames
+
+    def found(self) -> Worst:
+        """The greatest of all."""
+        value, place, person, error_px = np.stack(self._best, axis=-1)
+        order = np.argsort(-value, axis=-1, kind="stable")[..., :WORST]
+        value, place, person, error_px = (
+            np.take_along_axis(each, order, axis=-1) for each in (value, place, person, error_px)
+        )
+        there = value >= 0
+        return Worst(
+            np.where(there, place, -1).astype(np.int64),
+            np.where(there, person, -1).astype(np.int64),
+            np.where(there, error_px, np.nan),
+        )
 
 
 def cell_data(cells: Cells, numbers: np.ndarray) -> dict[str, Any]:

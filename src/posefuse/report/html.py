@@ -52,7 +52,7 @@ def render_report(
     layer, _ = result.best_layer(result.options.layer)
     parts = _parts(result, progress or Silent())
     summary = summarise(parts, layer)
-    cells = cells_of(parts, layer)
+    cells = cells_of(parts, layer, result.n_frames)
     series = series_of(parts, layer, result.skeleton)
     gaps = gaps_of(series)
     stride = stride_of(result)

@@ -69,7 +69,7 @@ def shown_of(
         result.skeleton.index(keypoint)
     chosen = tuple(keypoints) or (result.skeleton.keypoints[int(result.skeleton.core_indices[0])],)
     series = series_of(result.chunks(), name, result.skeleton)
-    return Shown(result, name, chosen, tuple(angles), cells_of(result.chunks(), name), series)
+    return Shown(result, name, chosen, tuple(angles), cells_of(result.chunks(), name, result.n_frames), series)
 
 
 def draw(name: str, shown: Shown) -> Picture | None:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.model.options import LayerName
-from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.swaps import SwapState
+from posefuse.model.thinned import Thinned
 from posefuse.model.tracks import TrackState
 
 
@@ -31,7 +32,7 @@ class Summary:
         status_counts: how many points have each status.
         source_counts: how many of those with coordinates came about in each way.
         view_status_counts: shape (view, ViewStatus): how many observations of each view.
-        error_px: of all used observations.
+        error_px: of all used observations, of a long recording in every n-th frame, as all that are Spreads.
         error_px_by_view: per view.
         error_px_by_keypoint: per keypoint.
         missing_by_keypoint: share of points without coordinates, per keypoint.
@@ -67,39 +68,85 @@ class Summary:
 
 
 def summarise(parts: Iterable[Reconstruction], layer_name: LayerName) -> Summary:
-    """Gather a layer's numbers from consecutive ranges of frames."""
-    errors, statuses, sources, view_statuses, deviations, swaps = [], [], [], [], [], []
+    """Gather a layer's numbers from consecutive ranges of frames.
+
+    Everything is counted; what a long recording's errors and deviations are like is told from every n-th frame.
+    """
+    errors, deviations = Thinned(), Thinned()
+    counted: _Counts | None = None
     for part in parts:
         layer = part.layers[layer_name]
-        status = np.asarray(layer.status[:])
-        view_status = np.asarray(layer.view_status[:])
-        used = is_used(view_status)
-        there = _there(part, status)
-        errors.append(np.where(used, np.asarray(layer.view_error_px[:]), np.nan)[there])
-        statuses.append(status[there])
-        sources.append(np.asarray(layer.source[:])[there])
-        view_statuses.append(view_status[there])
-        deviations.append(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)).ravel())
-        if part.swaps is not None:
-            swaps.append(np.asarray(part.swaps.state[:]))
-    error = np.concatenate(errors)
-    status = np.concatenate(statuses)
-    source = np.concatenate(sources)
-    view_status = np.concatenate(view_statuses)
-    counts = [[int((view_status[..., v] == code).sum()) for code in ViewStatus] for v in range(view_status.shape[-1])]
+        used = is_used(np.asarray(layer.view_status[:]))
+        there = _there(part, np.asarray(layer.status[:]))
+        error = np.where(used & there[:, :, None, None], np.asarray(layer.view_error_px[:]), np.nan)
+        errors.add(error.astype(np.float32))
+        deviations.add(1000.0 * np.sqrt((layer.sd_m**2).mean(axis=-1)))
+        own = _Counts.of(part, layer, there)
+        counted = own if counted is None else counted.plus(own)
+    error = errors.values
+    if counted is None:
+        raise ValueError("a summary is of one range of frames at least")
+    totals = counted.status.sum(axis=0)
     return Summary(
         layer=layer_name,
-        n_points=int(status.size),
-        status_counts={code: int((status == code).sum()) for code in PointStatus if (status == code).any()},
-        source_counts={code: n for code in Source if code and (n := int((source == code).sum()))},
-        view_status_counts=np.array(counts),
+        n_points=int(counted.status.sum()),
+        status_counts={code: n for i, code in enumerate(PointStatus) if (n := int(totals[i]))},
+        source_counts={code: n for i, code in enumerate(Source) if code and (n := int(counted.source[i]))},
+        view_status_counts=counted.view_status,
         error_px=spread(error),
         error_px_by_view=tuple(spread(error[..., v]) for v in range(error.shape[-1])),
-        error_px_by_keypoint=tuple(spread(error[:, k]) for k in range(error.shape[1])),
-        missing_by_keypoint=(status >= PointStatus.NOT_SEEN).sum(axis=0) / max(len(status), 1),
-        sd_mm=spread(np.concatenate(deviations)),
-        swapped=swapped_share(np.concatenate(swaps)) if swaps else None,
+        error_px_by_keypoint=tuple(spread(error[:, :, k]) for k in range(error.shape[2])),
+        missing_by_keypoint=counted.missing / np.maximum(counted.status.sum(axis=1), 1),
+        sd_mm=spread(deviations.values),
+        swapped=_swapped(counted),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Counts:
+    """How often what is, in a range of frames, of people who are not absent.
+
+    Attributes:
+        status: shape (keypoint, PointStatus).
+        missing: shape (keypoint,): points without coordinates.
+        source: shape (Source,).
+        view_status: shape (view, ViewStatus).
+        swapped: shape (view, chain): limbs of which left and right are exchanged; None where labels were believed.
+        told: shape (view, chain): limbs that tell, likewise.
+    """
+
+    status: np.ndarray
+    missing: np.ndarray
+    source: np.ndarray
+    view_status: np.ndarray
+    swapped: np.ndarray | None
+    told: np.ndarray | None
+
+    @classmethod
+    def of(cls, part: Reconstruction, layer: Layer, there: np.ndarray) -> "_Counts":
+        """Of a range of frames; ``there`` has shape (frame, person)."""
+        status, source = np.asarray(layer.status[:])[there], np.asarray(layer.source[:])[there]
+        views = np.asarray(layer.view_status[:])[there]
+        swaps = None if part.swaps is None else np.asarray(part.swaps.state[:])
+        return cls(
+            np.stack([(status == code).sum(axis=0) for code in PointStatus], axis=-1),
+            (status >= PointStatus.NOT_SEEN).sum(axis=0),
+            np.array([(source == code).sum() for code in Source]),
+            np.stack([(views == code).sum(axis=(0, 1)) for code in ViewStatus], axis=-1),
+            None if swaps is None else (swaps == SwapState.SWAPPED).sum(axis=(0, 1)),
+            None if swaps is None else (swaps != SwapState.UNKNOWN).sum(axis=(0, 1)),
+        )
+
+    def plus(self, other: "_Counts") -> "_Counts":
+        """Of both ranges."""
+        return _Counts(
+            self.status + other.status,
+            self.missing + other.missing,
+            self.source + other.source,
+            self.view_status + other.view_status,
+            None if self.swapped is None or other.swapped is None else self.swapped + other.swapped,
+            None if self.told is None or other.told is None else self.told + other.told,
+        )
 
 
 def sources_in_words(counts: Mapping[Source, int]) -> str:
@@ -115,11 +162,11 @@ def _there(part: Reconstruction, status: np.ndarray) -> np.ndarray:
     return np.asarray(part.tracks.state[:]) != TrackState.ABSENT
 
 
-def swapped_share(state: np.ndarray) -> np.ndarray:
-    """Shape (view, chain): the share of the frames of all people that tell, shape (frame, person, view, chain)."""
-    told = (state != SwapState.UNKNOWN).sum(axis=(0, 1))
-    swapped = (state == SwapState.SWAPPED).sum(axis=(0, 1))
-    return np.where(told > 0, swapped / np.maximum(told, 1), np.nan)
+def _swapped(counts: _Counts) -> np.ndarray | None:
+    """Shape (view, chain): swapped limbs of those that tell, NaN where none does; None where labels were believed."""
+    if counts.swapped is None or counts.told is None:
+        return None
+    return np.where(counts.told > 0, counts.swapped / np.maximum(counts.told, 1), np.nan)
 
 
 def spread(values: np.ndarray) -> Spread:

@@ -29,18 +29,22 @@ def time_line(parts: Iterable[Reconstruction], n_frames: int) -> dict[str, Any] 
         believed or there are no limbs.
     """
     stride = max(1, -(-n_frames // _COLUMNS))
-    swapped, told, times, numbers, names = [], [], [], [], []
+    starts = np.arange(0, n_frames, stride)
+    counts, of, times, numbers, names = np.zeros(0), np.zeros(0), [], [], []
+    at = 0
     for part in parts:
         if part.swaps is None or not part.swaps.chains:
             return None
         state = np.asarray(part.swaps.state[:])
-        swapped.append((state == SwapState.SWAPPED).sum(axis=1))
-        told.append((state != SwapState.UNKNOWN).sum(axis=1))
+        if not names:
+            counts, of = np.zeros((2, len(starts), *state.shape[2:]), dtype=np.int64)
+            names = [(camera, chain) for camera in part.rig.names for chain in part.swaps.chains]
+        columns = (at + np.arange(part.n_frames)) // stride
+        np.add.at(counts, columns, (state == SwapState.SWAPPED).sum(axis=1))
+        np.add.at(of, columns, (state != SwapState.UNKNOWN).sum(axis=1))
         times.append(part.time_s)
         numbers.append(part.frame_numbers)
-        names = [(camera, chain) for camera in part.rig.names for chain in part.swaps.chains]
-    starts = np.arange(0, n_frames, stride)
-    counts, of = (np.add.reduceat(np.concatenate(values), starts, axis=0) for values in (swapped, told))
+        at += part.n_frames
     if len(names) > _MOST_ROWS:
         counts, of = counts.sum(axis=2, keepdims=True), of.sum(axis=2, keepdims=True)
         names = [(camera, "") for camera in dict.fromkeys(camera for camera, _ in names)]

@@ -14,11 +14,12 @@ from posefuse.report.summary import Summary, sources_in_words
 
 def in_words(result: Reconstruction, summary: Summary, accuracy: Accuracy | PeopleScores | None, shown: str) -> str:
     """The summary in plain words; ``shown`` says what the scene leaves out."""
-    people = "1 person" if len(result.person_ids) == 1 else f"{len(result.person_ids)} people"
+    one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
+    people = f"1 {one}" if len(result.person_ids) == 1 else f"{len(result.person_ids)} {several}"
     length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
     there = summary.n_points - sum(n for code, n in summary.status_counts.items() if not code.has_point)
     cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
-    whose = "" if len(result.person_ids) == 1 else "of people, while they are followed, "
+    whose = "" if len(result.person_ids) == 1 else f"of {several}, while they are followed, "
     sentences = [
         f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
         f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",

@@ -235,16 +235,16 @@ def _body(tree: Tree, size: float, way: _Way, rng: np.random.Generator) -> np.nd
             ).as_matrix()  # fmt: skip
             held = turns[holder[n]]
             assert held is not None
-            points[:, n] = points[:, node.parent] + np.einsum(
-                "tij,tjk,k->ti", held, bend, tree.rest[node.mover] * place[2]
-            )
+            bone = bend @ (tree.rest[node.mover] * place[2])
+            points[:, n] = points[:, node.parent] + (held @ bone[..., None])[..., 0]
             continue
         holder[n] = node.mover
-        if turns[node.mover] is None:
+        turn = turns[node.mover]
+        if turn is None:
             base = turns[holder[node.parent]]
             assert base is not None
-            turns[node.mover] = base @ _bend(n_steps, way.speed, rng)
-        points[:, n] = points[:, node.parent] + np.einsum("tij,j->ti", turns[node.mover], place)
+            turn = turns[node.mover] = base @ _bend(n_steps, way.speed, rng)
+        points[:, n] = points[:, node.parent] + turn @ place
     return points + 0.012 * tree.size_m * _whims(points.shape, 0.15, rng)
 
 

@@ -10,7 +10,7 @@ from posefuse.errors import OptionsError, suggestion
 from posefuse.model.cameras import Camera, CameraRig, LensModel, rotation_from_vector
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton, find_skeleton
-from posefuse.synthetic.detector import detect, spells
+from posefuse.synthetic.detector import spells, spoil
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.options import Activity, DetectorOptions, LensKind
@@ -34,6 +34,8 @@ Fault = Literal[
     "sides",
     "confidence",
     "another rig",
+    "moved across later",
+    "moved along later",
 ]
 FAULTS: tuple[Fault, ...] = get_args(Fault)
 SIZE_PX = (1920, 1080)
@@ -61,6 +63,7 @@ class Scene:
     Attributes:
         rig: as it is.
         given: as the calibration says it is.
+        later: as it is from the middle of the recording on.
         motion: of the person.
         figure_m: the person's height.
         skeleton: of the keypoints.
@@ -73,6 +76,7 @@ class Scene:
 
     rig: CameraRig
     given: CameraRig
+    later: CameraRig
     motion: HumanMotion
     figure_m: float
     skeleton: Skeleton
@@ -92,13 +96,23 @@ class Scene:
         moments, which = np.unique(np.round(taken, 9), return_inverse=True)
         points = self.motion.positions(figure, moments)[:, columns]
         points = points[which.ravel()].reshape(self.n_frames, len(self.rig), len(self.skeleton), 3)
-        seen = detect(self.rig, points, self.skeleton, self.rate_hz, options or DetectorOptions(), rng)
-        pixels, confidence = seen.dense()
+        sizes = np.array([camera.size_px for camera in self.rig.cameras])
+        exact = self._projected(points)
+        pixels, confidence = spoil(exact, sizes, self.skeleton, self.rate_hz, options or DetectorOptions(), rng)
         for change in self.after:
             pixels, confidence = change(pixels.copy(), confidence.copy(), rng)
         return self.given, Detections.from_dense(
             self.skeleton, self.rig.names, pixels, confidence, rate_hz=self.rate_hz
         )
+
+    def _projected(self, points_m: np.ndarray) -> np.ndarray:
+        """Shape (frame, view, keypoint, 2), of points where they are when each view takes each frame."""
+        half = self.n_frames // 2
+        pixels = np.empty((*points_m.shape[:3], 2))
+        for v, (camera, later) in enumerate(zip(self.rig.cameras, self.later.cameras, strict=True)):
+            pixels[:half, v] = camera.project(points_m[:half, v])[0]
+            pixels[half:, v] = later.project(points_m[half:, v])[0]
+        return pixels
 
 
 def healthy(
@@ -132,6 +146,7 @@ def healthy(
     return Scene(
         rig=rig,
         given=rig,
+        later=rig,
         motion=HumanMotion.random(doing, rng),
         figure_m=float(rng.uniform(1.55, 1.9)),
         skeleton=find_skeleton(names[int(rng.integers(len(names)))]),
@@ -172,9 +187,8 @@ def plant(scene: Scene, fault: Fault, views: Sequence[int], size: float | None =
 
 
 def _given(scene: Scene, view: int, camera: Camera) -> Scene:
-    cameras = list(scene.given.cameras)
-    cameras[view] = replace(camera, name=cameras[view].name)
-    return replace(scene, given=replace(scene.given, cameras=tuple(cameras)))
+    named = replace(camera, name=scene.given.names[view])
+    return replace(scene, given=_with(scene.given, view, named))
 
 
 def _moved(camera: Camera, turn: np.ndarray, shift_m: np.ndarray) -> Camera:
@@ -211,27 +225,26 @@ def _along(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Gen
     return scene
 
 
+def _later(scene: Scene, view: int, turn: np.ndarray, shift_m: np.ndarray) -> Scene:
+    """From the middle on the camera looks or stands elsewhere."""
+    return replace(scene, later=_with(scene.later, view, _moved(scene.later.cameras[view], turn, shift_m)))
+
+
 def _bumped(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Generator) -> Scene:
-    """From the middle on what the view shows is seen from a turned camera."""
-    half = scene.n_frames // 2
     for v in views:
-        turn = rotation_from_vector(np.radians(size) * _direction(rng, 3))
-        camera = scene.rig.cameras[v]
+        scene = _later(scene, v, np.radians(size) * _direction(rng, 3), np.zeros(3))
+    return scene
 
-        def change(
-            pixels: np.ndarray,
-            trust: np.ndarray,
-            _: np.random.Generator,
-            v: int = v,
-            turn: np.ndarray = turn,
-            camera: Camera = camera,
-        ) -> tuple[np.ndarray, np.ndarray]:
-            rays = camera.rays(pixels[half:, v])[0] @ turn.T
-            still = replace(camera, camera_from_world=np.eye(4))
-            pixels[half:, v] = still.project(rays)[0]
-            return pixels, trust
 
-        scene = replace(scene, after=(*scene.after, change))
+def _across_later(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Generator) -> Scene:
+    for v in views:
+        scene = _later(scene, v, np.zeros(3), np.append(size * _direction(rng, 2), 0.0))
+    return scene
+
+
+def _along_later(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Generator) -> Scene:
+    for v in views:
+        scene = _later(scene, v, np.zeros(3), np.array([0.0, 0.0, size * rng.choice([-1.0, 1.0])]))
     return scene
 
 
@@ -244,13 +257,18 @@ def _focal(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Gen
     return scene
 
 
+def _with(rig: CameraRig, view: int, camera: Camera) -> CameraRig:
+    return replace(rig, cameras=(*rig.cameras[:view], camera, *rig.cameras[view + 1 :]))
+
+
 def _lens(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Generator) -> Scene:
     """The calibration lacks the view's distortion."""
     for v in views:
-        real = replace(scene.rig.cameras[v], lens=LensModel.BROWN, distortion=(size, 0.0, 0.0, 0.0, 0.0))
-        cameras = list(scene.rig.cameras)
-        cameras[v] = real
-        scene = replace(scene, rig=replace(scene.rig, cameras=tuple(cameras)))
+        rigs = {
+            name: _with(rig, v, replace(rig.cameras[v], lens=LensModel.BROWN, distortion=(size, 0.0, 0.0, 0.0, 0.0)))
+            for name, rig in (("rig", scene.rig), ("later", scene.later))
+        }
+        scene = replace(scene, **rigs)
         scene = _given(scene, v, replace(scene.given.cameras[v], lens=LensModel.PINHOLE, distortion=()))
     return scene
 
@@ -358,6 +376,8 @@ USUAL: dict[Fault, float] = {
     "moved across": 0.02,
     "moved along": 0.05,
     "bumped": 1.0,
+    "moved across later": 0.02,
+    "moved along later": 0.05,
     "focal": 1.15,
     "lens": -0.28,
     "rotated image": 180.0,
@@ -379,6 +399,8 @@ _PLANTERS: dict[Fault, Callable[[Scene, tuple[int, ...], float, np.random.Genera
     "moved across": _across,
     "moved along": _along,
     "bumped": _bumped,
+    "moved across later": _across_later,
+    "moved along later": _along_later,
     "focal": _focal,
     "lens": _lens,
     "rotated image": _rotated,

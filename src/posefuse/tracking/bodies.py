@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.articulated import Body, State
+from posefuse.kernels.articulated import Body, State, foresee_people
 from posefuse.kernels.tally import count_uses
 from posefuse.model.trees import Tree
 
@@ -83,6 +83,13 @@ class Sight:
             np.empty((people, views, keypoints, 3)),
             np.empty((people, views, keypoints)),
         )
+
+    @classmethod
+    def of(cls, state: State, cameras: np.ndarray, body: Body) -> "Sight":
+        """Where these cameras, none or some, should see people in these states."""
+        sight = cls.room(len(state.root), len(cameras), len(body.keypoint_nodes))
+        foresee_people(cameras, body, state, *sight.arrays)
+        return sight
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:

@@ -5,6 +5,7 @@ import pickle
 import sys
 import tempfile
 import weakref
+from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import Any
@@ -122,8 +123,8 @@ class History:
 
     def __init__(self, settings: Settings, spool: Spool | None = None) -> None:
         self.settings = settings
-        self.numbers: list[int] = []
-        self.time_s: list[float] = []
+        self.numbers = array("q")
+        self.time_s = array("d")
         self._blocks: list[_Block] = []
         self._recent: dict[int, dict[int, Entries]] = {}
         self._spool = spool or _TemporarySpool()

@@ -57,6 +57,9 @@ class Lately(NamedTuple):
         leans: shape (track, segment + bone): cosines between each one's third axis and the trunk's, on average lately.
         leans_variance: shape (track, segment + bone): of these over time.
         upright: shape (track, 3): the trunk's third axis, on average lately.
+        stood_s: shape (track,): for how long several views have shown each, where up is known.
+        floor_m: shape (track,): how high the lowest point of each has been, on average lately.
+        floor_variance: shape (track,): of that over time, m^2.
     """
 
     swapped: np.ndarray
@@ -69,6 +72,9 @@ class Lately(NamedTuple):
     leans: np.ndarray
     leans_variance: np.ndarray
     upright: np.ndarray
+    stood_s: np.ndarray
+    floor_m: np.ndarray
+    floor_variance: np.ndarray
 
     @classmethod
     def unknown(cls, tracks: int, views: int, groups: int, keypoints: int, movers: int) -> "Lately":
@@ -84,6 +90,9 @@ class Lately(NamedTuple):
             np.zeros((tracks, movers)),
             np.zeros((tracks, movers)),
             np.zeros((tracks, 3)),
+            np.zeros(tracks),
+            np.zeros(tracks),
+            np.zeros(tracks),
         )
 
     def joined(self, other: "Lately") -> "Lately":

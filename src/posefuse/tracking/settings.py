@@ -16,10 +16,10 @@ from posefuse.tracking.bodies import body_of
 from posefuse.tracking.posing import motion_laws, widest
 
 # The filter's memory of errors is the first of these longer with all views, and by the second, shared among them.
-_MANY, _FEW = 0.53, 2.35
+_MANY, _FEW = 0.62, 1.9
 # It is by the first of these shorter where frames are very often, and grows with the time between them, s; frames
 # rarer than the last, s, are as those.
-_OFTEN, _FRAMES_S, _RARELY_S = 0.67, 0.075, 0.2
+_OFTEN, _FRAMES_S, _RARELY_S = 0.6, 0.068, 0.2
 
 
 @dataclass(frozen=True, eq=False)

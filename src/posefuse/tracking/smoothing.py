@@ -24,6 +24,8 @@ from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
+_AT_ONCE = 512
+"""Frames that are smoothed at a time, with what comes after them: of more, covariances would fill the memory."""
 _LASTS = 0.1
 """What is left of a velocity in the next frame at least, so that it can be told from there."""
 
@@ -80,13 +82,15 @@ class SmoothedPerson:
         number: of the one who was followed, as in the history.
         places: shape (frame,), int64.
         body: how they stand there.
-        run: as the filter knew them there.
+        used: shape (frame, view, keypoint), bool: the keypoints that counted.
+        missing_s: shape (frame,): for how long nothing had supported them.
     """
 
     number: int
     places: np.ndarray
     body: Smoothed
-    run: Run
+    used: np.ndarray
+    missing_s: np.ndarray
 
 
 def smooth_people(history: History, start: int, stop: int, settings: Settings) -> list[SmoothedPerson]:
@@ -133,7 +137,8 @@ class PeopleSmoother:
         found = []
         while self.done < stop:
             if options.smoother == "full":
-                found += self._take(stop, self._memory_s(stop - 1))
+                last = min(stop, self.done + _AT_ONCE)
+                found += self._take(last, self._memory_s(last - 1))
             elif options.smoother == "lag":
                 found += self._take(self.done + 1, options.lag_s)
             else:
@@ -168,7 +173,8 @@ class PeopleSmoother:
             body, window, after = self._smooth(part, start, stop, after if joins else None)
             if len(body):
                 keep = part.within(start, stop)
-                found.append(SmoothedPerson(part.number, keep.places, body, keep))
+                # Copies: what the filter knew is not held by them.
+                found.append(SmoothedPerson(part.number, keep.places, body, keep.used.copy(), keep.missing_s.copy()))
             if window is not None:
                 windows.setdefault(part.number, window)
         self._windows, self.done, self._from = windows, stop, stop - 1

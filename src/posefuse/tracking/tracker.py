@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
+from posefuse.kernels.articulated import USED, State, predict_people, update_people
 from posefuse.kernels.matching import match_views
 from posefuse.kernels.tally import believe_most_labels, label_keypoints, note_matches, note_off
 from posefuse.model.frames import Frame
@@ -19,15 +19,18 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
+from posefuse.tracking.known_bodies import KnownBodies, tell_body
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
+from posefuse.tracking.pieces import hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
 from posefuse.tracking.returns import all_are_known
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.silence import Silence, listen
-from posefuse.tracking.stages import Seen, Stages
+from posefuse.tracking.stages import Likeness, Seen, Stages
+from posefuse.tracking.standing import keep_floor, note_floor
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
@@ -43,14 +46,18 @@ class ArticulatedTracker:
         settings: what it works with.
         propose: finds people among detections that are nobody's.
         stages: what presets differ in; those of the options' preset where they are left out.
+        known: bodies that somebody else found; nobody's where it is left out.
     """
 
-    def __init__(self, settings: Settings, propose: Propose, stages: Stages | None = None) -> None:
+    def __init__(
+        self, settings: Settings, propose: Propose, stages: Stages | None = None, known: KnownBodies | None = None
+    ) -> None:
         self.stages = stages or stages_of(settings.options.preset)
         if not self.stages.prior.smoothable:
             settings = replace(settings, options=replace(settings.options, smoother="none"))
         self.settings = settings
         self.propose = propose
+        self.known = known
         self.tracks: list[Track] = []
         self.state = nobody(settings.tree)
         self.lately = self._unknown(0)
@@ -125,22 +132,29 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
-        rows, swapped = self._match(frame)
+        rows, found = self._match(frame)
+        swapped = found.swapped
         self._let_leap(frame, rows, swapped, before, dt_s)
+        lost = np.array([track.state == TrackState.LOST for track in self.tracks], dtype=bool)
+        hold_back(rows, found.gain, lost, s.options)
         believe_most_labels(rows, swapped)
-        self._hold_back_lost(rows)
+        frame = joined_pieces(frame, rows, found, s)
         labels = self.labels = self._labels(rows, swapped)
         note_matches(
             rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
             self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
-        keep_posture(self.state if before is None else before, self.lately, alone, dt_s, s)
+        then = self.state if before is None else before
+        keep_posture(then, self.lately, alone, dt_s, s)
+        keep_floor(then, self.lately, alone, dt_s, s)
         self._begin_anew(frame, rows, before, dt_s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
-        note_posture(self.state, self.lately, self.supported.sum(axis=1), dt_s)
+        shown = self.supported.sum(axis=1)
+        note_posture(self.state, self.lately, shown, dt_s)
+        note_floor(self.sight, self.lately, shown, dt_s, s)
         self._set_limbs_anew(frame, rows, uses, dt_s)
         self.lately.renewed[:] = uses.of_view.any(axis=1)
         return rows, use == USED
@@ -230,14 +244,14 @@ class ArticulatedTracker:
             return np.full((len(self.settings.skeleton), 3), np.nan)
         return proposals.points_m[int(proposals.n_views.argmax())]
 
-    def _match(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (track, view), and whose sides are exchanged (track, row, group)."""
+    def _match(self, frame: Frame) -> tuple[np.ndarray, Likeness]:
+        """Rows (track, view), and how well detections go with people."""
         s, views = self.settings, len(self.settings.rig)
         found = self.stages.score.match(self.sight, frame, self.lately, self.stages.noise, s)
         rows = np.empty((len(self.tracks), views), dtype=np.int64)
         match_views(found.gain, frame.view, views, found.least, rows)
         self.explained = found.explained
-        return rows, found.swapped
+        return rows, found
 
     def _let_leap(self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float) -> None:
         """Find those who are not where they were foretold but where they can have leapt, in place.
@@ -266,12 +280,6 @@ class ArticulatedTracker:
             put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
             if before is not None:
                 put(before, p, leaps.leapt(before, leap, 0.0, s))
-
-    def _hold_back_lost(self, rows: np.ndarray) -> None:
-        """One view alone does not move somebody who is lost."""
-        for p, track in enumerate(self.tracks):
-            if track.state == TrackState.LOST and (rows[p] >= 0).sum() < self.settings.options.reacquire_views:
-                rows[p] = -1
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
@@ -463,6 +471,8 @@ class ArticulatedTracker:
         theirs = [held[int(row)] for row in seen.rows if int(row) in held]
         if theirs:
             found = theirs[0], "others see them again, whom one camera had kept", ""
+        elif self._is_taken(state):
+            return None
         else:
             found = self.stages.distance.returning(
                 self.tracks, self.state, state, seen, each.evidence[0].time_s, self.time_s, s
@@ -485,6 +495,9 @@ class ArticulatedTracker:
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
+            body = None if self.known is None else self.known.of(number, seen.rows)
+            if body is not None:
+                tell_body(body, track, self.state, p, self.time_s, self.parts)
             views = f"{seen.n_views} cameras"
             self.events.append(
                 Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
@@ -495,16 +508,21 @@ class ArticulatedTracker:
         self.remembered[track.name] = past
         return p, counted
 
+    def _is_taken(self, state: State) -> bool:
+        """Whether an active person's body is where this one is: two proposals may be of pieces of one person."""
+        active = [p for p, track in enumerate(self.tracks) if track.state == TrackState.ACTIVE]
+        together, s = joined(chosen(self.state, active), state), self.settings
+        points = Sight.of(together, s.cameras[:0], s.body).points_m
+        away = np.linalg.norm(points[:-1] - points[-1], axis=-1)
+        return bool((np.nanmean(away, axis=1) < s.options.births.apart_m).any())
+
     def _bounds(self) -> Bounds:
         score, s = self.stages.score, self.settings
         return Bounds(score.begins_with(s), score.lost_below(s), score.sure_from(s))
 
     def _foreseen(self, cameras: np.ndarray) -> Sight:
         """Where everybody is, and where these cameras, none or all of them, see them."""
-        s = self.settings
-        sight = Sight.room(len(self.tracks), len(cameras), len(s.skeleton))
-        foresee_people(cameras, s.body, self.state, *sight.arrays)
-        return sight
+        return Sight.of(self.state, cameras, self.settings.body)
 
     def _follow_parts(self, frame: Frame, rows: np.ndarray, used: np.ndarray, sight: Sight, dt_s: float) -> None:
         """Follow hands and faces; where they are, and what counted of them, into ``sight`` and ``used``."""

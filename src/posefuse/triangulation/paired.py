@@ -26,7 +26,15 @@ from posefuse.triangulation.sides.layout import Layout
 from posefuse.triangulation.sides.registry import decide_sides
 from posefuse.triangulation.sides.results import UNKNOWN_RATE_HZ, PairsInTime
 from posefuse.triangulation.sides.worth import cost, settled
-from posefuse.triangulation.stretches import alone, around, part_of, signs_of_swaps, with_parts
+from posefuse.triangulation.stretches import (
+    alone,
+    around,
+    of_keypoints,
+    part_of,
+    signs_of_swaps,
+    with_parts,
+    without_parts,
+)
 
 _MODULES = {"enumerate": "enumerated", "sds": "sds"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
@@ -54,17 +62,53 @@ def solve(
     layer = load_method(options.triangulation.method).solve(rig, detections, tracks, noise, options.triangulation)
     if not _can_tell(rig, options):
         return put_right(rig, detections, tracks, noise, options, layer)
-    layout, swaps = Layout.of(detections.skeleton), _as_labelled(layer, detections.skeleton)
-    signs = signs_of_swaps(rig, detections, tracks, noise, layer, layout.chain_of)
-    asked = around(signs, 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ))
+    swaps = _as_labelled(layer, detections.skeleton)
     state, parts = np.array(swaps.state), []
-    for person in np.flatnonzero(asked.any(axis=0)):
-        frames = np.flatnonzero(asked[:, person])
-        mine = alone(detections, tracks, int(person), frames)
-        better, found = put_right(rig, *mine, noise, options, part_of(layer, int(person), frames))
-        parts.append((int(person), frames, better))
-        state[frames, person] = np.asarray(found.state)[:, 0]
+    for asked in _asked(rig, detections, tracks, noise, layer):
+        for person in np.flatnonzero(asked.frames.any(axis=0)):
+            frames = np.flatnonzero(asked.frames[:, person])
+            mine, own = alone(detections, tracks, int(person), frames)
+            mine = of_keypoints(mine, asked.skeleton, asked.keypoints)
+            believed = part_of(layer, int(person), frames, asked.keypoints)
+            better, found = put_right(rig, mine, own, noise, options, believed)
+            parts.append((int(person), frames, asked.keypoints, better))
+            chains = [swaps.chains.index(chain) for chain in found.chains]
+            state[np.ix_(frames, np.array([person]), np.arange(len(rig)), np.array(chains))] = found.state
     return (with_parts(layer, parts), replace(swaps, state=state)) if parts else (layer, swaps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """Where labels are not believed.
+
+    Attributes:
+        skeleton: of the keypoints whose labels those are.
+        keypoints: shape (keypoint,): their places among all.
+        frames: shape (frame, person), bool.
+    """
+
+    skeleton: Skeleton
+    keypoints: np.ndarray
+    frames: np.ndarray
+
+
+def _asked(
+    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, layer: Layer
+) -> tuple[_Asked, ...]:
+    """Bodies where those show signs of swaps; and whole where hands or faces do, which have most of the pairs."""
+    whole, period_s = detections.skeleton, 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ)
+    body, keypoints = without_parts(whole)
+    pairs, chain_of = whole.pair_indices, Layout.of(whole).chain_of
+    of_body = np.asarray(np.isin(pairs, keypoints).all(axis=1))
+
+    def near_signs(which: np.ndarray) -> np.ndarray:
+        signs = signs_of_swaps(rig, detections, tracks, noise, layer, pairs[which], chain_of[which])
+        return around(signs, period_s)
+
+    found = _Asked(body, keypoints, near_signs(of_body))
+    if of_body.all():
+        return (replace(found, skeleton=whole),)
+    return found, _Asked(whole, np.arange(len(whole)), near_signs(~of_body))
 
 
 def put_right(

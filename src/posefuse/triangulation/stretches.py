@@ -4,6 +4,8 @@ A stretch is some frames of one person. Elsewhere not believing the labels would
 costs next to nothing.
 """
 
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -13,6 +15,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
+from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.linear import linear_rows
@@ -20,6 +23,9 @@ from posefuse.triangulation.linear import linear_rows
 # Farther off says nothing more, and how much less an exchange must cost, in squared sigmas.
 _FAR_SIGMA = 5.0
 _MUCH = 15.0
+_SHARE, _SHARE_ON_END = 0.25, 0.125
+"""Of the pairs of a hand or a face: those of a body's limbs are so few that it comes to two, and to one."""
+_FEW = 8
 _REACH_S = 0.5
 """Before and after a sign. Swaps last for some tenths of a second, and what they are told by is what comes around."""
 _ENOUGH_S = 4.0
@@ -29,11 +35,18 @@ _MOST_OF_IT = 0.5
 
 
 def signs_of_swaps(
-    rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, layer: Layer, chain_of: np.ndarray
+    rig: CameraRig,
+    detections: Detections,
+    tracks: Tracks,
+    noise: NoiseModel,
+    layer: Layer,
+    pairs: np.ndarray,
+    chain_of: np.ndarray,
 ) -> np.ndarray:
     """Where views look as if left and right were swapped, in two pairs of a limb or two frames on end.
 
-    A wrong detection comes to lie near the other side's point by chance now and then, but not two together.
+    A wrong detection comes to lie near the other side's point by chance now and then, but not two together. Of
+    hands and faces, which have many pairs close together, that takes a share of them.
 
     Args:
         rig: the cameras.
@@ -41,12 +54,12 @@ def signs_of_swaps(
         tracks: whose detection is whose.
         noise: of the detections.
         layer: points by ``consensus``, labels believed.
+        pairs: shape (pair, 2): keypoints, left and right, of which signs are looked for.
         chain_of: shape (pair,): the limb of each pair.
 
     Returns:
         Shape (frame, person), bool.
     """
-    pairs = detections.skeleton.pair_indices
     left, right = (np.asarray(layer.view_status)[:, :, side] for side in pairs.T)
     looks = np.zeros(left.shape, dtype=bool)
     places = np.nonzero((left == ViewStatus.OUTLIER) | (right == ViewStatus.OUTLIER))
@@ -56,12 +69,23 @@ def signs_of_swaps(
     contested = (status == PointStatus.OUTLIER) | (status == PointStatus.UNDECIDED)
     contested = contested[:, :, pairs[:, 0]] & contested[:, :, pairs[:, 1]]
     looks[contested] = (left[contested] == ViewStatus.NOT_USED) & (right[contested] == ViewStatus.NOT_USED)
-    limbs = [looks[:, :, chain_of == c].sum(axis=2).max(axis=2, initial=0) > 1 for c in np.unique(chain_of)]
-    found = np.any(limbs, axis=0)
-    on_end = (looks[1:] & looks[:-1]).any(axis=(2, 3))
-    found[1:] |= on_end
-    found[:-1] |= on_end
-    return np.asarray(found)
+    found = np.zeros(looks.shape[:2], dtype=bool)
+    for limb in _limbs(chain_of):
+        mine = looks[:, :, limb]
+        found |= mine.sum(axis=2).max(axis=2, initial=0) >= max(2, math.ceil(len(limb) * _SHARE))
+        on_end = (mine[1:] & mine[:-1]).sum(axis=2).max(axis=2, initial=0) >= math.ceil(len(limb) * _SHARE_ON_END)
+        found[1:] |= on_end
+        found[:-1] |= on_end
+    return found
+
+
+def _limbs(chain_of: np.ndarray) -> list[np.ndarray]:
+    """The pairs of each chain; where there are many chains of one pair, as in a face, those together."""
+    chains = [np.flatnonzero(chain_of == c) for c in np.unique(chain_of)]
+    alone = [chain for chain in chains if len(chain) == 1]
+    if len(alone) <= _FEW:
+        return chains
+    return [*(chain for chain in chains if len(chain) > 1), np.concatenate(alone)]
 
 
 def _better_exchanged(
@@ -154,15 +178,40 @@ def alone(detections: Detections, tracks: Tracks, person: int, frames: np.ndarra
     return seen, Tracks(tracks.person_ids[person : person + 1], detection, state)
 
 
-def part_of(layer: Layer, person: int, frames: np.ndarray) -> Layer:
-    """A layer of the same."""
-    return Layer(*(np.asarray(getattr(layer, field.name))[frames, person, None] for field in fields(Layer)))
+def without_parts(skeleton: Skeleton) -> tuple[Skeleton, np.ndarray]:
+    """The body without its hands and face, as sides are decided on, and its keypoints' places, shape (keypoint,)."""
+    of_parts = [part.keypoints for part in skeleton.parts]
+    kept = np.setdiff1d(np.arange(len(skeleton)), np.concatenate(of_parts)) if of_parts else np.arange(len(skeleton))
+    names = {skeleton.keypoints[k] for k in kept}
+
+    def inside(rows: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+        return tuple(row for row in rows if names.issuperset(row))
+
+    chains = {name: rows for name, chain in skeleton.chains.items() if (rows := inside(chain))}
+    keypoints = tuple(skeleton.keypoints[k] for k in kept)
+    edges, pairs = inside(skeleton.edges), inside(skeleton.pairs)
+    return Skeleton(f"{skeleton.name}: body", keypoints, edges, pairs, chains), kept
 
 
-def with_parts(layer: Layer, parts: list[tuple[int, np.ndarray, Layer]]) -> Layer:
-    """A layer with some people, in some frames, as other layers have them: person, frames and layer of each."""
+def of_keypoints(detections: Detections, skeleton: Skeleton, keypoints: np.ndarray) -> Detections:
+    """Detections, in memory, of some of their keypoints, which are those of another skeleton."""
+    cut = {
+        name: None if getattr(detections, name) is None else np.asarray(getattr(detections, name))[:, keypoints]
+        for name in ("keypoints_px", "confidence", "depth", "sigma_px")
+    }
+    return replace(detections, skeleton=skeleton, **cut)
+
+
+def part_of(layer: Layer, person: int, frames: np.ndarray, keypoints: np.ndarray) -> Layer:
+    """Some frames and keypoints of a person, of a layer in memory."""
+    where = frames[:, None, None], person, keypoints
+    return Layer(*(np.asarray(getattr(layer, field.name))[where] for field in fields(Layer)))
+
+
+def with_parts(layer: Layer, parts: Sequence[tuple[int, np.ndarray, np.ndarray, Layer]]) -> Layer:
+    """A layer with some people, in some frames, as other layers have them: person, frames, keypoints, layer of each."""
     arrays = {field.name: np.array(getattr(layer, field.name)) for field in fields(Layer)}
-    for person, frames, part in parts:
+    for person, frames, keypoints, part in parts:
         for name, array in arrays.items():
-            array[frames, person] = np.asarray(getattr(part, name))[:, 0]
+            array[frames[:, None], person, keypoints] = np.asarray(getattr(part, name))[:, 0]
     return Layer(**arrays)

@@ -1,5 +1,7 @@
 """DeepLabCut and SLEAP: one file a camera, views and skeletons by the names in and of the files."""
 
+import json
+
 import h5py
 import numpy as np
 import pytest
@@ -7,6 +9,8 @@ import pytest
 import posefuse
 from posefuse.errors import FileError
 from posefuse.io.keypoints.names import skeleton_of, view_names
+from tests import keypoint_files
+from tests.unit.io.test_keypoint_formats import some
 
 PARTS = ("nose", "ear_L", "ear_R", "tail")
 
@@ -107,3 +111,34 @@ def test_a_camera_whose_file_is_cut_short_does_not_go_missing(tmp_path, rng, val
         (folder / "trial_B_net.csv").write_text(kept)
         with pytest.raises(FileError, match=r"trial_B_net.csv holds no frames"):
             posefuse.read_detections(folder)
+
+
+def test_analysis_files_whose_axes_are_named(tmp_path):
+    """sleap-io's other order, which of two animals cannot be told from the usual one by its shape."""
+    folder = keypoint_files.sleap(some(), tmp_path / "usual")
+    usual = posefuse.read_detections(folder)
+    for file in folder.iterdir():
+        with h5py.File(file, "a") as content:
+            for name, order, dims in (
+                ("tracks", (3, 0, 2, 1), ["frame", "track", "node", "xy"]),
+                ("point_scores", (2, 0, 1), ["frame", "track", "node"]),
+            ):
+                values = np.asarray(content[name]).transpose(order)
+                del content[name]
+                content[name] = values
+                content[name].attrs["dims"] = json.dumps(dims)
+    assert posefuse.read_detections(folder) == usual
+
+
+def test_names_in_meta_info_tell_the_skeleton(tmp_path):
+    given = some()
+    folder = keypoint_files.mmpose(given, tmp_path / "mmpose")
+    animal = [f"part_{i}" for i in range(len(given.skeleton))]
+    for names in (given.skeleton.keypoints, animal):
+        for file in folder.glob("*.json"):
+            content = json.loads(file.read_text())
+            content["meta_info"] = {"keypoint_id2name": {str(i): name for i, name in enumerate(names)}}
+            file.write_text(json.dumps(content))
+        found = posefuse.read_detections(folder)
+        assert found.skeleton.keypoints == tuple(names)
+    assert found.skeleton.name == "mmpose"

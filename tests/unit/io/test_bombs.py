@@ -1,5 +1,6 @@
 """Files that announce gigabytes in a few bytes, are packed in themselves, or lead elsewhere: refused in a sentence."""
 
+import zlib
 from pathlib import Path
 
 import h5py
@@ -13,6 +14,8 @@ import posefuse
 from posefuse.errors import FileError
 from posefuse.io import matlab
 from posefuse.io.boards import read_board
+from posefuse.io.keypoints import tidy
+from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests import keypoint_files
@@ -143,6 +146,44 @@ def test_parquet_of_runs(tmp_path, monkeypatch):
     table = runs(rows, columns, {}).replace_schema_metadata({"posefuse": "{}"})
     pq.write_table(table, tmp_path / "points.parquet")
     refused(tmp_path / "points.parquet")
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_parquet_of_one_long_text(own, tmp_path, monkeypatch):
+    monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 10**7)
+    path, rows = tmp_path / "tidy.parquet", 2 * 10**4
+    if own:
+        tidy.write(some(), path)
+        told = pq.read_schema(path).metadata
+    places = pa.array(np.zeros(rows, np.int32))
+
+    def texts(text: str) -> pa.Array:
+        return pa.DictionaryArray.from_arrays(places, pa.array([text]))
+
+    numbers = {name: pa.array(np.zeros(rows)) for name in ("frame", "x_px", "y_px", "confidence", "time_s", "track")}
+    for length, fine in ((3, True), (20_000, False)):
+        table = pa.table({"camera": texts("a" * length), "keypoint": texts("nose"), **numbers})
+        pq.write_table(table.replace_schema_metadata(told if own else None), path)
+        check = check_row_groups if own else check_parquet
+        if fine:
+            check(path)
+            continue
+        with pytest.raises(FileError, match="would unfold to 4000"):
+            check(path)
+        refused(path)
+
+
+def test_a_chunk_that_holds_more_than_a_chunk(result, tmp_path, monkeypatch):
+    path = posefuse.write(result, tmp_path / "points3d.h5", "sleap").files[0]
+    with h5py.File(path, "a") as file:
+        data = file.create_dataset("more", (1000,), "f8", chunks=(1000,), compression="gzip", fletcher32=True)
+        data[:] = np.random.default_rng(0).normal(size=1000)
+    monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 10**6)
+    monkeypatch.setattr("posefuse.io.files._MOST_UNFOLDED", 2)
+    posefuse.read_points(path)
+    with h5py.File(path, "a") as file:
+        file["more"].id.write_direct_chunk((0,), zlib.compress(bytes(4 * 10**7)))
+    refused(path, r"a chunk of more at \(0,\) holds more than 8004 bytes")
 
 
 def test_matlab_files_of_zeros(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +37,7 @@ def rig_for(name: str, lens: str = "mild") -> CameraRig:
         if camera.lens is LensModel.BROWN and name in ("kalibr", "pose2sim"):
             distortion = (*distortion[:4], 0.0)
         if name == "vicon":
-            distortion = (*distortion[:2], 0.0, 0.0, 0.0)
+            distortion = (*distortion[:2], 0.0, 0.0, 0.003)
         pose = camera.camera_from_world @ np.linalg.inv(world)
         called = RENAMED.get(name, "left_{}").format(i + first)
         size = (round(2 * camera.matrix[0, 2]), round(2 * camera.matrix[1, 2]))
@@ -75,6 +76,16 @@ def test_one_of_the_files_stands_for_all(tmp_path):
         WRITERS[name](rig_for(name), folder)
         one = min(file for file in folder.rglob("*") if file.is_file())
         assert len(read_cameras(one)) == 3, name
+
+
+def test_radial_distortion_of_vicon_has_two_numbers_or_three(tmp_path):
+    path = calibrations.vicon(rig_for("vicon"), tmp_path)
+    text = path.read_text()
+    for given, read in (("VICON_RADIAL2='w 7 8 0.1 -0.2'", (0.1, -0.2, 0.0, 0.0, 0.0)),
+                        ("VICON_RADIAL2='w 7 8 0.1 -0.2 0.3'", (0.1, -0.2, 0.0, 0.0, 0.3)),
+                        ("VICON_RADIAL='0.1 -0.2'", (0.1, -0.2, 0.0, 0.0, 0.0))):  # fmt: skip
+        path.write_text(re.sub('VICON_RADIAL2="[^"]*"', given, text))
+        assert {camera.distortion for camera in read_cameras(path).cameras} == {read}
 
 
 def test_a_pickle_that_would_run_something_does_not(tmp_path):

@@ -243,3 +243,39 @@ def test_lenses_that_do_not_fit_are_written_as_anipose(tmp_path):
     said = write_like(fish, tmp_path / "b.toml", tmp_path / "a.toml")
     assert "anipose" in said
     assert "k1 k2 p1 p2" in said
+
+
+def test_what_is_read_as_qualisys_is_written_as_such(tmp_path):
+    rig = replace(ring(3, "mild"), up_axis="z", notes=("Refined & so on.",), left_out=("cam_9",))
+    original = tmp_path / "Calib.qca.txt"
+    original.write_text(qualisys_xml(rig))
+    assert write_like(rig, tmp_path / "b.qca.txt", original) == "in qualisys's format, as Calib.qca.txt is"
+    assert find_format(tmp_path / "b.qca.txt").name == "qualisys"
+    assert write_like(rig, tmp_path / "b.toml", original).startswith("in anipose's format: ")
+    for name in ("b.qca.txt", "b.toml"):
+        again = read_cameras(tmp_path / name)
+        assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, "z")
+        assert_same_cameras(again, rig)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"up_axis": "y"}, "has z up, and here up is y"),
+        ({"cameras": ring(2, "fisheye").cameras}, "has others"),
+        ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "no letters such as in"),
+    ],
+)
+def test_what_qualisys_cannot_hold_is_written_as_nothing(change, why, tmp_path):
+    rig = replace(replace(ring(2), up_axis="z"), **change)
+    original = tmp_path / "Calib.qca.txt"
+    original.write_text(qualisys_xml(ring(2)))
+    with pytest.raises(FileError, match=why):
+        write_like(rig, tmp_path / "b.qca.txt", original)
+    assert not (tmp_path / "b.qca.txt").exists()
+
+
+def test_a_name_by_which_a_calibration_would_not_be_known(tmp_path):
+    (tmp_path / "Calib.qca.txt").write_text(qualisys_xml(ring(2)))
+    with pytest.raises(FileError, match=r"end the name of the calibration to write in \.qca\.txt, \.qca\.xml, \.toml"):
+        write_like(ring(2), tmp_path / "refined", tmp_path / "Calib.qca.txt")

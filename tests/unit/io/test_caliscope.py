@@ -52,3 +52,22 @@ def test_an_empty_or_second_file_is_said(tmp_path):
     write(tmp_path / "xy_B.csv", [])
     with pytest.raises(FileError, match="several recordings: xy_A.csv, xy_B.csv"):
         posefuse.read_detections(tmp_path)
+
+
+@pytest.mark.parametrize("objects", [(0, 1), (4, 4)])
+def test_objects_are_people(objects, tmp_path):
+    header = HEADER.replace("port", "cam_id").replace("point_id", "object_id,keypoint_id")
+    rows = [
+        (f, c, f, 0.04 * f, o, k, 100 * place + k, c)
+        for f in range(3)
+        for c in (0, 1)
+        for place, o in enumerate(objects[: len(set(objects))])
+        for k in range(9)
+    ]
+    write(tmp_path / "xy_POSE.csv", rows, header)
+    found = posefuse.read_detections(tmp_path)
+    assert (found.people_counts == len(set(objects))).all()
+    assert set(np.asarray(found.track_ids).tolist()) == ({0, 1} if len(set(objects)) == 2 else {-1})
+    np.testing.assert_array_equal(
+        np.asarray(found.keypoints_px)[-1, :9, 0], 100 * (len(set(objects)) - 1) + np.arange(9)
+    )

@@ -8,7 +8,7 @@ import pytest
 
 from posefuse import Options, read_cameras, read_detections
 from posefuse.cli.main import main
-from posefuse.errors import FileError
+from posefuse.errors import DetectionsError, FileError
 from posefuse.io.calibration import anipose
 from posefuse.io.files import read_npz
 from posefuse.io.keypoints.names import recordings_in
@@ -277,3 +277,28 @@ def test_frames_that_no_recording_has_are_an_error(tmp_path):
     (tmp_path / "a.json").write_text(json.dumps(people))
     with pytest.raises(FileError, match="frames are numbered up to 10010000001"):
         read_detections(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("tracker", "third", "field"),
+    [("mediapipe_", 0.5, "depth"), ("openpose_", 0.5, "confidence"), ("yolo_", np.nan, None)],
+)
+def test_the_third_channel_is_the_trackers(tracker, third, field, tmp_path):
+    freemocap(tmp_path)
+    (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
+    content = np.load(array)
+    content[..., 2] = np.where(np.isnan(content[..., 0]), np.nan, third)
+    array.unlink()
+    np.save(array.with_name(array.name.replace("mediapipe_", tracker)), content)
+    found = read_detections(tmp_path, "body_25")
+    for name in ("depth", "confidence"):
+        values = getattr(found, name)
+        assert bool(values is not None and np.isfinite(values).any()) is (name == field)
+
+
+def test_a_third_channel_that_nobody_knows_is_asked_for(tmp_path):
+    freemocap(tmp_path)
+    (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
+    array.rename(array.with_name("rtmpose_2dData_pixelXY.npy"))
+    with pytest.raises(DetectionsError, match="--third-channel"):
+        read_detections(tmp_path, "body_25")

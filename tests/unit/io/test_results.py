@@ -219,6 +219,13 @@ class TestTrc:
             trc.read(tmp_path / "a.trc")
 
 
+def by_c3d(path):
+    """Shape (frame, point, 5): x, y, z, residual, and how many cameras, as an independent reader has them."""
+    with path.open("rb") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.stack([points for _, points, _ in c3d.Reader(file).read_frames()])
+
+
 class TestC3d:
     def test_ezc3d_reads_it(self, result, tmp_path):
         posefuse.write(result, tmp_path / "person.c3d")
@@ -233,32 +240,38 @@ class TestC3d:
         layer = result.layers["measured"]
         expected = 1000.0 * np.moveaxis(layer.points_m[:, 0], 0, -1).transpose(1, 0, 2)
         np.testing.assert_allclose(found["data"]["points"][:3], expected, atol=1e-3)
-        residuals = found["data"]["meta_points"]["residuals"][0]
-        assert residuals[5, 3] == -1
-        assert (residuals >= 0).sum() == residuals.size - 1
-        known = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1)).T
-        np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.052)
-        bits = found["data"]["meta_points"]["camera_masks"]
-        np.testing.assert_array_equal(bits[:4, 7, 2], [False, False, True, True])
-        assert bits[:4, 0, 0].all()
-        assert not bits[4:].any()
+        missing = np.isnan(found["data"]["points"][0])
+        assert missing[5, 3]
+        assert missing.sum() == 1
 
     def test_an_independent_reader_agrees(self, result, tmp_path):
         posefuse.write(result, tmp_path / "person.c3d")
         layer = result.layers["measured"]
-        with (tmp_path / "person.c3d").open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            frames = list(c3d.Reader(file).read_frames())
-        assert len(frames) == 9
-        np.testing.assert_allclose(frames[4][1][9, :3], 1000 * layer.points_m[4, 0, 9], atol=1e-3)
-        assert frames[3][1][5, 3] == -1
+        frames = by_c3d(tmp_path / "person.c3d")
+        assert frames.shape[0] == 9
+        np.testing.assert_allclose(frames[4, 9, :3], 1000 * layer.points_m[4, 0, 9], atol=1e-3)
+        residuals, cameras = frames[..., 3], frames[..., 4]
+        assert residuals[3, 5] == -1
+        assert (residuals >= 0).sum() == residuals.size - 1
+        known = 1000.0 * np.sqrt((layer.sd_m[:, 0] ** 2).mean(axis=-1))
+        np.testing.assert_allclose(residuals[known > 0], known[known > 0], atol=0.052)
+        assert (cameras[2, 7], cameras[0, 0]) == (0b1100, 0b1111)
+
+    def test_points_that_are_known_badly_are_not_missing(self, result, tmp_path):
+        """A residual of more than 127 steps beside the sign of the word is one all the same."""
+        layer = result.layers["measured"]
+        rough = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * 0.0 + [4e-4, 0, 0, 4e-4, 0, 4e-4])
+        posefuse.write(replace(result, layers={"measured": rough}), tmp_path / "person.c3d")
+        residuals = by_c3d(tmp_path / "person.c3d")[..., 3]
+        assert (residuals < 0).sum() == 1
+        np.testing.assert_allclose(residuals[residuals >= 0], 20.0, atol=0.051)
 
     def test_more_views_than_bits(self, rng, tmp_path):
         rig = ring(9)
         many = reconstruct(rig, seen(rig, body_points(rng, 3), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
+        assert not by_c3d(tmp_path / "person.c3d")[..., 4].any()
         found = ezc3d.c3d(str(tmp_path / "person.c3d"))
-        assert not found["data"]["meta_points"]["camera_masks"].any()
         np.testing.assert_allclose(found["parameters"]["POSEFUSE"]["MEAN_VIEWS"]["value"], 9.0)
 
     def test_many_keypoints(self, rng, tmp_path):

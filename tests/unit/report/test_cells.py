@@ -23,7 +23,7 @@ def result():
 
 
 def test_shares_and_errors_of_a_cell_are_those_counted(result):
-    cells = cells_of(result.chunks(16), "measured")
+    cells = cells_of(result.chunks(16), "measured", result.n_frames)
     layer = result.layers["measured"]
     there = np.asarray(result.tracks.state) != TrackState.ABSENT
     status = np.asarray(layer.view_status)[there]
@@ -36,7 +36,7 @@ def test_shares_and_errors_of_a_cell_are_those_counted(result):
 
 
 def test_the_worst_frame_of_a_cell_is_the_worst(result):
-    worst = cells_of(result.chunks(), "measured").worst["error"]
+    worst = cells_of(result.chunks(), "measured", result.n_frames).worst["error"]
     error = np.asarray(result.layers["measured"].view_error_px)
     for k, v in ((0, 0), (7, 2)):
         assert worst.error_px[k, v, 0] == pytest.approx(np.nanmax(error[:, :, k, v]))

@@ -87,10 +87,13 @@ def test_nothing_far_from_signs_is_gone_into():
 def test_a_person_alone_is_triangulated_as_among_others(scene):
     detections, tracks = both(scene.detections, swapped(scene.detections, "leg", 1, 20, 60))
     whole, frames = believed(scene, detections, tracks), np.array([3, 4, 25, 26, 90])
+    everything = np.arange(len(detections.skeleton))
     for person in range(2):
         mine, own = alone(detections, tracks, person, frames)
-        assert_same(believed(scene, mine, own), part_of(whole, person, frames))
-        assert_same(with_parts(whole, [(person, frames, part_of(whole, person, frames))]), whole)
+        assert_same(believed(scene, mine, own), part_of(whole, person, frames, everything))
+        assert_same(
+            with_parts(whole, [(person, frames, everything, part_of(whole, person, frames, everything))]), whole
+        )
 
 
 def test_who_shows_no_sign_keeps_the_points_of_the_labels(scene):
@@ -98,11 +101,11 @@ def test_who_shows_no_sign_keeps_the_points_of_the_labels(scene):
     detections, tracks = both(scene.detections, other)
     layer, swaps = paired.solve(scene.rig, detections, tracks, NOISE, OPTIONS)
     labels = believed(scene, detections, tracks)
-    everything = np.arange(detections.n_frames)
-    assert_same(part_of(layer, 0, everything), part_of(labels, 0, everything))
+    everything, points = np.arange(detections.n_frames), np.arange(len(detections.skeleton))
+    assert_same(part_of(layer, 0, everything, points), part_of(labels, 0, everything, points))
     assert not (np.asarray(swaps.state)[:, 0] == SwapState.SWAPPED).any()
     far = np.r_[: 60 - 40, 90 + 40 : len(everything)]
-    assert_same(part_of(layer, 1, far), part_of(labels, 1, far))
+    assert_same(part_of(layer, 1, far, points), part_of(labels, 1, far, points))
     mended, right = np.asarray(layer.points_m)[60:90, 1], np.asarray(labels.points_m)[60:90, 0]
     assert np.nanmax(np.linalg.norm(mended - right, axis=-1)) < 1e-9
     leg = swaps.chains.index("leg")

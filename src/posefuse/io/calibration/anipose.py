@@ -25,6 +25,9 @@ from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis
 from posefuse.model.options import LengthUnit
 
+ENDINGS = (".toml",)
+"""What the names of files written here end in."""
+
 
 def matches(path: Path) -> bool:
     """Whether the file is one."""

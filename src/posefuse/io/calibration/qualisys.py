@@ -6,6 +6,8 @@ count from the corner of the video's field of view. Distortion coefficients are 
 
 Where the file also has cameras that see markers only, told by ``model``, those are left out. ``video_resolution`` says
 how many lines the videos have; where these are fewer than the field of view's, all else is of 1080 lines.
+
+Files written here have an element ``posefuse`` with ``note`` and ``left_out``, which other programs pass by.
 """
 
 import math
@@ -17,13 +19,21 @@ import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.calibration.tables import BEYOND_REASON, METRES
-from posefuse.io.files import parse_xml, read_text
-from posefuse.model.cameras import Camera, CameraRig
+from posefuse.io.files import parse_xml, read_text, replacing
+from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options import LengthUnit
 
 _SUBPIXELS = 64.0
 _FULL_LINES = 1080.0
 _CLEARLY_FEWER = 0.9
+_CAMERA_AXES = np.diag([1.0, -1.0, -1.0])
+"""Qualisys' camera looks along -z, y up; OpenCV's along z, y down."""
+_NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+
+_SAID = ("note", "left_out")
+
+ENDINGS = (".qca.txt", ".qca.xml")
+"""What the names of files written here end in."""
 
 
 def matches(path: Path) -> bool:
@@ -49,7 +59,8 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     cameras = tuple(_camera(path, element, scale) for element in videos)
     left = [element.get("serial", "") for element in elements if element not in videos]
     notes = (f"{path.name}: cameras for markers are left out: {choices(left)}.",) if left else ()
-    return CameraRig(cameras, up_axis="z", source=path.name, metres_per_unit=scale, notes=notes)
+    said, left_out = (tuple(each.text or "" for each in root.findall(f"./posefuse/{tag}")) for tag in _SAID)
+    return CameraRig(cameras, "z", path.name, scale, (*said, *notes), left_out)
 
 
 def _is_video(element: ElementTree.Element) -> bool:
@@ -108,9 +119,67 @@ def _camera(path: Path, element: ElementTree.Element, scale: float) -> Camera:
         number("intrinsic", "radialDistortion3", 0.0),
     ]
     axes = np.array([[number("transform", f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)])
-    rotation = np.diag([1.0, -1.0, -1.0]) @ axes
+    rotation = _CAMERA_AXES @ axes
     centre = np.array([number("transform", axis) for axis in "xyz"]) * scale
     try:
         return Camera.from_opencv(name, size, matrix, distortion, rotation, -rotation @ centre)
     except CameraError as error:
         raise CameraError(f"{path}: {error}") from None
+
+
+def write(rig: CameraRig, path: Path) -> None:
+    """Write a rig, in mm. Residuals are not known, and 0, as converters to this format write them.
+
+    Raises:
+        FileError: if the format cannot hold it: up is not z, a lens has other coefficients than k1 k2 p1 p2 k3, or a
+            name has letters that XML has not.
+    """
+    if rig.up_axis != "z":
+        raise FileError(f"qualisys's format has z up, and here up is {rig.up_axis or 'unknown'}")
+    root = ElementTree.Element("calibration", {"source": "posefuse", "type": "regular"})
+    cameras = ElementTree.SubElement(root, "cameras")
+    for camera in rig.cameras:
+        _add_camera(cameras, camera)
+    if rig.notes or rig.left_out:
+        said = ElementTree.SubElement(root, "posefuse")
+        for tag, texts in zip(_SAID, (rig.notes, rig.left_out), strict=True):
+            for text in texts:
+                ElementTree.SubElement(said, tag).text = _possible(text)
+    ElementTree.indent(root)
+    with replacing(path) as temporary:
+        ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
+
+
+def _possible(text: str) -> str:
+    if _NOT_IN_XML.search(text):
+        raise FileError(f"qualisys's format is XML, which has no letters such as in {text[:40]!r}")
+    return text
+
+
+def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
+    if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN):
+        raise FileError(f"qualisys's format holds k1 k2 p1 p2 k3, and the lens of camera {camera.name!r} has others")
+    k1, k2, p1, p2, k3 = camera.distortion or (0.0,) * 5
+    width, height = camera.size_px
+    about = {"active": "1", "avg-residual": 0.0, "model": "none", "serial": _possible(camera.name), "viewrotation": "0"}
+    element = ElementTree.SubElement(cameras, "camera", _attributes(about))
+    for field in ("fov_marker", "fov_marker_max", "fov_video", "fov_video_max"):
+        edges = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
+        ElementTree.SubElement(element, field, edges)
+    axes = _CAMERA_AXES @ camera.rotation
+    place = dict(zip("xyz", (camera.centre_m / METRES["mm"]).tolist(), strict=True))
+    turn = {f"r{i + 1}{j + 1}": float(axes[i, j]) for i in range(3) for j in range(3)}
+    ElementTree.SubElement(element, "transform", _attributes(turn | place))
+    (fu, skew, cu), (_, fv, cv), _ = (_SUBPIXELS * camera.matrix).tolist()
+    lens = {
+        "focalLengthU": fu, "focalLengthV": fv, "centerPointU": cu, "centerPointV": cv, "skew": skew,
+        "radialDistortion1": k1, "radialDistortion2": k2, "radialDistortion3": k3,
+        "tangentalDistortion1": p1, "tangentalDistortion2": p2,
+        "sensorMinU": 0.0, "sensorMinV": 0.0,
+        "sensorMaxU": _SUBPIXELS * (width - 1), "sensorMaxV": _SUBPIXELS * (height - 1),
+    }  # fmt: skip
+    ElementTree.SubElement(element, "intrinsic", _attributes(lens))
+
+
+def _attributes(values: dict[str, str | float]) -> dict[str, str]:
+    return {key: value if isinstance(value, str) else repr(float(value)) for key, value in values.items()}

@@ -31,7 +31,7 @@ CALIBRATIONS = (
         "qualisys",
         "posefuse.io.calibration.qualisys",
         reads=True,
-        writes=False,
+        writes=True,
         files="*.qca.txt",
         conventions="mm, z up; intrinsics in 1/64 px; camera to world",
     ),
@@ -41,7 +41,7 @@ CALIBRATIONS = (
         reads=True,
         writes=False,
         files="*.xcp",
-        conventions="mm, z up; quaternion world to camera; video cameras only",
+        conventions="mm, z up; quaternion world to camera; k1 k2 k3; video cameras only",
     ),
     Format(
         "easymocap",

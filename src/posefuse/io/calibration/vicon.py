@@ -1,8 +1,9 @@
 """Vicon's ``.xcp`` (XML): mm, z up; the video cameras of a system, at their first key frame.
 
 ``ORIENTATION`` is a quaternion x y z w, world to camera, ``POSITION`` the camera's place in mm; focal length and
-principal point in px of the sensor, of which the video shows the middle. ``VICON_RADIAL2`` ends in k1 and k2;
-``VICON_RADIAL`` is these.
+principal point in px of the sensor, of which the video shows the middle. ``VICON_RADIAL2`` is a word, two numbers that
+are not used (distortion is about the principal point), k1, k2 and, where there is a sixth, k3; ``VICON_RADIAL`` is k1
+and k2.
 """
 
 from pathlib import Path
@@ -63,13 +64,14 @@ def _camera(path: Path, element: ElementTree.Element) -> Found:
 
 
 def _radial(path: Path, name: str, frame: ElementTree.Element) -> np.ndarray:
+    """k1 k2 p1 p2 k3."""
     where = f"{path}, camera {name!r}: radial distortion"
     if frame.get("VICON_RADIAL2"):
-        tokens = frame.get("VICON_RADIAL2", "").split()[3:5]
+        tokens = frame.get("VICON_RADIAL2", "").split()[3:6]
     else:
         tokens = frame.get("VICON_RADIAL", "").split()[:2]
-    values = as_numbers(tokens, where)
-    return np.concatenate([values, np.zeros(4)])[:4]
+    k1, k2, k3 = np.concatenate([as_numbers(tokens, where), np.zeros(3)])[:3]
+    return np.array([k1, k2, 0.0, 0.0, k3])
 
 
 def _rotation(path: Path, name: str, quaternion: np.ndarray) -> np.ndarray:

@@ -1,11 +1,44 @@
-"""Write a calibration in the format that another one is in."""
+"""Write a calibration: in a format, or in the one that another is in."""
 
 from pathlib import Path
 
-from posefuse.errors import FileError
-from posefuse.io.calibration import anipose
+from posefuse.errors import FileError, choices
 from posefuse.io.calibration.read import find_format
+from posefuse.io.calibration.registry import CALIBRATIONS
+from posefuse.io.formats import Format, by_name
 from posefuse.model.cameras import CameraRig
+
+_USUAL = "anipose"
+
+
+def write_as(form: Format, rig: CameraRig, path: Path) -> None:
+    """Write a rig in a format.
+
+    Raises:
+        FileError: if the file would not be known by its name, or the format cannot hold the rig.
+    """
+    endings = form.load().ENDINGS
+    if not path.name.endswith(endings):
+        raise FileError(f"{path}: names of {form.name}'s files end in {choices(endings)}; name it so.")
+    form.load().write(rig, path)
+
+
+def must_be_named(path: Path, original: Path) -> None:
+    """Refuse a name by which a file of :func:`write_like` would not be known.
+
+    Raises:
+        FileError: if it ends neither as Anipose's files do, nor as those of the original's format, if that is written.
+    """
+    endings = [ending for form in _formats(original) for ending in form.load().ENDINGS]
+    if not path.name.endswith(tuple(endings)):
+        raise FileError(f"{path}: end the name of the calibration to write in {choices(dict.fromkeys(endings))}.")
+
+
+def _formats(original: Path) -> list[Format]:
+    """The original's format, if it is written, and Anipose's."""
+    form, usual = find_format(original), by_name(CALIBRATIONS, _USUAL)
+    assert usual is not None
+    return [usual] if form is None or not form.writes or form.name == _USUAL else [form, usual]
 
 
 def write_like(rig: CameraRig, path: Path, original: Path) -> str:
@@ -13,25 +46,30 @@ def write_like(rig: CameraRig, path: Path, original: Path) -> str:
 
     Args:
         rig: the cameras, in metres.
-        path: the file to write.
+        path: the file to write; its name's ending chooses where the original's format has another than Anipose's.
         original: the calibration that it was read from.
 
     Returns:
         In which format, in words, and if it is another one why.
 
     Raises:
-        FileError: if a lens does not fit Anipose's format either.
+        FileError: if the name fits neither, or a lens does not fit Anipose's format either.
     """
-    form = find_format(original)
+    must_be_named(path, original)
+    *own, usual = _formats(original)
     why = ""
-    if form is not None and form.writes and form.name != "anipose":
+    for form in own:
         try:
-            form.load().write(rig, path)
+            write_as(form, rig, path)
         except FileError as error:
             why = f": {error}"
         else:
             return f"in {form.name}'s format, as {original.name} is"
-    elif form is not None and form.name != "anipose":
-        why = f": {form.name}'s is not written"
-    anipose.write(rig, path)
-    return f"in anipose's format{why}"
+    found = find_format(original)
+    if not own and found is not None and found.name != _USUAL:
+        why = f": {found.name}'s is not written"
+    try:
+        write_as(usual, rig, path)
+    except FileError as error:
+        raise FileError(f"{error} {why.removeprefix(': ')}".strip()) from None
+    return f"in {_USUAL}'s format{why}"

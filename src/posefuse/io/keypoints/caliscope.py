@@ -1,9 +1,10 @@
-"""Caliscope's tracked points: ``xy_*.csv``, a row a point, of all cameras of a recording, one person.
+"""Caliscope's tracked points: ``xy_*.csv``, a row a point, of all cameras of a recording.
 
 Columns ``sync_index, port, frame_index, frame_time, point_id, img_loc_x, img_loc_y``, in newer files ``cam_id`` and
 ``keypoint_id``; frames are the sync indices, ``frame_time`` is when a camera truly took its frame, seconds. Views are
 named ``cam_<port>`` as in its ``config.toml``. Pixels of the image as it was stored, no confidence. Points 0
-to 32 are MediaPipe's body; those of hands and face, from 100 on, are left out with a note.
+to 32 are MediaPipe's body; those of hands and face, from 100 on, are left out with a note. One person; in newer files
+``object_id`` tells people apart, and is their track where there are several.
 """
 
 import csv
@@ -21,7 +22,8 @@ from posefuse.model.skeletons import find_skeleton
 
 _COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
 _NEWER = {"port": "cam_id", "point_id": "keypoint_id"}
-_WHOLE = (0, 1, 4)
+_OBJECT = "object_id"
+_WHOLE = (0, 1, 4, 7)
 _LARGEST = 2.0**40
 _SKELETON = "mediapipe_33"
 
@@ -43,9 +45,11 @@ def _is_one(file: Path) -> bool:
 
 
 def _places(header: list[str]) -> list[int] | None:
-    """Where in a line each of the columns is, or None where one is lacking."""
+    """Where in a line each of the columns is, that of objects last if there is one; None where another is lacking."""
     names = [_NEWER.get(name, name) if _NEWER.get(name, name) in header else name for name in _COLUMNS]
-    return [header.index(name) for name in names] if all(name in header for name in names) else None
+    if not all(name in header for name in names):
+        return None
+    return [header.index(name) for name in [*names, *([_OBJECT] if _OBJECT in header else [])]]
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -75,7 +79,7 @@ def read(path: Path, request: Request) -> Detections:
 
 
 def _read_table(file: Path) -> np.ndarray:
-    """Shape (row, 7)."""
+    """Shape (row, 8): the columns, and the object, 0 where the file tells none apart."""
     table = []
     with reading(file, "CSV file in UTF-8"), file.open(newline="", encoding="utf-8-sig") as lines:
         rows = (row for row in csv.reader(lines) if row)
@@ -85,7 +89,7 @@ def _read_table(file: Path) -> np.ndarray:
             if values is None:
                 raise FileError(
                     f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), whole ones for "
-                    f"{', '.join(_COLUMNS[i] for i in _WHOLE)}, got {','.join(row)!r}. Was it cut short?"
+                    f"{', '.join((*_COLUMNS, _OBJECT)[i] for i in _WHOLE)}, got {','.join(row)!r}. Was it cut short?"
                 )
             table.append(values)
     if not table:
@@ -96,7 +100,8 @@ def _read_table(file: Path) -> np.ndarray:
 def _numbers(row: list[str], places: list[int]) -> list[float] | None:
     """The numbers of a line, or None where it does not hold them."""
     try:
-        values = [float(row[place]) for place in places]
+        objects = [float(row[place] or 0.0) for place in places[len(_COLUMNS) :]]
+        values = [*(float(row[place]) for place in places[: len(_COLUMNS)]), *(objects or [0.0])]
     except (ValueError, IndexError):
         return None
     whole = all(0.0 <= values[i] < _LARGEST and values[i].is_integer() for i in _WHOLE)
@@ -107,15 +112,16 @@ def _view(table: np.ndarray, body: np.ndarray, port: float, n_keypoints: int, re
     mine = table[:, 1] == port
     recorded, first = np.unique(table[mine, 0], return_index=True)
     rows = table[mine & body]
-    frames, row = np.unique(rows[:, 0], return_inverse=True)
-    keypoints = np.full((len(frames), n_keypoints, 3), np.nan)
-    keypoints[row, rows[:, 4].astype(np.int64), :2] = rows[:, 5:7]
+    people, row = np.unique(rows[:, [0, 7]], axis=0, return_inverse=True)
+    keypoints = np.full((len(people), n_keypoints, 3), np.nan)
+    keypoints[row.ravel(), rows[:, 4].astype(np.int64), :2] = rows[:, 5:7]
+    several = len(np.unique(table[body, 7])) > 1
     return ViewColumns(
         name=f"cam_{int(port)}",
         recorded=recorded.astype(np.int64),
-        frame_of_row=frames.astype(np.int64),
+        frame_of_row=people[:, 0].astype(np.int64),
         keypoints=keypoints,
-        track_ids=np.full(len(frames), -1, dtype=np.int64),
+        track_ids=people[:, 1].astype(np.int64) if several else np.full(len(people), -1, dtype=np.int64),
         time_s=None if request.rate_hz else table[mine, 3][first],
     )
 

@@ -6,7 +6,8 @@ Pose and EKS write the same with further columns a body part: the variances are 
 medians are left out with a note. The files do not say a frame rate, nor which camera they are of: views are named by
 what differs between the files' names.
 
-Of h5 files the columns' names are pickled; of that pickle only texts, numbers and tuples of them are built.
+Of h5 files, in pandas' ``table`` layout (DeepLabCut's) or ``fixed`` (movement's and others'), ``table`` has the
+columns' names pickled; of that pickle only texts, numbers and tuples of them are built.
 """
 
 import csv
@@ -27,6 +28,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
+from posefuse.io.pandas_tables import Frame, read_frame
 from posefuse.io.pickles import load_plain
 from posefuse.model.detections import Detections
 
@@ -87,9 +89,15 @@ def _h5_table(file: Path) -> str | None:
     """Where in an h5 file the predictions are, or None where there are none."""
     try:
         with h5py.File(file) as content:
-            return next((key for key in _H5_KEYS if f"{key}/table" in content), None)
+            return next((key for key in _H5_KEYS if f"{key}/table" in content or _is_fixed(content, key)), None)
     except (OSError, KeyError, ValueError, RuntimeError):
         return None
+
+
+def _is_fixed(content: h5py.File, key: str) -> bool:
+    """Whether it is a table of pandas' fixed layout, of predictions in 2D: coordinates are the last level of names."""
+    levels = [content.get(f"{key}/block0_items_level{i}") for i in (2, 3)]
+    return any(isinstance(level, h5py.Dataset) and b"likelihood" in np.asarray(level) for level in levels)
 
 
 def read(path: Path, request: Request) -> Detections:
@@ -210,6 +218,8 @@ def _read_h5(file: Path) -> _Table:
         raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
     with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
+        if "table" not in group:
+            return _from_frame(file, read_frame(group))
         columns = load_plain(bytes(group.attrs["non_index_axes"]))[0][1]
         table = np.asarray(group["table"])
         values = np.asarray(table["values_block_0"], dtype=np.float64)
@@ -224,3 +234,12 @@ def _read_h5(file: Path) -> _Table:
         np.array(numbers, dtype=np.int64),
         values,
     )
+
+
+def _from_frame(file: Path, frame: Frame) -> _Table:
+    """Of pandas' fixed layout."""
+    if any(len(column) not in (len(_HEADER), len(_MANY)) for column in frame.columns):
+        raise FileError(f"{file}: columns should be named by {' '.join(_HEADER)} or {' '.join(_MANY)}.")
+    many = len(frame.columns[0]) == len(_MANY)
+    columns = [(column[1] if many else "", column[-2], column[-1]) for column in frame.columns]
+    return _Table(columns, np.asarray(frame.index, dtype=np.int64), frame.values)

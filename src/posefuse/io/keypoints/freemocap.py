@@ -1,17 +1,23 @@
 """A FreeMoCap recording folder: ``output_data/raw_data/*2dData*.npy``, [camera, frame, keypoint, 3].
 
-The third channel is the tracker's depth (the file's name says pixelXY). Cameras are in the order of the videos' lower-
+The third channel is MediaPipe's depth (the file's name says pixelXY), OpenPose's confidence, and nothing of trackers
+that leave it empty; of others ``--third-channel`` says what it is. Cameras are in the order of the videos' lower-
 cased names in ``synchronized_videos``; without those, views are called ``camera_0`` ... and need ``--camera-order``.
 """
 
 from pathlib import Path
+
+import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import read_npy
 from posefuse.io.keypoints.arrays import from_array
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.model.options import ThirdChannel
 
+_THIRD: tuple[tuple[str, ThirdChannel], ...] = (("mediapipe", "depth"), ("openpose", "confidence"))
+"""What the third channel is, by how the array's name begins."""
 _VIDEOS = (".mp4", ".avi", ".mov", ".mkv")
 
 
@@ -41,7 +47,11 @@ def read(path: Path, request: Request) -> Detections:
     if names and len(names) != len(keypoints):
         raise FileError(f"{path}: {len(names)} videos, but {len(keypoints)} cameras in {arrays[0].name}.")
     names = names or [f"camera_{i}" for i in range(len(keypoints))]
-    asked = Request(request.skeleton, request.rate_hz, request.third_channel or "depth", request.progress)
+    told: list[ThirdChannel] = [kind for name, kind in _THIRD if arrays[0].name.lower().startswith(name)]
+    if keypoints.ndim == 4 and keypoints.shape[-1] == 3 and not np.isfinite(keypoints[..., 2]).any():
+        keypoints = keypoints[..., :2]
+    third = request.third_channel or (told[0] if told else None)
+    asked = Request(request.skeleton, request.rate_hz, third, request.progress)
     return from_array(arrays[0], keypoints, names, request.rate_hz, asked)
 
 

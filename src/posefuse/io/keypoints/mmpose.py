@@ -2,8 +2,11 @@
 
 Each frame has ``frame_id`` (MMPose counts from 1) and ``instances`` with ``keypoints`` (x, y) and
 ``keypoint_scores``; a ``track_id`` or ``instance_id`` is kept. Frames without people are there, with an empty list.
+Where ``meta_info`` names the keypoints (``keypoint_id2name``), the names tell the skeleton, else their number does.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +14,11 @@ import msgspec
 
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton
 
 
 class _Instance(msgspec.Struct):
@@ -64,12 +69,38 @@ def read(path: Path, request: Request) -> Detections:
         FileError: if a file is cut short or another, or views have different keypoints.
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
-    return detections_of(path, read_views(path, _KIND, request, _read_view), request)
+    named: list[tuple[str, ...]] = []
+
+    def read_one(file: Path, name: str) -> ViewColumns:
+        if beginning(file, 16).startswith(b"["):
+            return _view(file, name, decode(file, list[_Frame]))
+        content: _File = decode(file, _File)
+        named.append(_names(content.meta_info))
+        return _view(file, name, content.instance_info)
+
+    views = read_views(path, _KIND, request, read_one)
+    return detections_of(path, views, replace(request, skeleton=request.skeleton or _skeleton(views, named)))
 
 
-def _read_view(file: Path, name: str) -> ViewColumns:
-    bare = beginning(file, 16).startswith(b"[")
-    frames = decode(file, list[_Frame]) if bare else decode(file, _File).instance_info
+def _names(meta_info: Any) -> tuple[str, ...]:
+    """What a file calls its keypoints, in order; none where it does not say."""
+    names = meta_info.get("keypoint_id2name") if isinstance(meta_info, dict) else None
+    if not isinstance(names, dict):
+        return ()
+    ordered = [names.get(str(i)) for i in range(len(names))]
+    return tuple(name for name in ordered if isinstance(name, str)) if None not in ordered else ()
+
+
+def _skeleton(views: Sequence[ViewColumns], named: Sequence[tuple[str, ...]]) -> Skeleton | None:
+    """The skeleton of the names, if all files have the same and as many as keypoints."""
+    count = next((view.keypoints.shape[1] for view in views if len(view.keypoints)), 0)
+    names = named[0] if named and len(named) == len(views) else ()
+    if not names or set(named) != {names} or len(set(names)) != len(names) or count not in (0, len(names)):
+        return None
+    return skeleton_named("mmpose", names)
+
+
+def _view(file: Path, name: str, frames: Sequence[_Frame]) -> ViewColumns:
     where = str(file)
     people = [
         Person(frame.frame_id, joined(i.keypoints, i.keypoint_scores, where, frame.frame_id), _track(i))

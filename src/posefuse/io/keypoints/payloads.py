@@ -11,11 +11,13 @@ names the first that is there counts, in the record or in its ``payload``:
   (``kps``): rows of ``[x, y]`` or ``[x, y, confidence]`` or one flat list of the latter, ``scores`` (``kps_scores``,
   ``keypoint_scores``) and ``track_id`` (``id``); or ``kps`` and ``kps_scores``, lists of a row a person, in the record.
 
-Records without people are frames without people, and stay.
+Records without people are frames without people, and stay. Files are read by ranges of frames, see ``lines``; of a
+``*.json`` list all its bytes are in memory while it is looked through.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +27,15 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
-from posefuse.io.keypoints.columns import ViewColumns
-from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
+from posefuse.io.keypoints.lines import (
+    Cells,
+    Record,
+    Told,
+    detections_of_lines,
+    index_of,
+    must_be_possible,
+)
+from posefuse.io.keypoints.people import Person, beginning, decode, joined, rows_of, whole, without_missing
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 
@@ -37,16 +46,10 @@ _PEOPLE = ("detections", "people", "persons", "instances", "poses")
 _KEYPOINTS = ("keypoints", "kps")
 _SCORES = ("scores", "kps_scores", "keypoint_scores")
 _TRACK = ("track_id", "id", "track")
+_CHANNELS = 3
+_NO_FRAME = -(2**60)
 _UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Clocks since 1970 are so large in ns, in us, in ms; what is smaller is seconds."""
-
-
-@dataclass(frozen=True)
-class _Record:
-    camera: str
-    frame: int | None
-    time_ns: int | None
-    people: list[Person]
 
 
 def matches(path: Path) -> bool:
@@ -73,58 +76,127 @@ _KIND = FileKind((".jsonl", ".json"), _is_one)
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read all records.
+    """Look through all records; their numbers stay in the files.
 
     Raises:
         FileError: if a record is not whole, or lacks what the format says.
         SkeletonError: if the number of keypoints does not tell the skeleton.
+        DetectionsError: if a number cannot be.
     """
-    records: list[_Record] = []
     files = files_of(path)
+    found = _Found()
     request.progress.start("reading keypoints", len(files))
-    for file in files:
-        records += [_record(content, where, file.stem) for where, content in _contents(file)]
+    for i, file in enumerate(files):
+        for record, content, where in _records(file, i):
+            _note(found, file, record, content, where)
         request.progress.advance(1)
     request.progress.finish()
-    if not records:
+    if not found.time_ns:
         raise FileError(f"{path} holds no record.")
-    cameras = sorted({record.camera for record in records}, key=natural_key)
-    frames, seconds = _settle_frames(path, records)
-    views = [_view(path, camera, records, frames, seconds) for camera in cameras]
-    return detections_of(path, views, request)
+    names = sorted(found.names, key=natural_key)
+    places = np.array([names.index(name) for name in found.names], dtype=np.int64)
+    camera = places[np.array(found.cells.camera, dtype=np.int64)]
+    frames, seconds = _settle_frames(path, found, camera)
+    cells = replace(found.cells, camera=array("q", camera), frame=array("q", frames), time_s=array("d", seconds))
+    index = index_of(path, files, names, cells, found.n_keypoints)
+    return detections_of_lines(path, index, _people_of, _CHANNELS, Told(request.skeleton, request.rate_hz))
 
 
-def _contents(file: Path) -> list[tuple[str, Mapping[str, Any]]]:
-    """The records of a file, each with where it is."""
+@dataclass
+class _Found:
+    """What a look through the records finds, one after another.
+
+    Attributes:
+        names: of the cameras, in the order in which they come.
+        cells: a record each, whose cameras are places in ``names``; ``_NO_FRAME`` where none is said.
+        time_ns: of each record; None where none is said.
+        n_keypoints: of each person; 0 where there is nobody.
+    """
+
+    names: list[str] = field(default_factory=list)
+    cells: Cells = field(default_factory=Cells)
+    time_ns: list[int | None] = field(default_factory=list)
+    n_keypoints: int = 0
+
+
+def _records(file: Path, number: int) -> Iterator[tuple[Record, Mapping[str, Any], str]]:
+    """The records of a file, one after another, each with where it is."""
+    if not file.stat().st_size:
+        raise FileError(f"{file} is empty. Was it cut short?")
     if file.suffix == ".json":
-        rows = [(f"{file}, record {i}", row) for i, row in enumerate(decode(file, list[dict[str, Any]]))]
-    else:
-        rows = []
-        if not file.stat().st_size:
-            raise FileError(f"{file} is empty. Was it cut short?")
-        for number, line in enumerate(file.read_bytes().splitlines(), start=1):
-            if not line.strip():
-                continue
-            try:
-                rows.append((f"{file}, line {number}", msgspec.json.decode(line, type=dict[str, Any])))
-            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-                raise FileError(f"{file}, line {number} is no whole record: {error}. Was it cut short?") from None
-    return [(where, {**row, **row["payload"]} if isinstance(row.get("payload"), dict) else row) for where, row in rows]
+        content, at = file.read_bytes(), 0
+        for i, raw in enumerate(decode(file, list[msgspec.Raw])):
+            at = content.index(raw, at)
+            where = f"{file}, record {i}"
+            yield Record(number, at, len(raw)), _content(bytes(raw), where), where
+            at += len(raw)
+        return
+    at = 0
+    with file.open("rb") as lines:
+        for i, line in enumerate(lines, start=1):
+            start, at = at, at + len(line)
+            if line.strip():
+                where = f"{file}, line {i}"
+                yield Record(number, start, len(line)), _content(line, where), where
+
+
+def _content(record: bytes, where: str) -> Mapping[str, Any]:
+    try:
+        row = msgspec.json.decode(record, type=dict[str, Any])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FileError(f"{where} is no whole record: {error}. Was it cut short?") from None
+    return {**row, **row["payload"]} if isinstance(row.get("payload"), dict) else row
+
+
+def _note(found: _Found, file: Path, record: Record, row: Mapping[str, Any], where: str) -> None:
+    """Note who is in a record."""
+    name, frame, time_ns = _camera(row, file), _first(row, _FRAME), _time_ns(row, where)
+    if frame is not None:
+        whole(frame, "the frame", where)
+    elif time_ns is None:
+        raise FileError(f"{where}: neither a frame ({', '.join(_FRAME)}) nor a time ({', '.join(_TIMES)}).")
+    people, tracks = _seen(row, where)
+    if len(people):
+        found.n_keypoints = found.n_keypoints or people.shape[1]
+        if people.shape[1] != found.n_keypoints:
+            raise FileError(
+                f"{where}: a person has {people.shape[1]} keypoints, others have {found.n_keypoints}; one recording "
+                "has one skeleton. Was the file cut short?"
+            )
+    if name not in found.names:
+        found.names.append(name)
+    found.time_ns.append(time_ns)
+    found.cells.add(record, _NO_FRAME if frame is None else frame, found.names.index(name), np.nan, tracks)
+
+
+def _people_of(record: bytes, file: Path, where: str) -> dict[str, np.ndarray]:
+    """Of a record's camera shape (person, keypoint, 3): x, y, confidence."""
+    row = _content(record, where)
+    return {_camera(row, file): _seen(row, where)[0]}
+
+
+def _camera(row: Mapping[str, Any], file: Path) -> str:
+    camera = _first(row, _CAMERA)
+    return file.stem if camera is None else str(camera)
+
+
+def _seen(row: Mapping[str, Any], where: str) -> tuple[np.ndarray, list[int]]:
+    """Those of whom a keypoint was seen, shape (person, keypoint, 3), and their tracks."""
+    people = _people(row, where)
+    rows = [rows_of(person, where) for person in people]
+    lengths = sorted({len(each) for each in rows})
+    if len(lengths) > 1:
+        raise FileError(
+            f"{where}: people have {lengths} keypoints; one recording has one skeleton. Was the file cut short?"
+        )
+    keypoints = without_missing(np.array(rows).reshape(len(rows), lengths[0] if lengths else 0, _CHANNELS))
+    must_be_possible(keypoints, where)
+    seen = np.asarray(np.isfinite(keypoints[..., 0]).any(axis=1))
+    return keypoints[seen], [person.track for person, there in zip(people, seen.tolist(), strict=True) if there]
 
 
 def _first(row: Mapping[str, Any], names: Sequence[str]) -> Any:
     return next((row[name] for name in names if row.get(name) is not None), None)
-
-
-def _record(row: Mapping[str, Any], where: str, file: str) -> _Record:
-    camera = _first(row, _CAMERA)
-    frame = _first(row, _FRAME)
-    if frame is not None:
-        whole(frame, "the frame", where)
-    time_ns = _time_ns(row, where)
-    if frame is None and time_ns is None:
-        raise FileError(f"{where}: neither a frame ({', '.join(_FRAME)}) nor a time ({', '.join(_TIMES)}).")
-    return _Record(file if camera is None else str(camera), frame, time_ns, _people(row, where))
 
 
 def _time_ns(row: Mapping[str, Any], where: str) -> int | None:
@@ -168,46 +240,28 @@ def _person(person: Mapping[str, Any], where: str) -> Person:
     return Person(0, values, number)
 
 
-def _settle_frames(path: Path, records: Sequence[_Record]) -> tuple[list[int], list[float]]:
+def _settle_frames(path: Path, found: _Found, camera: np.ndarray) -> tuple[list[int], list[float]]:
     """The frame of each record, and its time from the first, s: by number where all have one, else by time."""
-    known = [record.time_ns for record in records if record.time_ns is not None]
+    known = [time_ns for time_ns in found.time_ns if time_ns is not None]
     start = min(known, default=0)
-    seconds = [np.nan if record.time_ns is None else (record.time_ns - start) * 1e-9 for record in records]
-    numbers = [record.frame for record in records if record.frame is not None]
-    if len(numbers) == len(records):
-        return numbers, seconds
-    if len(known) < len(records):
+    seconds = [np.nan if time_ns is None else (time_ns - start) * 1e-9 for time_ns in found.time_ns]
+    if _NO_FRAME not in found.cells.frame:
+        return list(found.cells.frame), seconds
+    if len(known) < len(seconds):
         raise FileError(f"{path}: some records say no time and some no frame; nothing tells which belong together.")
-    period = _period_s(records, seconds)
-    frames, last = [0] * len(records), dict[str, int]()
-    for i in np.argsort(seconds, kind="stable").tolist():
-        camera = records[i].camera
+    times = np.array(seconds)
+    period = _period_s(times, camera)
+    frames, last = [0] * len(seconds), dict[int, int]()
+    for i in np.argsort(times, kind="stable").tolist():
+        view = int(camera[i])
         # A camera whose clock jitters has no two frames at once.
-        frames[i] = max(round(seconds[i] / period), last.get(camera, -1) + 1)
-        last[camera] = frames[i]
+        frames[i] = max(round(seconds[i] / period), last.get(view, -1) + 1)
+        last[view] = frames[i]
     return frames, seconds
 
 
-def _period_s(records: Sequence[_Record], seconds: Sequence[float]) -> float:
-    steps: list[float] = []
-    for camera in {record.camera for record in records}:
-        mine = sorted(s for record, s in zip(records, seconds, strict=True) if record.camera == camera)
-        steps += [step for step in np.diff(mine).tolist() if step > 0.0]
-    return float(np.median(steps)) if steps else 1.0
-
-
-def _view(
-    path: Path, camera: str, records: Sequence[_Record], frames: Sequence[int], seconds: Sequence[float]
-) -> ViewColumns:
-    mine = [i for i, record in enumerate(records) if record.camera == camera]
-    times = {frames[i]: seconds[i] for i in mine}
-    if len(times) < len(mine):
-        repeated = next(frames[i] for i in mine if [frames[j] for j in mine].count(frames[i]) > 1)
-        raise FileError(f"{path}: camera {camera!r} has two records of frame {repeated}.")
-    people = [Person(frames[i], person.values, person.track) for i in mine for person in records[i].people]
-    columns = view_columns(camera, times, people, f"{path}, camera {camera!r}")
-    time_s = np.array([times[frame] for frame in columns.recorded.tolist()])
-    return ViewColumns(
-        columns.name, columns.recorded, columns.frame_of_row, columns.keypoints, columns.track_ids,
-        time_s=time_s if np.isfinite(time_s).any() else None,
-    )  # fmt: skip
+def _period_s(seconds: np.ndarray, camera: np.ndarray) -> float:
+    """The median interval of cameras' records."""
+    steps = np.concatenate([np.diff(np.sort(seconds[camera == view])) for view in np.unique(camera)])
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else 1.0

@@ -51,7 +51,7 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
         FileError: if people have different numbers of keypoints, or something is no number.
     """
     ordered = sorted(people, key=lambda person: person.frame)
-    rows = [_rows(person, where) for person in ordered]
+    rows = [rows_of(person, where) for person in ordered]
     lengths = Counter(len(row) for row in rows)
     if len(lengths) > 1:
         usual = lengths.most_common(1)[0][0]
@@ -60,9 +60,7 @@ def view_columns(name: str, recorded: Iterable[int] | None, people: Sequence[Per
             f"{where}, frame {person.frame}: a person has {len(row)} keypoints, others have {usual}; one recording has "
             "one skeleton. Was the file cut short?"
         )
-    keypoints = np.array(rows).reshape(len(rows), next(iter(lengths), 0), 3)
-    missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
-    keypoints[missing | ~np.isfinite(keypoints[..., :2]).all(axis=-1)] = np.nan
+    keypoints = without_missing(np.array(rows).reshape(len(rows), next(iter(lengths), 0), 3))
     frames = np.array([person.frame for person in ordered], dtype=np.int64)
     tracks = np.array([p.track if abs(p.track) < _LARGEST_FRAME else -1 for p in ordered], dtype=np.int64)
     if recorded is None:
@@ -83,7 +81,23 @@ def _all_frames(frames: np.ndarray, where: str) -> np.ndarray:
     return np.arange(first, last + 1)
 
 
-def _rows(person: Person, where: str) -> np.ndarray:
+def without_missing(keypoints: np.ndarray) -> np.ndarray:
+    """People with NaN where a keypoint is at 0, 0, has a confidence of 0, or lacks a place.
+
+    Args:
+        keypoints: shape (person, keypoint, 3): x, y, confidence; changed.
+    """
+    missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
+    keypoints[missing | ~np.isfinite(keypoints[..., :2]).all(axis=-1)] = np.nan
+    return keypoints
+
+
+def rows_of(person: Person, where: str) -> np.ndarray:
+    """Shape (keypoint, 3): x, y, confidence of a person.
+
+    Raises:
+        FileError: if they are not all numbers, or not three a keypoint.
+    """
     try:
         values = np.array(person.values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

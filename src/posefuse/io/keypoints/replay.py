@@ -14,24 +14,38 @@ frame and camera; the names of its fields are ours.
 """
 
 import json
-from collections.abc import Iterator
+from array import array
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
 import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import replacing
-from posefuse.io.keypoints.columns import ViewColumns
-from posefuse.io.keypoints.people import detections_of, whole
+from posefuse.io.keypoints.lines import (
+    CONFIDENCE,
+    DEPTH,
+    PIXELS,
+    SIGMA,
+    Cells,
+    Record,
+    Told,
+    detections_of_lines,
+    index_of,
+    must_be_possible,
+)
+from posefuse.io.keypoints.people import whole
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import Skeleton, shipped_skeleton
 
 _VERSION = 1
+_CHANNELS = 5
 _Number = float | None
+_MISSING: list[_Number] = [None, None, None]
 
 
 class _Detection(msgspec.Struct):
@@ -73,33 +87,30 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read all frames.
+    """Look through all frames; their numbers stay in the file.
 
     Raises:
         FileError: if a line is not whole, is none of a replay's, or people have different numbers of keypoints.
         SkeletonError: if neither the file nor the number of keypoints tells the skeleton.
+        DetectionsError: if a number cannot be.
     """
     with path.open("rb") as lines:
         head = _head(path, lines.readline())
         lines.seek(0)
-        frames = list(_frames(path, lines, skip=head is not None, request=request))
-    if not frames:
-        raise FileError(f"{path} is an empty recording: it has no frames.")
-    repeated = len(frames) - len({frame.frame for frame in frames})
-    if repeated:
-        raise FileError(f"{path} has {repeated} frames more than once.")
-    frames.sort(key=lambda frame: frame.frame)
-    seen = sorted({name for frame in frames for name in frame.cameras})
-    names = head.cameras if head is not None else seen
-    unknown = sorted(set(seen) - set(names))
+        found = _look_through(path, lines, head, request)
+    names = head.cameras if head is not None else sorted(found.names)
+    unknown = sorted(set(found.names) - set(names))
     if unknown:
         raise FileError(f"{path} has detections of {choices(unknown)}, but its first line names {choices(names)}.")
-    views = [_view(path, name, frames) for name in names]
+    places = np.array([names.index(name) for name in found.names], dtype=np.int64)
+    cells = replace(found.cells, camera=array("q", places[np.array(found.cells.camera, dtype=np.int64)]))
+    index = index_of(path, (path,), names, cells, found.n_keypoints)
+    channels = (PIXELS, CONFIDENCE, *([SIGMA] if found.sigma else []), *([DEPTH] if found.depth else []))
     if head is None:
-        return detections_of(path, views, request)
-    skeleton = _skeleton(path, head.skeleton) or request.skeleton
-    found = detections_of(path, views, Request(skeleton, head.rate_hz, progress=request.progress), tuple(head.notes))
-    return asked_of(found, request, path)
+        told = Told(request.skeleton, request.rate_hz, channels=channels)
+        return detections_of_lines(path, index, _people_of, _CHANNELS, told)
+    told = Told(_skeleton(path, head.skeleton) or request.skeleton, head.rate_hz, tuple(head.notes), channels)
+    return asked_of(detections_of_lines(path, index, _people_of, _CHANNELS, told), request, path)
 
 
 def _head(path: Path, line: bytes) -> _Head | None:
@@ -124,62 +135,106 @@ def _skeleton(path: Path, said: Any) -> Skeleton | None:
         raise FileError(f"{path}, line 1: the skeleton is none: {error!r}.") from None
 
 
-def _frames(path: Path, lines: Any, *, skip: bool, request: Request) -> Iterator[_Frame]:
+@dataclass
+class _Found:
+    """What a look through the lines finds, line by line.
+
+    Attributes:
+        names: of the cameras, in the order in which they come.
+        cells: whose cameras are places in ``names``.
+        n_keypoints: of each person; 0 where there is nobody.
+        sigma: whether somebody has standard deviations.
+        depth: whether somebody has depths.
+    """
+
+    names: list[str] = field(default_factory=list)
+    cells: Cells = field(default_factory=Cells)
+    n_keypoints: int = 0
+    sigma: bool = False
+    depth: bool = False
+
+
+def _look_through(path: Path, lines: BinaryIO, head: _Head | None, request: Request) -> _Found:
     # How many lines there are nobody knows before they are read: what is told is how many bytes.
     request.progress.start("reading keypoints", path.stat().st_size)
+    found, seen, at, n_frames = _Found(), set[int](), 0, 0
     for number, line in enumerate(lines, start=1):
+        start, at = at, at + len(line)
         request.progress.advance(len(line))
-        if (skip and number == 1) or not line.strip():
+        if (head is not None and number == 1) or not line.strip():
             continue
-        try:
-            frame = _read_frame.decode(line)
-        except msgspec.ValidationError as error:
-            raise FileError(f"{path}, line {number} is no frame of a replay: {error}.") from None
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise FileError(f"{path}, line {number} is not whole JSON: {error}. Was it cut short?") from None
-        whole(frame.frame, "frame", f"{path}, line {number}")
-        yield frame
+        where = f"{path}, line {number}"
+        frame = _decoded(line, where)
+        seen.add(whole(frame.frame, "frame", where))
+        n_frames += 1
+        _note(found, frame, Record(0, start, len(line)), where)
     request.progress.finish()
+    if not n_frames:
+        raise FileError(f"{path} is an empty recording: it has no frames.")
+    if len(seen) < n_frames:
+        raise FileError(f"{path} has {n_frames - len(seen)} frames more than once.")
+    return found
 
 
-def _view(path: Path, name: str, frames: list[_Frame]) -> ViewColumns:
-    mine = [(frame.frame, frame.cameras[name]) for frame in frames if name in frame.cameras]
-    people = [(number, person) for number, camera in mine for person in camera.detections]
-    rows = [_row(person, f"{path}, frame {number}, camera {name!r}") for number, person in people]
+def _decoded(line: bytes, where: str) -> _Frame:
+    try:
+        return _read_frame.decode(line)
+    except msgspec.ValidationError as error:
+        raise FileError(f"{where} is no frame of a replay: {error}.") from None
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FileError(f"{where} is not whole JSON: {error}. Was it cut short?") from None
+
+
+def _note(found: _Found, frame: _Frame, record: Record, where: str) -> None:
+    """Note who is in a frame."""
+    for name, camera in frame.cameras.items():
+        people = _rows(camera, f"{where}, camera {name!r}")
+        if len(people):
+            found.n_keypoints = found.n_keypoints or people.shape[1]
+            if people.shape[1] != found.n_keypoints:
+                raise FileError(
+                    f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, others have "
+                    f"{found.n_keypoints}; one recording has one skeleton."
+                )
+        found.sigma |= any(person.sigma_px is not None for person in camera.detections)
+        found.depth |= any(person.depth is not None for person in camera.detections)
+        if name not in found.names:
+            found.names.append(name)
+        time_s = np.nan if camera.time_s is None else camera.time_s
+        tracks = [whole(person.track, "track", where) for person in camera.detections]
+        found.cells.add(record, frame.frame, found.names.index(name), time_s, tracks)
+
+
+def _people_of(line: bytes, _: Path, where: str) -> dict[str, np.ndarray]:
+    """Of each camera in a line shape (person, keypoint, 5): x, y, confidence, standard deviation, depth."""
+    cameras = _decoded(line, where).cameras
+    return {name: _rows(camera, f"{where}, camera {name!r}") for name, camera in cameras.items()}
+
+
+def _rows(camera: _Camera, where: str) -> np.ndarray:
+    rows = [_row(person, where) for person in camera.detections]
     lengths = sorted({len(row) for row in rows})
     if len(lengths) > 1:
-        raise FileError(f"{path}, camera {name!r}: people have {lengths} keypoints; one recording has one skeleton.")
-    n_keypoints = lengths[0] if lengths else 0
-    values = np.array(rows).reshape(len(rows), n_keypoints, 5)
-    values[np.isnan(values[..., :2]).any(axis=-1), :2] = np.nan
-    times = [np.nan if camera.time_s is None else camera.time_s for _, camera in mine]
-    known = np.isfinite(times).any()
-    return ViewColumns(
-        name=name,
-        recorded=np.array([number for number, _ in mine], dtype=np.int64),
-        frame_of_row=np.array([number for number, _ in people], dtype=np.int64),
-        keypoints=values[..., :3],
-        track_ids=np.array([_track(path, person) for _, person in people], dtype=np.int64),
-        sigma_px=values[..., 3] if any(person.sigma_px is not None for _, person in people) else None,
-        depth=values[..., 4] if any(person.depth is not None for _, person in people) else None,
-        time_s=np.array(times) if known else None,
-    )
-
-
-def _track(path: Path, person: _Detection) -> int:
-    return whole(person.track, "track", str(path))
+        raise FileError(f"{where}: people have {lengths} keypoints; one recording has one skeleton.")
+    people = np.array(rows).reshape(len(rows), lengths[0] if lengths else 0, _CHANNELS)
+    must_be_possible(people, where)
+    people[np.isnan(people[..., :2]).any(axis=-1), :2] = np.nan
+    return people
 
 
 def _row(person: _Detection, where: str) -> np.ndarray:
     """Shape (keypoint, 5): x, y, confidence, standard deviation, depth."""
-    row = np.full((len(person.keypoints), 5), np.nan)
-    for k, keypoint in enumerate(person.keypoints):
-        if keypoint is None:
-            continue
-        if len(keypoint) not in (2, 3):
-            raise FileError(f"{where}: a keypoint is [x, y] or [x, y, confidence], got {len(keypoint)} numbers.")
-        row[k, : len(keypoint)] = keypoint
-    for column, numbers in ((3, person.sigma_px), (4, person.depth)):
+    row = np.full((len(person.keypoints), _CHANNELS), np.nan)
+    filled = [_MISSING if keypoint is None else keypoint for keypoint in person.keypoints]
+    lengths = set(map(len, filled))
+    if not lengths <= {2, 3}:
+        odd = max(lengths - {2, 3})
+        raise FileError(f"{where}: a keypoint is [x, y] or [x, y, confidence], got {odd} numbers.")
+    if len(lengths) > 1:
+        filled = [[*values, None][:3] for values in filled]
+    if filled:
+        row[:, : max(lengths)] = np.array(filled, dtype=np.float64)  # null becomes NaN
+    for column, numbers in ((SIGMA[0], person.sigma_px), (DEPTH[0], person.depth)):
         if numbers is not None:
             if len(numbers) != len(row):
                 raise FileError(f"{where}: {len(numbers)} numbers for {len(row)} keypoints.")

@@ -1,10 +1,13 @@
 """SLEAP's analysis files: ``*.h5`` with ``tracks`` (track, 2, node, frame), one a camera, any number of animals.
 
-Pixels; NaN is missing; ``point_scores`` are the confidences. Views are named by the folders the files are in, or by
-what differs between the files' names. The files say no frame rate.
+Files of sleap-io name the axes in an attribute ``dims`` (JSON), and may have them in another order. Pixels; NaN is
+missing; ``point_scores`` are the confidences. Views are named by the folders the files are in, or by what differs
+between the files' names. The files say no frame rate.
 """
 
+import json
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -74,13 +77,12 @@ def _skeleton(content: h5py.File) -> Skeleton:
 
 
 def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
-    tracks = np.asarray(content["tracks"], dtype=np.float64)
-    if tracks.ndim != 4 or tracks.shape[1] != 2:
-        raise FileError(f"{file}: expected tracks (track, 2, node, frame), got {tracks.shape}.")
-    pixels = tracks.transpose(3, 0, 2, 1)
+    pixels = _in_order(content["tracks"], ("track", "xy", "node", "frame"))
+    if pixels.ndim != 4 or pixels.shape[-1] != 2:
+        raise FileError(f"{file}: expected tracks (track, 2, node, frame), got {pixels.shape}.")
     scores = np.full(pixels.shape[:-1], np.nan)
     if "point_scores" in content:
-        scores = np.asarray(content["point_scores"], dtype=np.float64).transpose(2, 0, 1)
+        scores = _in_order(content["point_scores"], ("track", "node", "frame"))
     missing = np.asarray(np.isnan(pixels).any(axis=-1))
     values = np.where(missing[..., None], np.nan, np.concatenate([pixels, scores[..., None]], axis=-1))
     # A person corrected by hand has a score of 0, or none: the detector says nothing then.
@@ -93,3 +95,16 @@ def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
         keypoints=values[frame, track],
         track_ids=track.astype(np.int64),
     )
+
+
+def _in_order(data: Any, usual: tuple[str, ...]) -> np.ndarray:
+    """Numbers with the axes frame, track, node and xy, those that there are.
+
+    Args:
+        data: of the file.
+        usual: order of its axes, where the file does not say.
+    """
+    said = data.attrs.get("dims")
+    axes = tuple(json.loads(said)) if said is not None else usual
+    values = np.asarray(data, dtype=np.float64)
+    return values.transpose([axes.index(axis) for axis in ("frame", "track", "node", "xy") if axis in usual])

@@ -1,20 +1,26 @@
 """C3D, by ezc3d: a file a person, mm, world axes, missing points with residual -1.
 
-A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25); that of a
-filled point is 0, by which the standard tells points that were not measured. Up to
-seven views set the standard's camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
+A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25.5); that of
+a filled point is 0, by which the standard tells points that were not measured. Up to seven views set the standard's
+camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
 More than 65,535 frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs that do not know
-it (ezc3d among them) read the first 65,535.
+it (ezc3d among them) read the first 65,535. ezc3d writes all but the points, which follow range by range: it would hold
+them many times over, and it has cameras in the byte of the residual. ``c3d_reading`` reads.
 """
 
 import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import ezc3d
 import numpy as np
 
 from posefuse.errors import ResultError
 from posefuse.io.files import replacing
+from posefuse.io.results.c3d_reading import matches as matches
+from posefuse.io.results.c3d_reading import read_points as read_points
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options import LayerName
@@ -26,6 +32,9 @@ _CAMERA_BITS = 7
 _RESIDUAL_STEP_MM = 0.1
 _FRAMES_OF_HEADER = 65535
 _INTEGER = 2
+_BLOCK = 512
+_MEAN_VIEWS = "MEAN_VIEWS"
+_MISSING = np.array([0.0, 0.0, 0.0, -1.0], dtype="<f4")
 _LONGEST_AXIS = 255
 # What is to the right of a viewer who looks at the world with up upwards.
 _SCREEN_X: dict[UpAxis, str] = {"z": "+X", "y": "+X", "x": "+Y", "-z": "+X", "-y": "+X", "-x": "+Y"}
@@ -41,43 +50,131 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     if result.unit != "m":
         raise ResultError(f"A C3D file is in mm; this result is in {result.unit} (one camera's image plane). Use TRC.")
     places, n_rows = regular_rows(result)
-    content = ezc3d.c3d()
+    index, names = result.person_ids.index(person), result.skeleton.keypoints
+    views = np.zeros(len(names))
+    with replacing(path) as temporary:
+        _head(result, layer, rate, n_rows).write(str(temporary))
+        with temporary.open("r+b") as file:
+            found = _parameters(file.read())
+            start = _BLOCK * (found["POINT", "DATA_START"].integer - 1)
+            _fit_head(file, found, n_rows, start + 16 * len(names) * n_rows)
+            file.seek(start)
+            done, row = 0, 0
+            for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+                rows = places[done : done + part.n_frames]
+                block = np.tile(_MISSING, (int(rows[-1]) + 1 - row, len(names), 1))
+                block[rows - row], used = _words(part.layers[layer], index)
+                file.write(block.tobytes())
+                views += used.sum(axis=0)
+                done, row = done + part.n_frames, int(rows[-1]) + 1
+            file.write(bytes(_BLOCK - file.tell() % _BLOCK))
+            _put_means(file, found, views / max(result.n_frames, 1))
+
+
+def _head(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) -> ezc3d.c3d:
+    """All but the points, of which there is a row of none: ezc3d would hold all of them many times over."""
     names = result.skeleton.keypoints
+    content = ezc3d.c3d()
     point = content["parameters"]["POINT"]
     point["RATE"]["value"] = [rate]
     point["UNITS"]["value"] = ["mm"]
     point["LABELS"]["value"] = list(names)
     point["SCALE"]["value"] = [-_RESIDUAL_STEP_MM]
-    points = np.full((4, len(names), n_rows), np.nan)
-    residuals = np.full((1, len(names), n_rows), -1.0)
-    bits = np.zeros((_CAMERA_BITS, len(names), n_rows), dtype=bool)
-    index = result.person_ids.index(person)
-    views = np.zeros(len(names))
-    done = 0
-    for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
-        rows = places[done : done + part.n_frames]
-        part_layer = part.layers[layer]
-        xyz = np.asarray(part_layer.points_m)[:, index]
-        points[:3, :, rows] = 1000.0 * np.moveaxis(xyz, 0, -1).transpose(1, 0, 2)
-        residuals[0][:, rows] = _residuals(part_layer, index).T
-        used = is_used(np.asarray(part_layer.view_status)[:, index])
-        if used.shape[-1] <= _CAMERA_BITS:
-            bits[: used.shape[-1], :, rows] = np.moveaxis(used, 0, -1).transpose(1, 0, 2)
-        views += used.sum(axis=(0, 2))
-        done += part.n_frames
+    points = np.full((4, len(names), 1), np.nan)
     points[3] = 1.0
+    nothing = np.full((1, len(names), 1), -1.0), np.zeros((_CAMERA_BITS, len(names), 1), dtype=bool)
     content["header"]["points"]["first_frame"] = _first_frame(result)
     content["data"]["points"] = points
-    content["data"]["meta_points"] = {"residuals": residuals, "camera_masks": bits}
+    content["data"]["meta_points"] = dict(zip(("residuals", "camera_masks"), nothing, strict=True))
     content.add_parameter("POSEFUSE", "LAYER", [layer])
     _add_list(content, "VIEWS", list(result.rig.names))
-    _add_list(content, "MEAN_VIEWS", (views / max(result.n_frames, 1)).tolist())
+    _add_list(content, _MEAN_VIEWS, [0.0] * len(names))
     _add_screen(content, result.rig.up_axis)
     if n_rows > _FRAMES_OF_HEADER:
         _add_actual_fields(content, n_rows)
-    with replacing(path) as temporary:
-        content.write(str(temporary))
-        _write_header_scale(temporary)
+    return content
+
+
+@dataclass(frozen=True)
+class _Parameter:
+    """Where a parameter's numbers begin in a file, and the first of them as a 16-bit integer."""
+
+    place: int
+    integer: int
+
+
+def _parameters(content: bytes) -> dict[tuple[str, str], _Parameter]:
+    """The parameters of a file by group and name: what ezc3d wrote of a file without points."""
+    groups: dict[int, str] = {}
+    found: dict[tuple[int, str], _Parameter] = {}
+    at = _BLOCK + 4
+    while True:
+        length, group = struct.unpack_from("bb", content, at)
+        length = abs(length)
+        if length == 0:
+            break
+        name = content[at + 2 : at + 2 + length].decode()
+        (step,) = struct.unpack_from("<h", content, at + 2 + length)
+        if group < 0:
+            groups[-group] = name
+        else:
+            axes = content[at + 5 + length]
+            place = at + 6 + length + axes
+            found[group, name] = _Parameter(place, int.from_bytes(content[place : place + 2], "little"))
+        at += 2 + length + step
+    return {(groups[group], name): each for (group, name), each in found.items()}
+
+
+def _fit_head(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], n_rows: int, stop: int) -> None:
+    """Say how many rows there are, whose last byte is before ``stop``; and POINT:SCALE in the header too.
+
+    ezc3d leaves -1 there, and strict readers compare.
+    """
+    first = struct.unpack("<H", _read_at(file, 6, 2))[0]
+    last = min(first + n_rows - 1, _FRAMES_OF_HEADER)
+    _write_at(file, 8, struct.pack("<H", last))
+    _write_at(file, 12, struct.pack("<f", -_RESIDUAL_STEP_MM))
+    _write_at(file, found["POINT", "FRAMES"].place, struct.pack("<H", min(n_rows, _FRAMES_OF_HEADER)))
+    # As ezc3d ends a file: with zeros to the next block, also where one ends just there.
+    after = stop // _BLOCK + 2
+    _write_at(file, found["ROTATION", "DATA_START"].place, struct.pack("<H", after % 65536))
+
+
+def _put_means(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], means: np.ndarray) -> None:
+    for part, start in enumerate(range(0, len(means), _LONGEST_AXIS), 1):
+        name = _MEAN_VIEWS if part == 1 else f"{_MEAN_VIEWS}{part}"
+        some = means[start : start + _LONGEST_AXIS].astype("<f4")
+        _write_at(file, found["POSEFUSE", name].place, some.tobytes())
+
+
+def _read_at(file: BinaryIO, place: int, size: int) -> bytes:
+    file.seek(place)
+    return file.read(size)
+
+
+def _write_at(file: BinaryIO, place: int, content: bytes) -> None:
+    file.seek(place)
+    file.write(content)
+
+
+def _words(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """A person's points as the file holds them, and how many views each rests on, shape (frame, keypoint).
+
+    Shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte are the cameras, the first its
+    lowest bit, and whose low byte is the standard deviation in steps of 0.1 mm, 0 where not known. Of points that were
+    filled it is 0; missing points are 0, 0, 0, -1.
+    """
+    used = is_used(np.asarray(layer.view_status)[:, index])
+    deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
+    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 255)
+    n_views = used.shape[-1]
+    cameras = (used * 2 ** (8 + np.arange(n_views))).sum(axis=-1) if n_views <= _CAMERA_BITS else 0
+    filled = np.asarray(layer.source)[:, index] == Source.FILLED
+    words = np.empty((*filled.shape, 4), dtype="<f4")
+    words[..., :3] = 1000.0 * np.asarray(layer.points_m)[:, index]
+    words[..., 3] = np.where(filled, 0.0, np.where(np.isfinite(deviation), steps, 0.0) + cameras)
+    words[~layer.has_point[:, index]] = _MISSING
+    return words, used.sum(axis=-1)
 
 
 def _first_frame(result: Reconstruction) -> int:
@@ -86,27 +183,10 @@ def _first_frame(result: Reconstruction) -> int:
     return first if first + result.n_frames < _FRAMES_OF_HEADER else 0
 
 
-def _residuals(layer: Layer, index: int) -> np.ndarray:
-    """Shape (frame, keypoint): standard deviation in mm, 0 where filled or unknown, -1 where missing."""
-    deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
-    # ezc3d cuts to whole steps: hand it the middle of the nearest. Zero would mean that nothing is known.
-    steps = np.clip(np.round(np.nan_to_num(deviation, nan=1.0) / _RESIDUAL_STEP_MM), 1, 254)
-    told = np.isfinite(deviation) & (np.asarray(layer.source)[:, index] != Source.FILLED)
-    known = np.where(told, (steps + 0.01) * _RESIDUAL_STEP_MM, 0.0)
-    return np.where(layer.has_point[:, index], known, -1.0)
-
-
 def _add_list(content: ezc3d.c3d, name: str, values: list[str] | list[float]) -> None:
     """A list as NAME, NAME2, ...: a parameter's axis counts to 255, as with LABELS and LABELS2."""
     for part, start in enumerate(range(0, len(values), _LONGEST_AXIS), 1):
         content.add_parameter("POSEFUSE", name if part == 1 else f"{name}{part}", values[start : start + _LONGEST_AXIS])
-
-
-def _write_header_scale(path: Path) -> None:
-    """Put POINT:SCALE into the header too (bytes 12 to 15): ezc3d leaves -1 there, and strict readers compare."""
-    with path.open("r+b") as file:
-        file.seek(12)
-        file.write(struct.pack("<f", -_RESIDUAL_STEP_MM))
 
 
 def _add_screen(content: ezc3d.c3d, up: UpAxis | None) -> None:

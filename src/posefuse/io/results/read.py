@@ -9,7 +9,7 @@ from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.results.registry import RESULTS
 from posefuse.model.stored_points import StoredPoints
 
-READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb", "trc")
+READABLE = ("parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb", "trc", "c3d")
 """Formats that are read as points, in the order in which files are tried."""
 
 _HDF5 = (".h5", ".nc", ".nwb")
@@ -24,6 +24,7 @@ _SUFFIXES = {
     "sleap": (".h5",),
     "nwb": (".nwb",),
     "trc": (".trc",),
+    "c3d": (".c3d",),
 }
 
 
@@ -52,7 +53,8 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     assert found is not None
     try:
         module = found.load()
-        return getattr(module, "read_points", module.read)(path)
+        read = module.read_points if hasattr(module, "read_points") else module.read
+        return read(path)
     except ResultError as error:
         raise FileError(f"{path}: {error}") from None
 

@@ -32,10 +32,11 @@ RESULTS = (
     Format(
         "c3d",
         "posefuse.io.results.c3d",
-        reads=False,
+        reads=True,
         writes=True,
         files="<person>.c3d",
-        conventions="mm, world axes (X_SCREEN, Y_SCREEN say up); missing is residual -1; camera bits up to 7 views",
+        conventions="mm, world axes (X_SCREEN, Y_SCREEN say up); missing is residual -1; camera bits up to 7 views; "
+        "others' are read, too",
         lacks="status, reprojection errors, covariances between the axes",
     ),
     Format(

@@ -74,10 +74,13 @@
     const ranges = wide ? withCameras : bounds;
     state.wide = wide;
     state.target = middleOf(ranges);
-    state.distance = 1.25 * FOCAL * reachOf(ranges) * (wide ? 1.1 : 1);
     if (flat) { state.turn = 0; state.tilt = 0; }
+    // As near as all corners of the box stay in the picture, which may be wider than high.
+    const { right, down, ahead } = axesOf(), corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => ranges.map((range, i) => range[(bits >> i) & 1]));
+    const needed = corners.map((corner) => minus(corner, state.target)).map(
+      (d) => Math.max(1.53 * FOCAL * Math.abs(dot(d, down)), 1.1 * FOCAL * Math.abs(dot(d, right))) - dot(d, ahead));
+    state.distance = Math.max(1.25 * FOCAL * reachOf(ranges) * (wide ? 1.1 : 1), ...needed);
   }
-  fitView(false);
 
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -94,6 +97,7 @@
     const ahead = back.map((v) => -v), right = unit(cross(ahead, up));
     return { right, down: cross(ahead, right), ahead };
   }
+  fitView(false);
 
   // A pane is a part of the canvas; its projection takes a point to x, y in it and the depth, or null.
   function freeProjection(pane) {

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from posefuse.arrays import frozen
-from posefuse.kernels.articulated import State, foresee_people
+from posefuse.kernels.articulated import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.bodies import Sight
@@ -223,9 +223,7 @@ def residuals_px(seen: Seen, state: State, settings: Settings) -> np.ndarray:
 
 
 def _foreseen(state: State, settings: Settings) -> Sight:
-    sight = Sight.room(len(state.root), len(settings.rig), len(settings.skeleton))
-    foresee_people(settings.cameras, settings.body, state, *sight.arrays)
-    return sight
+    return Sight.of(state, settings.cameras, settings.body)
 
 
 def _clipped(variance_px2: np.ndarray, view: np.ndarray, settings: Settings) -> np.ndarray:

@@ -1,0 +1,58 @@
+"""Replays and records in lines are read by ranges of frames, and what changes meanwhile is said."""
+
+import json
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.errors import DetectionsError, FileError
+from posefuse.io.keypoints import replay
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.keypoint_files import WRITERS
+from tests.unit.io.test_keypoint_formats import some
+
+
+def written(tmp_path):
+    scene = simulate(SceneOptions(skeleton="coco_17", duration_s=1.0, cameras=3))
+    replay.write(scene.detections, tmp_path / "replay.jsonl")
+    return scene.detections, tmp_path / "replay.jsonl"
+
+
+def test_ranges_are_those_of_the_whole_in_any_order(tmp_path):
+    given, path = written(tmp_path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
+    found = posefuse.read_detections(path)
+    for start, stop in ((20, 30), (0, 5), (3, 4), (7, 7), (0, given.n_frames)):
+        assert found.frames(start, stop) == given.frames(start, stop)
+    rows = np.array([17, 3, -1, 40])
+    np.testing.assert_array_equal(found.keypoints_px[rows], np.asarray(given.keypoints_px)[rows])
+    np.testing.assert_array_equal(found.confidence[5:9], np.asarray(given.confidence)[5:9])
+
+
+def test_what_is_handed_out_is_nobody_elses(tmp_path):
+    _, path = written(tmp_path)
+    found = posefuse.read_detections(path)
+    found.keypoints_px[0:10][:] = 0.0
+    assert not (found.keypoints_px[0:10] == 0.0).any()
+
+
+@pytest.mark.parametrize("name", ["replay_lines", "payload_lines", "payload_arrays"])
+def test_a_file_that_changes_while_it_is_read(name, tmp_path):
+    path = WRITERS[name](some(), tmp_path)
+    file = next(iter(sorted(path.iterdir()))) if path.is_dir() else path
+    found = posefuse.read_detections(path, "coco_17")
+    found.frames(0, 1)
+    file.write_bytes(b" " * file.stat().st_size)
+    with pytest.raises(FileError, match=file.name):
+        found.frames(0, found.n_frames)
+
+
+@pytest.mark.parametrize(("number", "words"), [("1e400", "out of range|infinite"), ("-3", "not positive")])
+def test_impossible_numbers_are_found_before_anything_is_made_of_them(number, words, tmp_path):
+    frame = {"frame": 0, "cameras": {"a": {"detections": [{"keypoints": [[1.0, 2.0]] * 17, "sigma_px": ["X"] * 17}]}}}
+    (tmp_path / "replay.jsonl").write_text(json.dumps(frame).replace('"X"', number) + "\n")
+    with pytest.raises((FileError, DetectionsError), match=words):
+        posefuse.read_detections(tmp_path / "replay.jsonl")
