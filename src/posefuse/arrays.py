@@ -40,6 +40,33 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
     return out
 
 
+class Stretch:
+    """Some rows of an array, read when they are first asked for, and kept as long as this is.
+
+    Args:
+        source: the array.
+        start: the first row.
+        stop: the row after the last.
+    """
+
+    def __init__(self, source: ArraySource, start: int, stop: int) -> None:
+        self._source, self._start, self._stop = source, start, stop
+        self._read: np.ndarray | None = None
+        self.shape: tuple[int, ...] = (stop - start, *source.shape[1:])
+        self.dtype = source.dtype
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        if self._read is None:
+            self._read = np.asarray(self._source[self._start : self._stop])
+        return np.asarray(self._read[key])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self[:], dtype=dtype, copy=copy)
+
+
 def in_memory(source: ArraySource) -> bool:
     """Whether the numbers are at hand, so that checking them costs no reading."""
     return isinstance(source, np.ndarray) and not isinstance(source, np.memmap)

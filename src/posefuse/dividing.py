@@ -1,9 +1,10 @@
 """A long recording reconstructed in pieces by whoever has time: the recipe of a cluster.
 
-Three rounds, each of pieces that know nothing of each other: people are followed window by window (many people alone;
-of one subject that takes no time), points are measured range by range, and solved over time block by block. Between
-them the windows' people are made one, and everything that depends on the whole recording is settled. Points are those
-of a run in one go, if people are.
+First everybody is followed once, by the caller (many people alone; of one subject that takes no time), and the tracker
+kept before each window. Then three rounds, each of pieces that know nothing of each other: windows are followed from
+there and bodies smoothed, points are measured range by range, and solved over time block by block. Between them the
+windows' people are made one, and everything that depends on the whole recording is settled. Measured points are those
+of a run in one go.
 
 Pieces are files of a folder that all can see: what is to be done, and beside it what came of it, a part as
 :mod:`posefuse.io.parts` keeps it: work that was ended goes on from the pieces that are done.
@@ -21,8 +22,9 @@ from posefuse.arrays import ranges
 from posefuse.association.one_subject import OneSubject
 from posefuse.association.subjects import Subjects
 from posefuse.following.followed import Followed
-from posefuse.following.stitching import Stitched, bodies_brought, stitch
-from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, look_through, windows_of
+from posefuse.following.recording import keep_trackers
+from posefuse.following.stitching import Stitched, stitch
+from posefuse.following.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
 from posefuse.io.parts import Parts
 from posefuse.measuring import Plan, context_frames, head_of, measure
 from posefuse.model.cameras import CameraRig
@@ -34,7 +36,6 @@ from posefuse.model.tracks import Tracks
 from posefuse.pipeline import prepare, who_is_followed
 from posefuse.progress import Progress, watched
 from posefuse.solving import BLOCK_FRAMES, Solver, clock_of, windows
-from posefuse.tracking.known_bodies import KnownBodies
 
 
 class Do(Protocol):
@@ -104,15 +105,15 @@ def prepare_divided(rig: CameraRig, detections: Detections, options: Options, te
     ) -> tuple[Subjects, Followed | None]:
         if options.people != "many":
             return who_is_followed(rig, detections, options, progress)
-        return _followed(rig, detections, options, team), None
+        return _followed(rig, detections, options, team, progress), None
 
     plan = prepare(rig, detections, options, progress, who=who)
     if not isinstance(plan.subjects, Stitched):
         return plan
     number, beside_s = len(plan.subjects.starts) - 1, options.tracker.forget_after_s
     note = (
-        f"People were followed in {number} windows of about {team.window_s:g} s, each with more than {beside_s:g} s on "
-        "either side, and made one by their detections there."
+        f"People were followed in {number} windows of about {team.window_s:g} s, each from where the tracker had come "
+        f"and to more than {beside_s:g} s after it, and made one by their detections there."
     )
     return replace(plan, provenance=plan.provenance.with_notes((note,)))
 
@@ -137,12 +138,6 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
     if plan.alignment is not None:
         parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "putting together", progress)
-
-
-def look_piece(path: Path) -> None:
-    """Look through a window: who is there, and what their bodies are."""
-    parts, piece = _read(path)
-    parts.put(path.stem, look_through(*piece))
 
 
 def follow_piece(path: Path) -> None:
@@ -170,18 +165,20 @@ def _read(path: Path) -> tuple[Parts, Any]:
     return Parts(path.parent, key), piece
 
 
-def _followed(rig: CameraRig, detections: Detections, options: Options, team: Team) -> Stitched:
+def _followed(rig: CameraRig, detections: Detections, options: Options, team: Team, progress: Progress) -> Stitched:
     """Everybody, of all windows."""
     skeleton, fixed = agreed(rig, detections, options)
     rate_hz = 1.0 / clock_of(detections).period_s
     spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.forget_after_s)
 
-    def piece(window: Window, *known: KnownBodies) -> tuple[Any, ...]:
-        return rig, replace(detections.frames(window.first, window.last), skeleton=skeleton), fixed, window, *known
+    places = [window.first for window in spans]
+    trackers = keep_trackers(rig, replace(detections, skeleton=skeleton), fixed, places, progress, team.parts)
 
-    looked = team.round(look_piece, "looked", (partial(piece, window) for window in spans))
-    brought = bodies_brought([team.parts.get(name) for name in looked], detections)
-    pieces = (partial(piece, window, known) for window, known in zip(spans, brought, strict=True))
+    def piece(window: Window, tracker: str) -> tuple[Any, ...]:
+        theirs = replace(detections.frames(window.first, window.last), skeleton=skeleton)
+        return rig, theirs, fixed, window, team.parts.get(tracker)
+
+    pieces = (partial(piece, *each) for each in zip(spans, trackers, strict=True))
     done = team.round(follow_piece, "followed", pieces)
     seen: list[Seen] = [team.parts.get(name)[0] for name in done]
     found = stitch(seen, detections.frame_numbers, _Bodies(team.parts, done))

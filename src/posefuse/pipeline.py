@@ -50,7 +50,12 @@ from posefuse.triangulation import noise as noise_scale
 
 
 def reconstruct(
-    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
+    rig: CameraRig,
+    detections: Detections,
+    options: Options | None = None,
+    *,
+    progress: Progress | None = None,
+    keeper: Keeper = NOTHING,
 ) -> Reconstruction:
     """Reconstruct people in 3D from calibrated views.
 
@@ -59,6 +64,8 @@ def reconstruct(
         detections: 2D keypoints.
         options: what to do; the defaults suit one person.
         progress: told how far the work is.
+        keeper: keeps finished parts of long work (:class:`posefuse.io.parts.Parts`), from which the same call goes on
+            after it was ended.
 
     Returns:
         The reconstruction, in memory.
@@ -67,8 +74,8 @@ def reconstruct(
         MatchError: if views and cameras do not belong together.
         DetectionsError: if the detections do not allow what the options ask for.
     """
-    plan = prepare(rig, detections, options or Options(), progress or Silent())
-    return gathered(reconstruct_chunks(plan, progress or Silent()), plan.detections.n_frames)
+    plan = prepare(rig, detections, options or Options(), progress or Silent(), keeper)
+    return gathered(reconstruct_chunks(plan, progress or Silent(), keeper), plan.detections.n_frames)
 
 
 def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:

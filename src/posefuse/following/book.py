@@ -11,7 +11,6 @@ from posefuse.model.detections import Detections
 from posefuse.model.life import Event
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.tracking.history import History
-from posefuse.tracking.known_bodies import KnownBody, kept_body
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -35,8 +34,6 @@ class Book:
         """Place, number, NIS and its degrees of freedom, likewise."""
         self.names: dict[int, list[tuple[int, str]]] = {}
         self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self.kept: dict[str, KnownBody] = {}
-        """Bodies whose lengths are kept, by name."""
         self.events: list[Event] = []
 
     def __getstate__(self) -> dict[str, Any]:
@@ -71,9 +68,6 @@ class Book:
             shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
             values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
             self.shapes[track.name] = (values, sds)
-            body = kept_body(track, tracker.parts)
-            if body is not None:
-                self.kept[track.name] = body
             person = told[track.name]
             self._note(place, track.number, track.state, person.rows)
             if person.nis_dof:
@@ -118,7 +112,7 @@ class Book:
         )
         tracks = Tracks(names, detection, state)
         return Followed(
-            tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m, self.kept
+            tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
         )  # fmt: skip
 
 

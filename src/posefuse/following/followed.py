@@ -17,7 +17,6 @@ from posefuse.model.tracks import Tracks, TrackState
 from posefuse.tracking.angle_sds import carried_angle_sds
 from posefuse.tracking.angles import angle_names, axes_at, whole_angle_names
 from posefuse.tracking.history import History
-from posefuse.tracking.known_bodies import KnownBody
 from posefuse.tracking.parts import sure_directions
 from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 from posefuse.tracking.twist import full_rotations
@@ -54,7 +53,6 @@ class Followed:
         nis_dof: shape (frame, person), int32: and how much that is on average.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
-        kept: by name, bodies whose lengths are kept.
     """
 
     tracks: Tracks
@@ -66,7 +64,6 @@ class Followed:
     nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
-    kept: Mapping[str, KnownBody]
 
     def follow(self, start: int, stop: int) -> Tracks:
         """Whose detections are whose in a range of frames."""

@@ -1,6 +1,7 @@
 """Many people followed through a recording: association and tracking wired together."""
 
 import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,13 +21,14 @@ from posefuse.model.options import Options
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
-from posefuse.tracking.known_bodies import KnownBodies
+from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
 _SURE_LOG_ODDS = 1e9
 _ANYWHERE = 1e9
 _NAME = "following"
+_TRACKER = "tracker_{:08d}"
 _BOOK = f"{_NAME}.book"
 _INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
 
@@ -65,7 +67,7 @@ def follow(
     options: Options,
     progress: Progress,
     keeper: Keeper = NOTHING,
-    known: KnownBodies | None = None,
+    tracker: ArticulatedTracker | None = None,
 ) -> Followed:
     """Follow everybody through a recording.
 
@@ -75,13 +77,13 @@ def follow(
         options: of its reconstruction.
         progress: told how far the work is.
         keeper: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
-        known: bodies that somebody else found.
+        tracker: that has followed everybody up to the first frame; a new one where it is left out.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper, known)
+    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper, tracker)
     progress.start("following people", detections.n_frames)
     progress.advance(stage.done)
     times_s = _times(detections)
@@ -101,6 +103,61 @@ def follow(
     return stage.book.close(detections.between(0, stage.done) if stage.done < detections.n_frames else detections)
 
 
+def first_tracker(rig: CameraRig, detections: Detections, options: Options) -> ArticulatedTracker:
+    """The tracker of a recording, before its first frame.
+
+    Raises:
+        SkeletonError: if the skeleton has no tree, and none can be measured.
+    """
+    noise = rough_noise(rig, detections, options)
+    return tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+
+
+def keep_trackers(
+    rig: CameraRig,
+    detections: Detections,
+    options: Options,
+    places: Sequence[int],
+    progress: Progress,
+    keeper: Keeper,
+) -> list[str]:
+    """Go through a recording once, and keep the tracker as it is before each of some frames.
+
+    What is kept from an earlier time is not made again.
+
+    Args:
+        rig: the cameras.
+        detections: of the recording.
+        options: of its reconstruction.
+        places: of the frames, counted from 0, ascending.
+        progress: told how far the work is.
+        keeper: keeps the trackers.
+
+    Returns:
+        The names of the parts that they are.
+
+    Raises:
+        DetectionsError: if frames have no times.
+        SkeletonError: if the skeleton has no tree, and none can be measured.
+    """
+    names = [_TRACKER.format(place) for place in places]
+    known = [keeper.get(name) for name in names]
+    tracker, done = first_tracker(rig, detections, options), 0
+    times_s = _times(detections)
+    progress.start("following people", places[-1])
+    for name, place, kept in zip(names, places, known, strict=True):
+        if kept is None:
+            for start, stop in ranges(place - done, CHUNK_FRAMES):
+                first, last = done + start, done + stop
+                for _ in _follow(tracker, detections.frames(first, last), times_s[first:last]):
+                    pass
+            kept = keeper.put(name, tracker)
+        progress.advance(place - done)
+        tracker, done = kept, place
+    progress.finish()
+    return names
+
+
 @dataclass(eq=False)
 class _Stage:
     """How far the following of a recording is.
@@ -117,11 +174,15 @@ class _Stage:
 
     @classmethod
     def first(
-        cls, rig: CameraRig, detections: Detections, options: Options, keeper: Keeper, known: KnownBodies | None
+        cls,
+        rig: CameraRig,
+        detections: Detections,
+        options: Options,
+        keeper: Keeper,
+        tracker: ArticulatedTracker | None = None,
     ) -> "_Stage":
         """Before the first frame."""
-        noise = rough_noise(rig, detections, options)
-        tracker = tracker_of(rig, with_tree(rig, detections, noise, options), noise, options, known)
+        tracker = tracker or first_tracker(rig, detections, options)
         spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
@@ -153,12 +214,18 @@ class _Stage:
 
     def go_on(self, chunk: Detections, times_s: np.ndarray) -> None:
         """Follow people through more frames, those at these times, shape (frame,)."""
-        for i in range(chunk.n_frames):
-            frame = Frame.of(chunk, i)
-            if not frame.recorded.any():
-                frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
-            self.book.enter(self.tracker, self.tracker.update(frame))
+        for people in _follow(self.tracker, chunk, times_s):
+            self.book.enter(self.tracker, people)
         self.done += chunk.n_frames
+
+
+def _follow(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[People]:
+    """Everybody in each of some frames, those at these times, shape (frame,)."""
+    for i in range(chunk.n_frames):
+        frame = Frame.of(chunk, i)
+        if not frame.recorded.any():
+            frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
+        yield tracker.update(frame)
 
 
 def _spools(parts: int) -> tuple[str, ...]:

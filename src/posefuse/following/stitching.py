@@ -9,13 +9,11 @@ from scipy.optimize import linear_sum_assignment
 
 from posefuse.following.kept import kept_tracks
 from posefuse.following.windows import Bodies, Seen
-from posefuse.model.detections import Detections
 from posefuse.model.life import OVER_TIME, Event
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.tracking.known_bodies import KnownBodies, KnownBody
 
 _SAME_SHARE = 0.5
 _PERSON = re.compile(r"\bperson_\d+\b")
@@ -157,42 +155,6 @@ def stitch(seen: Sequence[Seen], frame_numbers: np.ndarray, bodies: Callable[[in
     starts = (*(each.window.start for each in seen), n_frames)
     tracks = Tracks(names, detection, state)
     return Stitched(tracks, tuple(events), seen[0].skeleton, starts, columns, shape_m, shape_sd_m, bodies)
-
-
-def bodies_brought(seen: Sequence[Seen], detections: Detections) -> list[KnownBodies]:
-    """Of each window the bodies of those who were there before it began, as the window found them where they came.
-
-    Args:
-        seen: the windows, in order; together all frames.
-        detections: of the recording.
-    """
-    columns = _columns(seen)
-    found: dict[int, tuple[int, KnownBody]] = {}
-    for each, of_window in zip(seen, columns, strict=True):
-        for p, column in enumerate(of_window):
-            body = each.kept.get(each.tracks.person_ids[p])
-            if column >= 0 and body is not None and column not in found:
-                there = np.flatnonzero(np.asarray(each.tracks.state)[:, p] != TrackState.ABSENT)
-                found[column] = each.window.first + int(there[0]), body
-    starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
-    return [_brought(each, of_window, found, detections, starts) for each, of_window in zip(seen, columns, strict=True)]
-
-
-def _brought(
-    each: Seen,
-    columns: Sequence[int],
-    found: Mapping[int, tuple[int, KnownBody]],
-    detections: Detections,
-    starts: np.ndarray,
-) -> KnownBodies:
-    window = each.window
-    mine = [p for p, column in enumerate(columns) if column in found and found[column][0] < window.first]
-    own = starts[window.first : window.last]
-    theirs = np.asarray(each.tracks.detection)[:, mine]
-    # A track's detections are counted within the view, a frame's rows through its views.
-    rows = np.where(theirs >= 0, theirs + own - own[:, :, :1], -1)
-    numbers = detections.frame_numbers[window.first : window.last]
-    return KnownBodies(numbers, rows, tuple(found[columns[p]][1] for p in mine))
 
 
 def _columns(seen: Sequence[Seen]) -> tuple[tuple[int, ...], ...]:

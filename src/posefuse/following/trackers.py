@@ -15,7 +15,6 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options import Options
 from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracker_options import TrackerOptions
-from posefuse.tracking.known_bodies import KnownBodies
 from posefuse.tracking.known_lengths import with_known_lengths
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -57,10 +56,8 @@ def warn_of_idle(options: Options, skeleton: Skeleton) -> None:
         warnings.warn(remark, PosefuseWarning, stacklevel=3)
 
 
-def tracker_of(
-    rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: Options, known: KnownBodies | None = None
-) -> ArticulatedTracker:
-    """A tracker that proposes people as the options say, and has the bodies that are known.
+def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: Options) -> ArticulatedTracker:
+    """A tracker that proposes people as the options say.
 
     Raises:
         OptionsError: if a length is known that bodies do not have.
@@ -68,7 +65,7 @@ def tracker_of(
     """
     skeleton = with_known_lengths(skeleton, options.tracker)
     settings = Settings.of(rig, skeleton, noise, options.tracker)
-    return ArticulatedTracker(settings, partial(propose_people, rig, noise, skeleton, options), known=known)
+    return ArticulatedTracker(settings, partial(propose_people, rig, noise, skeleton, options))
 
 
 def with_tree(rig: CameraRig, detections: Detections, noise: NoiseModel, options: Options) -> Skeleton:

@@ -1,20 +1,18 @@
 """Many people followed through one window of a long recording, by whoever has time, knowing nothing of the others.
 
-A window is followed from before its first frame to after its last, so long that whoever a tracker still remembers at
-either end was seen within: who lives there is known to both neighbours, which :mod:`posefuse.following.stitching` makes
-one. What all windows have to agree on, the noise and how bodies move, is found before. So are the lengths of bodies,
-which a tracker finds in the first seconds that show somebody: windows are looked through once before they are followed,
-and who comes from an earlier window brings along the body that was found there.
+Each goes on from the tracker that went through all that comes before: what it found in somebody's first seconds (the
+lengths of the body, which way it faces, how far it leans) shows for as long as it is followed. A window is followed
+from some seconds before its first frame to so long after its last that whoever a tracker still remembers there was seen
+within: who lives there is known to both neighbours, which :mod:`posefuse.following.stitching` makes one. What all
+windows have to agree on besides, the noise and how bodies move, is found before.
 """
 
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.following.followed import Followed
 from posefuse.following.noise import rough_noise
 from posefuse.following.recording import follow
 from posefuse.following.trackers import with_tree
@@ -27,10 +25,10 @@ from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import Tracks
 from posefuse.progress import Silent
 from posefuse.survey import known_noise
-from posefuse.tracking.known_bodies import KnownBodies, KnownBody
+from posefuse.tracking.tracker import ArticulatedTracker
 
 _SETTLE_S = 10.0
-"""Until people are believed and their bodies known."""
+"""Until people are believed and their bodies known; and what lies farther before changes nothing in smoothed bodies."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,6 @@ class Seen:
         skeleton: with the tree that bodies were fitted to.
         shape_m: shape (person, shape).
         shape_sd_m: shape (person, shape).
-        kept: by name, bodies whose lengths were kept.
     """
 
     window: Window
@@ -70,7 +67,6 @@ class Seen:
     skeleton: Skeleton
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
-    kept: Mapping[str, KnownBody] = field(default_factory=dict)
 
 
 Bodies = tuple[Layer, Poses]
@@ -87,10 +83,10 @@ def windows_of(n_frames: int, rate_hz: float, window_s: float, remembered_s: flo
         remembered_s: for how long somebody who is lost is looked for.
     """
     number = max(round(n_frames / (window_s * rate_hz)), 1)
-    around = math.ceil((remembered_s + _SETTLE_S) * rate_hz)
+    before, after = (math.ceil(time_s * rate_hz) for time_s in (_SETTLE_S, remembered_s + _SETTLE_S))
     bounds = np.linspace(0, n_frames, number + 1).round().astype(int).tolist()
     return [
-        Window(max(start - around, 0), start, stop, min(stop + around, n_frames))
+        Window(max(start - before, 0), start, stop, min(stop + after, n_frames))
         for start, stop in itertools.pairwise(bounds)
     ]
 
@@ -113,38 +109,25 @@ def agreed(rig: CameraRig, detections: Detections, options: Options) -> tuple[Sk
     return skeleton, options
 
 
-def look_through(rig: CameraRig, detections: Detections, options: Options, window: Window) -> Seen:
-    """Follow everybody through a window, to know who is there and what their bodies are.
-
-    Arguments and errors are those of :func:`follow_window`.
-    """
-    return _seen(follow(rig, detections, options, Silent()), window)
-
-
 def follow_window(
-    rig: CameraRig, detections: Detections, options: Options, window: Window, known: KnownBodies
+    rig: CameraRig, detections: Detections, options: Options, window: Window, tracker: ArticulatedTracker
 ) -> tuple[Seen, Bodies]:
-    """Follow everybody through a window, with the bodies that people brought along.
+    """Follow everybody through a window.
 
     Args:
         rig: the cameras.
         detections: of the wider range of the window.
         options: from :func:`agreed`.
         window: which.
-        known: bodies of those who were there before.
+        tracker: that has followed everybody up to the wider range.
 
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = follow(rig, detections, options, Silent(), known=known)
+    found = follow(rig, detections, options, Silent(), tracker=tracker)
+    seen = Seen(window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m)
     start, stop = window.start - window.first, window.stop - window.first
     smoother = found.smoother()
     if start:
         smoother.take(start)
-    return _seen(found, window), found.bodies(rig, detections.frames(start, stop), start, smoother.take(stop))
-
-
-def _seen(found: Followed, window: Window) -> Seen:
-    return Seen(
-        window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m, dict(found.kept)
-    )  # fmt: skip
+    return seen, found.bodies(rig, detections.frames(start, stop), start, smoother.take(stop))

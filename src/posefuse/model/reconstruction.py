@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, check_shape, frozen, ranges, same
+from posefuse.arrays import ArraySource, Stretch, check_shape, frozen, ranges, same
 from posefuse.errors import ResultError, choices
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
@@ -186,6 +187,19 @@ class Reconstruction:
         """Number of frames."""
         return len(self.frame_numbers)
 
+    @property
+    def retimed(self) -> np.ndarray:
+        """Shape (frame, view), bool: which views' points were put between two of their frames, at the frame's time.
+
+        By the offsets in the options; nowhere without any. Where a view's frames were too far apart for that it shows
+        nothing.
+        """
+        if self.options.sync.does_nothing or not self.n_frames:
+            return np.zeros((self.n_frames, len(self.rig)), dtype=bool)
+        steps = np.diff(self.time_s)
+        period = 1.0 / self.rate_hz if self.rate_hz else float(np.nanmedian(steps)) if len(steps) else np.nan
+        return self.options.sync.retimed(self.rig.names, self.time_s, period)
+
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
         """The named layer, or the most processed one present.
 
@@ -217,6 +231,28 @@ class Reconstruction:
         """The result in consecutive ranges of frames, each in memory."""
         for start, stop in ranges(self.n_frames, size):
             yield self.frames(start, stop)
+
+    def windows(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
+        """The same, each array read when it is first asked for; without poses."""
+        for start, stop in ranges(self.n_frames, size):
+
+            def some(noun: Any, start: int = start, stop: int = stop) -> Any:
+                arrays = {f.name: getattr(noun, f.name) for f in fields(noun)}
+                return replace(
+                    noun, **{n: Stretch(a, start, stop) for n, a in arrays.items() if not isinstance(a, tuple)}
+                )
+
+            numbers = set(self.frame_numbers[start:stop].tolist())
+            yield replace(
+                self,
+                frame_numbers=self.frame_numbers[start:stop],
+                time_s=self.time_s[start:stop],
+                events=tuple(event for event in self.events if event.number in numbers),
+                layers={name: some(layer) for name, layer in self.layers.items()},
+                tracks=None if self.tracks is None else some(self.tracks),
+                swaps=None if self.swaps is None else some(self.swaps),
+                poses=None,
+            )
 
     @classmethod
     def concatenate(cls, parts: Sequence["Reconstruction"]) -> "Reconstruction":

@@ -1,7 +1,7 @@
 """The report: one HTML file with everything in it, the same bytes for the same result."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -27,10 +27,6 @@ from posefuse.report.words import in_words, scene_in_words
 
 _SCRIPTS = ("scene.js", "lens.js", "player.js", "heat.js", "time.js", "charts.js")
 """Parts of one script, in this order."""
-HELD_BYTES = 1_000_000_000
-"""A result that takes more memory is read anew for each part of the page."""
-_LAYER_BYTES, _VIEW_BYTES = 82, 5
-"""Of a point in a layer, and of a view in it."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
 _PEOPLE_HINT = "One colour a person, names above their heads"
 
@@ -50,7 +46,7 @@ def render_report(
         progress: told how far the work is.
     """
     layer, _ = result.best_layer(result.options.layer)
-    parts = _parts(result, progress or Silent())
+    parts = _Ranges(result, progress or Silent())
     summary = summarise(parts, layer)
     cells = cells_of(parts, layer, result.n_frames)
     series = series_of(parts, layer, result.skeleton)
@@ -90,21 +86,13 @@ def render_report(
 
 
 class _Ranges:
-    """A result in ranges of frames, to be gone through anew each time, read each time."""
+    """A result in ranges of frames, to be gone through anew for each part of the page, which reads what it needs."""
 
-    def __init__(self, result: Reconstruction) -> None:
-        self._result = result
+    def __init__(self, result: Reconstruction, progress: Progress) -> None:
+        self._result, self._progress = result, progress
 
     def __iter__(self) -> Iterator[Reconstruction]:
-        return self._result.chunks()
-
-
-def _parts(result: Reconstruction, progress: Progress) -> Iterable[Reconstruction]:
-    """Ranges of frames for several passes: read once where memory allows, since reading is most of the time."""
-    point_bytes = len(result.layers) * (_LAYER_BYTES + _VIEW_BYTES * len(result.rig))
-    if result.n_frames * len(result.person_ids) * len(result.skeleton) * point_bytes > HELD_BYTES:
-        return _Ranges(result)
-    return list(watched(result.chunks(), result.n_frames, "reading", progress))
+        return watched(self._result.windows(), self._result.n_frames, "reporting", self._progress)
 
 
 def _script() -> str:

@@ -19,10 +19,9 @@ from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
-from posefuse.tracking.known_bodies import KnownBodies, tell_body
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
-from posefuse.tracking.pieces import hold_back, joined_pieces
+from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
@@ -35,6 +34,9 @@ from posefuse.tracking.tentative import continue_with, evidence_of, is_believabl
 from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
 
+_LEAPT_ODDS = 2.0
+"""Log odds that the sides of one who leapt are as a proposal has them."""
+
 Propose = Callable[[Frame, np.ndarray], Proposals]
 """From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
 
@@ -46,18 +48,14 @@ class ArticulatedTracker:
         settings: what it works with.
         propose: finds people among detections that are nobody's.
         stages: what presets differ in; those of the options' preset where they are left out.
-        known: bodies that somebody else found; nobody's where it is left out.
     """
 
-    def __init__(
-        self, settings: Settings, propose: Propose, stages: Stages | None = None, known: KnownBodies | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, propose: Propose, stages: Stages | None = None) -> None:
         self.stages = stages or stages_of(settings.options.preset)
         if not self.stages.prior.smoothable:
             settings = replace(settings, options=replace(settings.options, smoother="none"))
         self.settings = settings
         self.propose = propose
-        self.known = known
         self.tracks: list[Track] = []
         self.state = nobody(settings.tree)
         self.lately = self._unknown(0)
@@ -132,17 +130,17 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
+        forget_swaps(self.lately.swapped, dt_s, s.options)
         rows, found = self._match(frame)
-        swapped = found.swapped
-        self._let_leap(frame, rows, swapped, before, dt_s)
+        self._let_leap(frame, rows, found, before, dt_s)
         lost = np.array([track.state == TrackState.LOST for track in self.tracks], dtype=bool)
         hold_back(rows, found.gain, lost, s.options)
-        believe_most_labels(rows, swapped)
+        believe_most_labels(rows, found.swapped)
         frame = joined_pieces(frame, rows, found, s)
-        labels = self.labels = self._labels(rows, swapped)
+        labels = self.labels = self._labels(rows, found.swapped)
         note_matches(
-            rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
-            self.lately.ids,
+            rows, found.swapped, found.swap_odds, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s,
+            self.lately.swapped, self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
         then = self.state if before is None else before
@@ -253,13 +251,13 @@ class ArticulatedTracker:
         self.explained = found.explained
         return rows, found
 
-    def _let_leap(self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float) -> None:
+    def _let_leap(self, frame: Frame, rows: np.ndarray, found: Likeness, before: State | None, dt_s: float) -> None:
         """Find those who are not where they were foretold but where they can have leapt, in place.
 
         Args:
             frame: the detections.
             rows: shape (track, view), in and out.
-            swapped: shape (track, row, group), in and out.
+            found: how well detections go with people; in and out: whose sides are exchanged.
             before: states at the time of the last frame, if views differ in time; in and out.
             dt_s: since then.
         """
@@ -276,7 +274,9 @@ class ArticulatedTracker:
             p = leap.place
             rows[p] = proposals.rows[leap.proposal]
             for v in np.flatnonzero(rows[p] >= 0):
-                swapped[p, rows[p, v]] = proposals.swapped[leap.proposal, v]
+                sides = proposals.swapped[leap.proposal, v]
+                found.swapped[p, rows[p, v]] = sides
+                found.swap_odds[p, rows[p, v]] = _LEAPT_ODDS if sides else -_LEAPT_ODDS
             put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
             if before is not None:
                 put(before, p, leaps.leapt(before, leap, 0.0, s))
@@ -495,9 +495,6 @@ class ArticulatedTracker:
             self.tracks.append(track)
             self.state, self.lately = joined(self.state, state), self.lately.joined(self._unknown(1))
             p = len(self.tracks) - 1
-            body = None if self.known is None else self.known.of(number, seen.rows)
-            if body is not None:
-                tell_body(body, track, self.state, p, self.time_s, self.parts)
             views = f"{seen.n_views} cameras"
             self.events.append(
                 Event(number, self.time_s, track.name, "born", f"seen by {views}, {error:.1f} sigma off")
