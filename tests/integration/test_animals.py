@@ -49,7 +49,7 @@ def test_the_pages_commands_follow_two_mice(
     write_scene(scene, Path("RECORDING"))
     code, _, warned = run(*commands()[which])
     assert code == 0, warned
-    result = posefuse.read_reconstruction(Path("RESULT"))
+    result = posefuse.read_reconstruction(Path("RESULT", "reconstruction.nc"))
     assert result.person_ids == ("person_1", "person_2")
     code, _, warned = run("evaluate", "RESULT", "RECORDING/truth.nc")
     assert code == 0, warned
@@ -62,10 +62,10 @@ def test_the_pages_commands_follow_two_mice(
 
 def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
     posefuse.write(scene.truth, tmp_path / "reconstruction.nc")
-    code, said, _ = run("evaluate", tmp_path, tmp_path / "reconstruction.nc", "--gate-m", "0.02", "0.01")
-    assert code == 0
-    assert "0.02 m" in said
-    assert "0.01 m" in said
+    code, _, warned = run("evaluate", tmp_path, tmp_path / "reconstruction.nc", "--gate-m", "0.02", "--gate-m", "0.01")
+    assert code == 0, warned
+    scores = json.loads((tmp_path / "evaluation.json").read_text())
+    assert [each["gate_m"] for each in scores["clear"]] == [0.02, 0.01]
 
 
 def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:

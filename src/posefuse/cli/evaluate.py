@@ -84,7 +84,8 @@ def evaluate(
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     if truth:
-        scores = compare(reconstruction, tuple(must_exist(file, "truth") for file in truth), head_rule, entry_s)
+        files = tuple(must_exist(file, "truth") for file in truth)
+        scores = compare(reconstruction, files, head_rule, entry_s, gate_m)
     else:
         scores = own_account(reconstruction)
     target = json_file or path.parent / "evaluation.json"

@@ -4,6 +4,8 @@ Where frames come more rarely than limbs turn, the last frame tells nothing of w
 there end anywhere: as with somebody new, the steps have to begin where the views themselves put the limb.
 """
 
+import math
+
 import numpy as np
 
 from posefuse.kernels.articulated import State
@@ -14,19 +16,25 @@ _UNKNOWN = 0.5
 """Of the variance of a direction that is as good as unknown: with more, the steps begin where views show it."""
 
 
-def unknown(state: State, dt_s: float, settings: Settings) -> np.ndarray:
-    """Shape (track, segment + bone), bool: whose directions so long a time makes as unknown as those of somebody new.
+def are_rare(dt_s: float, settings: Settings) -> bool:
+    """Whether so long a time makes turning segments or bones as unknown as those of somebody new.
 
     In it a direction whose velocity is as usual turns by ``q T^2 (dt - T (1 - exp(-dt / T)))``, variance.
     """
-    tree, decay, power = settings.tree, settings.decay_s, settings.power
-    n, segments = tree.n_pose, len(tree.segments)
-    turned = power * decay**2 * (dt_s - decay * (1.0 - np.exp(-dt_s / decay)))
+    # One segment moves by the law of all, one bone too; both are last and first after the root.
+    for i in (3, settings.tree.n_pose - 1):
+        q, decay = float(settings.power[i]), float(settings.decay_s[i])
+        turned = q * decay**2 * (dt_s - decay * (1.0 - math.exp(-dt_s / decay)))
+        if turned > _UNKNOWN * float(settings.most[i]):
+            return True
+    return False
+
+
+def unknown(state: State, settings: Settings) -> np.ndarray:
+    """Shape (track, segment + bone), bool: whose directions are foretold no better than those of somebody new."""
+    n, segments, people = settings.tree.n_pose, len(settings.tree.segments), len(state.root)
     columns = np.arange(3, n)
-    vague = (state.covariance[:, columns, columns] > _UNKNOWN * settings.most[columns]) & (
-        turned > _UNKNOWN * settings.most
-    )[columns]
-    people = len(vague)
+    vague = state.covariance[:, columns, columns] > _UNKNOWN * settings.most[columns]
     turns, bones = vague[:, : 3 * segments].reshape(people, -1, 3), vague[:, 3 * segments :].reshape(people, -1, 2)
     return np.concatenate([turns.all(axis=2), bones.all(axis=2)], axis=1)
 

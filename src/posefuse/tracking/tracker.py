@@ -169,8 +169,10 @@ class ArticulatedTracker:
 
     def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None, dt_s: float) -> None:
         """Begin where views show them with segments and bones of which nothing is known any more."""
-        which = anew.unknown(self.state, dt_s, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
-        for p in np.flatnonzero(which.any(axis=1)):
+        if not anew.are_rare(dt_s, self.settings):
+            return
+        which = anew.unknown(self.state, self.settings)
+        for p in np.flatnonzero(which.any(axis=1) & ((rows >= 0).sum(axis=1) > 1)):
             points = self._points_shown(frame, rows[p])
             if not np.isfinite(points).any():
                 continue
@@ -262,6 +264,8 @@ class ArticulatedTracker:
             dt_s: since then.
         """
         s, nobodys = self.settings, self._free(frame, rows)
+        if not nobodys.any():
+            return
         of_view = np.bincount(frame.view[nobodys], minlength=len(s.rig)) > 0
         active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
         who = leaps.may_have(rows, of_view, active)

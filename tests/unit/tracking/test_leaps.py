@@ -93,14 +93,19 @@ def test_who_leapt_is_there_faster_and_less_known() -> None:
     np.testing.assert_array_equal(after.bones, state.bones)
 
 
-def test_directions_are_unknown_only_where_frames_are_too_rare() -> None:
+def test_frames_are_rare_where_limbs_turn_too_far_in_between() -> None:
+    human = Settings.of(RIG, shipped_skeleton("body_20"), SETTINGS.noise, TrackerOptions())
+    assert [anew.are_rare(1.0 / rate_hz, SETTINGS) for rate_hz in (100, 30, 2)] == [False, False, True]
+    assert [anew.are_rare(1.0 / rate_hz, human) for rate_hz in (25, 5, 2)] == [False, False, True]
+
+
+def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news() -> None:
     state = standing(np.zeros(3))
     columns = np.arange(TREE.n_pose)
     state.covariance[:, columns, columns] = SETTINGS.most
-    assert not anew.unknown(state, 1.0 / 30.0, SETTINGS).any()
-    assert anew.unknown(state, 0.5, SETTINGS).all()
+    assert anew.unknown(state, SETTINGS).all()
     state.covariance[:, columns, columns] = 0.1 * SETTINGS.most
-    assert not anew.unknown(state, 0.5, SETTINGS).any()
+    assert not anew.unknown(state, SETTINGS).any()
 
 
 def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
