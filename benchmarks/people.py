@@ -373,7 +373,7 @@ ABLATIONS = (
     Ablation("weights not robust (`nu` 1e6)", TrackerOptions(nu=1e6)),
     Ablation("no gates (`gate` 1e12)", TrackerOptions(gate=1e12)),
     Ablation("noise believed white (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
-    Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6, swap_stay_log_odds=-1e6)),
+    Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6)),
     Ablation("bones hardly known (variance x 25)", shape_spread=_WIDE),
     Ablation("`preset` specification", TrackerOptions(preset="specification")),
     *(

@@ -10,10 +10,9 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, MatchError, suggestion
 from posefuse.model.detections import Detections, with_lacking_times
-from posefuse.model.sync_options import SyncOptions
+from posefuse.model.sync_options import NEAR_FRAMES, SyncOptions
 from posefuse.model.tracks import Tracks
 
-_NEAR_FRAMES = 0.1
 _MOST_FRAMES = 2.1
 
 
@@ -123,7 +122,7 @@ def at_frame_times(step: InStep, tracks: Tracks) -> Detections:
     for v in range(detections.n_views):
         off = (common - times[:, v]) / period
         for p in range(rows.shape[1]):
-            for f in np.flatnonzero((rows[:, p, v] >= 0) & (np.abs(off) > _NEAR_FRAMES)):
+            for f in np.flatnonzero((rows[:, p, v] >= 0) & (np.abs(off) > NEAR_FRAMES)):
                 row, other, share = _neighbour(rows[:, p, v], times[:, v], int(f), common[f], period)
                 if other < 0:
                     pixels[row], confidence[row] = np.nan, np.nan

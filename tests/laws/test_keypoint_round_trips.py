@@ -5,12 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
 from posefuse.arrays import in_memory
-from posefuse.io.keypoints import detection_tables, openpose, replay, tidy
+from posefuse.io.keypoints import detection_tables, native, openpose, replay, tidy
 from posefuse.model.detections import Detections
 from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.timeline import uneven_lengths
@@ -107,6 +108,24 @@ def test_detection_tables_are_lossless(seed, frames, views):
         assert found.views(views[-1:]) == given.views(views[-1:])
 
 
+@pytest.mark.parametrize("form", ["keypoints.parquet", "replay.jsonl", "tables", "keypoints.nc"])
+@given(seed=seeds, gaps=st.lists(st.integers(1, 10**6), min_size=2, max_size=5))
+@examples(8)
+def test_frames_that_are_far_apart_stay_so(form, seed, gaps):
+    """As those that are labelled by hand; a table in CSV says that they cannot be read again."""
+    numbers = np.cumsum([0, 10_000, *gaps])
+    given = any_detections(seed, len(numbers), ["a", "b"])
+    given = replace(given, frame_numbers=numbers, recorded=np.ones_like(given.recorded))
+    given = replace(given, time_s=np.repeat(numbers[:, None] / given.rate_hz, 2, axis=1))
+    writers = {"keypoints.parquet": tidy, "replay.jsonl": replay, "tables": detection_tables, "keypoints.nc": native}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / form
+        writers[form].write(given, path)
+        assert writers[form].lost(given, path) == ()
+        assert posefuse.read_detections(path) == given
+        assert "frames as far apart" in " ".join(tidy.lost(given, path.with_suffix(".csv")))
+
+
 @given(**recordings)
 @examples(25)
 def test_replays_are_lossless(seed, frames, views):
@@ -137,5 +156,8 @@ def test_openpose_files_keep_all_they_do_not_say_they_lose(seed, frames, views, 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pose"
         openpose.write(given, path)
-        assert openpose.lost(given, path) == ("times and the frame rate",)
+        named = (
+            ("what the keypoints are called: to read them again, --skeleton body_25",) if skeleton == "body_25" else ()
+        )
+        assert openpose.lost(given, path) == ("times and the frame rate", *named)
         assert posefuse.read_detections(path, skeleton) == as_read(given)

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from benchmarks import real
+from benchmarks import held_out, real
 
 import posefuse
+from posefuse.model.detections import Detections
 from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.tracker_options import BirthOptions
 
@@ -40,3 +41,18 @@ def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
     assert (np.asarray(result.layers["model"].n_views[4:]) >= 3).mean() > 0.9
     assert result.poses is not None
     assert result.poses.nis_dof[5, 0] > 200
+
+
+def test_a_fly_at_25_hz_is_where_its_views_show_it(shared_data):
+    """Its legs are elsewhere in every frame: nothing can be foretold of them."""
+    rig, fast = held_out.fly(shared_data("fly_3cam").parent)
+    pixels, confidence = fast.dense()
+    fly = Detections.from_dense(fast.skeleton, fast.view_names, pixels[::12], confidence[::12], rate_hz=25.0)
+    result = posefuse.reconstruct(rig, fly, posefuse.Options(people="many"))
+    assert result.person_ids == ("person_1",)
+    model, measured = (np.asarray(result.layers[name].points_m[:, 0]) for name in ("model", "measured"))
+    assert result.skeleton.tree is not None
+    share = np.linalg.norm(model - measured, axis=-1) / result.skeleton.tree.size_m
+    assert np.isfinite(share).mean() > 0.9
+    assert np.nanmedian(share) < 0.02
+    assert np.nanpercentile(share, 90) < 0.05

@@ -4,7 +4,10 @@ import numpy as np
 from benchmarks import real
 
 import posefuse
+from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.tracks import TrackState
+from posefuse.model.trees import CONE, TWIST
+from posefuse.tracking.posing import pose_from_points
 
 
 def test_the_mouse_is_one_animal_all_the_time(shared_data):
@@ -20,3 +23,27 @@ def test_the_mouse_is_one_animal_all_the_time(shared_data):
     model, measured = (np.asarray(result.layers[name].points_m[8:, 0]) for name in ("model", "measured"))
     apart = np.linalg.norm(model - measured, axis=-1)
     assert np.nanmedian(apart) < 0.003
+
+
+def test_joints_of_a_mouse_labelled_by_hand_keep_their_limits(shared_data):
+    file = shared_data("dannce_mouse") / "label3d_demo.mat"
+    detections = posefuse.read_detections(file).with_rate(30)
+    result = posefuse.reconstruct(
+        posefuse.read_cameras(file), detections, posefuse.Options(people="one", solve="frame")
+    )
+    tree = shipped_skeleton("mouse_22").tree
+    assert tree is not None
+    assert len(tree.limits) == 11
+    whole = [points for points in np.asarray(result.layers["measured"].points_m[:, 0]) if np.isfinite(points).all()]
+    assert len(whole) > 5
+    for points in whole:
+        _, turns, bones = pose_from_points(tree, points, np.asarray(tree.shape_m))
+        for limit in tree.limits:
+            axis = turns[limit.segment] @ np.array(limit.axis)
+            if limit.kind == TWIST:
+                there = axis @ turns[limit.bone] @ np.array(limit.axis)
+            elif limit.kind == CONE:
+                there = axis @ bones[limit.bone][:, 2]
+            else:
+                there = axis @ np.cross(bones[limit.before][:, 2], bones[limit.bone][:, 2])
+            assert there > limit.least

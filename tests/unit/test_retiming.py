@@ -69,6 +69,20 @@ def test_a_view_in_step_is_left_as_it_is():
     assert (shown == detections.dense()[0][..., 0, 0]).all()
 
 
+DRIFTING, WHOLE = SyncOptions(("b",), (0.0,), (0.0,), (4e3,)), SyncOptions(("a",), (0.0,), (3.0 / RATE,), (0.0,))
+
+
+@pytest.mark.parametrize("sync", [SYNC, DRIFTING, WHOLE])
+def test_views_are_marked_where_their_points_were_moved(sync):
+    detections = straight(0.0, 120)
+    step = in_step(detections, ("a", "b"), sync)
+    tracks = OneSubject.of(step.detections, None).follow(0, 120)
+    before, after = step.detections.dense()[0][..., 0, 0], at_frame_times(step, tracks).dense()[0][..., 0, 0]
+    known = np.isfinite(after)
+    marked = sync.retimed(("a", "b"), step.time_s, 1.0 / RATE)
+    assert (marked[known] == (before != after)[known]).all()
+
+
 def test_rows_of_one_view_hold_from_their_time_on():
     sync = SyncOptions(("b", "b"), (0.0, 1.0), (0.0, 0.12), (0.0, 0.0))
     assert sync.late("b", np.array([-1.0, 0.5, 1.0, 2.0])) == pytest.approx([0.0, 0.0, 0.12, 0.12])

@@ -100,16 +100,27 @@ def _unknowns(system: System, views: int, drifting: set[int], reference: int | N
 
 
 def _surely_drifting(system: System, views: int, reference: int | None, effects: list[float]) -> set[int]:
-    """Views whose clock goes wrong by more than chance explains, all views fitted together."""
-    unknowns = _unknowns(system, views, set(range(views)), reference)
+    """Views whose clock goes wrong by more than chance explains, the surest first while the others' clocks are right.
+
+    A drift is told against all other views, which is surer than against the reference alone. If that is the one that
+    goes wrong, the others drift against it.
+    """
+    drifting: set[int] = set()
+    while len(drifting) < views - 1:
+        certain = {v: _certainty(system, views, drifting, v, effects[v]) for v in set(range(views)) - drifting}
+        view = max(sorted(certain), key=lambda v: certain[v])
+        if certain[view] <= _CERTAIN:
+            break
+        drifting.add(view)
+    return set(range(views)) - {reference} if reference in drifting else drifting
+
+
+def _certainty(system: System, views: int, drifting: set[int], view: int, effect: float) -> float:
+    """By how many standard deviations one more view drifts."""
+    unknowns = _unknowns(system, views, drifting | {view}, None)
     values, inverse, _ = solve(system, unknowns)
-    if reference is None:
-        inverse = _about_the_mean(inverse, views)
-    half = len(unknowns) // 2
-    drifts = values[half:] - (values[half:].mean() if reference is None else 0.0)
-    sds = np.sqrt(np.diag(inverse)[half:])
-    told = zip(unknowns[half:], drifts, sds, strict=True)
-    return {u.view for u, drift, sd in told if abs(drift) > _CERTAIN * sd * np.sqrt(effects[u.view])}
+    place = views + sorted(drifting | {view}).index(view)
+    return float(abs(values[place]) / np.sqrt(max(inverse[place, place], 1e-300) * effect))
 
 
 def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:

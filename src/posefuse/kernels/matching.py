@@ -71,14 +71,13 @@ def score_detections(
     group_of,
     n_groups,
     law,
-    swapped_before,
-    swap_odds,
-    stay_odds,
+    was_swapped,
     clutter_m,
     least,
     worth,
     scores,
     swapped,
+    swap_odds,
 ):
     """Evidence that detections are people's.
 
@@ -91,20 +90,24 @@ def score_detections(
         group_of: shape (keypoint,), int64: which limb's sides swap together, -1 for none.
         n_groups: how many of them.
         law: a Law.
-        swapped_before: shape (person, view, group), int8: whether the limb was swapped last.
-        swap_odds, stay_odds: log odds of being swapped, after not having been and after having been.
+        was_swapped: shape (person, view, group): how probable it is, before this frame, that the limb is swapped.
         clutter_m: within which size a wrong keypoint may lie anywhere.
         least: the least evidence of one keypoint.
         worth: as how many keypoints the whole counts at most.
         scores: shape (person, row), written: -inf without a common keypoint.
         swapped: shape (person, row, group), int8, written.
+        swap_odds: shape (person, row, group), written: the log odds of that.
     """
     noise_px2 = np.empty(confidence.shape)
     _weigh(confidence, view_of_row, law, noise_px2)
     far = math.exp(-least)
     straight = np.empty(n_groups)
     crossed = np.empty(n_groups)
+    prior = np.empty((pixels.shape[1], n_groups))
     for p in range(pixels.shape[0]):
+        for v in range(pixels.shape[1]):
+            for g in range(n_groups):
+                prior[v, g] = math.log(was_swapped[p, v, g] / (1.0 - was_swapped[p, v, g]))
         for row in range(keypoints_px.shape[0]):
             v = view_of_row[row]
             total = 0.0
@@ -128,8 +131,8 @@ def score_detections(
                 straight[g] += as_is if as_is == as_is else 0.0
                 crossed[g] += other if other == other else 0.0
             for g in range(n_groups):
-                odds = stay_odds if swapped_before[p, v, g] != 0 else swap_odds
-                turned = crossed[g] + odds > straight[g]
+                swap_odds[p, row, g] = crossed[g] - straight[g] + prior[v, g]
+                turned = swap_odds[p, row, g] > 0.0
                 swapped[p, row, g] = 1 if turned else 0
                 total += crossed[g] if turned else straight[g]
             scores[p, row] = total / count * min(float(count), worth) if count > 0 else -math.inf

@@ -141,17 +141,18 @@ def note_silence(recorded, shown, due, dt_s, silent_s, back_s, absent_s, blind_s
 
 
 @kernel
-def note_matches(rows, swapped, track_ids, dt_s, alone_s, was_swapped, ids):
+def note_matches(rows, swapped, swap_odds, track_ids, dt_s, alone_s, was_swapped, ids):
     """Note what the detections of people are like.
 
     Args:
         rows: shape (track, view), int64: the detections that are theirs, -1 for none.
         swapped: shape (track, row, group), int8: whose sides would be exchanged.
+        swap_odds: shape (track, row, group): the log odds of that, where labels are right: of the body's being turned.
         track_ids: shape (row,), int64: the detector's identities.
         dt_s: since the last frame.
         alone_s: shape (track,), in and out: for how long one view alone has shown them.
-        was_swapped: shape (track, view, group), int8, in and out: of the last match.
-        ids: shape (track, view), int64, in and out: likewise.
+        was_swapped: shape (track, view, group), in and out: how probable it is that limbs are swapped.
+        ids: shape (track, view), int64, in and out: of the last match.
     """
     for p in range(rows.shape[0]):
         views = 0
@@ -162,7 +163,8 @@ def note_matches(rows, swapped, track_ids, dt_s, alone_s, was_swapped, ids):
             views += 1
             ids[p, v] = track_ids[row]
             for g in range(swapped.shape[2]):
-                was_swapped[p, v, g] = swapped[p, row, g]
+                odds = swap_odds[p, row, g] if swapped[p, row, g] != 0 else -abs(swap_odds[p, row, g])
+                was_swapped[p, v, g] = 1.0 / (1.0 + math.exp(-odds))
         alone_s[p] = alone_s[p] + dt_s if views == 1 else 0.0
 
 

@@ -187,6 +187,19 @@ class Reconstruction:
         """Number of frames."""
         return len(self.frame_numbers)
 
+    @property
+    def retimed(self) -> np.ndarray:
+        """Shape (frame, view), bool: which views' points were put between two of their frames, at the frame's time.
+
+        By the offsets in the options; nowhere without any. Where a view's frames were too far apart for that it shows
+        nothing.
+        """
+        if self.options.sync.does_nothing or not self.n_frames:
+            return np.zeros((self.n_frames, len(self.rig)), dtype=bool)
+        steps = np.diff(self.time_s)
+        period = 1.0 / self.rate_hz if self.rate_hz else float(np.nanmedian(steps)) if len(steps) else np.nan
+        return self.options.sync.retimed(self.rig.names, self.time_s, period)
+
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
         """The named layer, or the most processed one present.
 

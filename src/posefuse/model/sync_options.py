@@ -1,10 +1,14 @@
 """How views are out of step, as ``posefuse sync`` measures it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from posefuse.errors import OptionsError
+
+NEAR_FRAMES = 0.1
+"""Views within this share of a frame's time are left as they are."""
 
 
 @dataclass(frozen=True)
@@ -53,3 +57,15 @@ class SyncOptions:
             told = self.late_s[i] + 1e-6 * self.drift_ppm[i] * (time_s - since)
             late = told if number == 0 else np.where(time_s >= since, told, late)
         return late
+
+    def retimed(self, cameras: Sequence[str], time_s: np.ndarray, period_s: float) -> np.ndarray:
+        """Shape (frame, view), bool: where a view's points are put between two of its frames, at the frame's time.
+
+        Args:
+            cameras: names of the views.
+            time_s: shape (frame,): when frames were, as the views say, NaN where unknown.
+            period_s: between frames.
+        """
+        late = np.stack([self.late(name, time_s) for name in cameras], axis=1) / period_s
+        with np.errstate(invalid="ignore"):
+            return np.abs(late - np.round(late)) > NEAR_FRAMES

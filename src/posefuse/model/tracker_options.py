@@ -155,8 +155,8 @@ class TrackerOptions:
         keypoint_evidence: The least that one keypoint counts.
         independent_keypoints: All keypoints together count as this many at most.
         id_evidence: What the detector's own identity being that of the last frame counts (lambda_id).
-        swap_log_odds: The odds that a limb's sides are exchanged.
-        swap_stay_log_odds: The same if they were in the frame before.
+        swap_log_odds: The odds that a limb's sides are exchanged, where nothing is known.
+        swap_lasts_s: For how long they are when they are.
         min_joints: A view supports a person with at least so many keypoints.
         lost_after_s: A person without support for this long is lost (M_lost).
         weak_after_s: One whom a single view alone has shown for this long is where others see that view's detection.
@@ -210,7 +210,7 @@ class TrackerOptions:
     independent_keypoints: float = 6.0
     id_evidence: float = 2.0
     swap_log_odds: float = -5.0
-    swap_stay_log_odds: float = 1.5
+    swap_lasts_s: float = 0.2
     min_joints: int = 4
     lost_after_s: float = 0.36
     weak_after_s: float = 0.2
@@ -257,7 +257,7 @@ class TrackerOptions:
             if not 0.0 < getattr(self, name) < 1.0:
                 raise OptionsError(f"tracker.{name} must lie between 0 and 1, got {getattr(self, name)}.")
         self._check_lengths()
-        for name in ("forget_beyond_m", "outside_s", "stature_m"):
+        for name in ("forget_beyond_m", "outside_s", "stature_m", "swap_lasts_s"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise OptionsError(f"tracker.{name} must be positive, or left out, got {value}.")

@@ -14,21 +14,25 @@ _UNKNOWN = 0.5
 """Of the variance of a direction that is as good as unknown: with more, the steps begin where views show it."""
 
 
-def unknown(state: State, settings: Settings) -> np.ndarray:
-    """Shape (track, segment + bone), bool: whose directions are foretold no better than those of somebody new."""
-    n, segments = settings.tree.n_pose, len(settings.tree.segments)
+def unknown(state: State, dt_s: float, settings: Settings) -> np.ndarray:
+    """Shape (track, segment + bone), bool: whose directions so long a time makes as unknown as those of somebody new.
+
+    In it a direction whose velocity is as usual turns by ``q T^2 (dt - T (1 - exp(-dt / T)))``, variance.
+    """
+    tree, decay, power = settings.tree, settings.decay_s, settings.power
+    n, segments = tree.n_pose, len(tree.segments)
+    turned = power * decay**2 * (dt_s - decay * (1.0 - np.exp(-dt_s / decay)))
     columns = np.arange(3, n)
-    share = state.covariance[:, columns, columns] / settings.most[columns]
-    turns, bones = share[:, : 3 * segments], share[:, 3 * segments :]
-    people = len(share)
-    return (
-        np.concatenate([turns.reshape(people, -1, 3).mean(axis=2), bones.reshape(people, -1, 2).mean(axis=2)], axis=1)
-        > _UNKNOWN
-    )
+    vague = (state.covariance[:, columns, columns] > _UNKNOWN * settings.most[columns]) & (
+        turned > _UNKNOWN * settings.most
+    )[columns]
+    people = len(vague)
+    turns, bones = vague[:, : 3 * segments].reshape(people, -1, 3), vague[:, 3 * segments :].reshape(people, -1, 2)
+    return np.concatenate([turns.all(axis=2), bones.all(axis=2)], axis=1)
 
 
 def begin_anew(state: State, p: int, which: np.ndarray, points_m: np.ndarray, settings: Settings) -> None:
-    """Turn somebody's segments and bones to where they are shown, as little known as those of somebody new.
+    """Turn somebody's segments and bones to where they are shown; how well they are known stays.
 
     Args:
         state: in and out.

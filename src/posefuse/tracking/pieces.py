@@ -5,6 +5,7 @@ them where this person should have them, the two are pieces of one person. A sec
 must not be taken for somebody else, whom nothing else shows.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,9 @@ from posefuse.model.tracker_options import TrackerOptions
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Likeness
 
+_NEVER = 600.0
+"""Log odds of what is never so; with more, probabilities are 0."""
+_SURELY = 1.0 - 1e-12
 _COMMON = 0.25
 """Two detections of one view are pieces if no more of the smaller one's keypoints are in both."""
 
@@ -34,6 +38,21 @@ def hold_back(rows: np.ndarray, gain: np.ndarray, lost: np.ndarray, options: Tra
         theirs = gain[rows[:, v] >= 0, rows[p, v]]
         if theirs.max() > gain[p, rows[p, v]]:
             rows[p] = -1
+
+
+def forget_swaps(swapped: np.ndarray, dt_s: float, options: TrackerOptions) -> None:
+    """Limbs whose sides are exchanged change back in time, and others are exchanged; whether seen meanwhile or not.
+
+    A Markov chain of two states that is exchanged for ``swap_lasts_s`` at a stretch.
+
+    Args:
+        swapped: shape (track, view, group), in and out: how probable it is that sides are exchanged.
+        dt_s: since the last frame.
+        options: of the tracker.
+    """
+    usual = 1.0 / (1.0 + math.exp(min(-options.swap_log_odds, _NEVER)))
+    lasts = math.exp(-max(dt_s, 0.0) / options.swap_lasts_s)
+    np.clip(usual + lasts * (swapped - usual), math.exp(-_NEVER), _SURELY, out=swapped)
 
 
 def joined_pieces(frame: Frame, rows: np.ndarray, found: Likeness, settings: Settings) -> Frame:
@@ -63,12 +82,13 @@ def joined_pieces(frame: Frame, rows: np.ndarray, found: Likeness, settings: Set
         keypoints_px, confidence = joined.keypoints_px.copy(), joined.confidence.copy()
         keypoints_px[row, lent], confidence[row, lent] = keypoints_px[piece, lent], confidence[piece, lent]
         joined = replace(joined, keypoints_px=keypoints_px, confidence=confidence)
-        _lend_sides(found.swapped[p], row, piece, own, settings)
+        for sides in (found.swapped[p], found.swap_odds[p]):
+            _lend_sides(sides, row, piece, own, settings)
     return joined
 
 
-def _lend_sides(swapped: np.ndarray, row: int, piece: int, own: np.ndarray, settings: Settings) -> None:
+def _lend_sides(sides: np.ndarray, row: int, piece: int, own: np.ndarray, settings: Settings) -> None:
     """Sides of limbs of which the detection itself has no keypoint are those of the piece; shape (row, group)."""
     groups = settings.group_of
     known = np.bincount(groups[own & (groups >= 0)], minlength=settings.n_groups) > 0
-    swapped[row, ~known] = swapped[piece, ~known]
+    sides[row, ~known] = sides[piece, ~known]

@@ -47,7 +47,7 @@ class Lately(NamedTuple):
     """What the last detections of all who are followed were like, side by side in the order of the tracks.
 
     Attributes:
-        swapped: shape (track, view, group), int8: whose sides were exchanged last.
+        swapped: shape (track, view, group): how probable it is that their sides are exchanged.
         ids: shape (track, view), int64: the detector's identity of the last match, -1 for none.
         off_s: shape (track, keypoint): for how long most views have seen each keypoint elsewhere.
         noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
@@ -80,7 +80,7 @@ class Lately(NamedTuple):
     def unknown(cls, tracks: int, views: int, groups: int, keypoints: int, movers: int) -> "Lately":
         """Of people just believed, whose bodies have so many segments and bones."""
         return cls(
-            np.zeros((tracks, views, groups), dtype=np.int8),
+            np.zeros((tracks, views, groups)),
             np.full((tracks, views), -1, dtype=np.int64),
             np.zeros((tracks, keypoints)),
             np.full((tracks, views, keypoints), np.nan),

@@ -21,12 +21,14 @@ class Likeness:
         gain: shape (track, row): what a match is worth; -inf where there is none.
         least: what a match must be worth.
         swapped: shape (track, row, group), int8: whose sides are exchanged.
+        swap_odds: shape (track, row, group): the log odds of that.
         explained: shape (row,), bool: detections of somebody who is followed, whether matched or not.
     """
 
     gain: np.ndarray
     least: float
     swapped: np.ndarray
+    swap_odds: np.ndarray
     explained: np.ndarray
 
 

@@ -21,7 +21,7 @@ from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
 from posefuse.tracking.clock import Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
-from posefuse.tracking.pieces import hold_back, joined_pieces
+from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.posture import keep_posture, note_posture
 from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
@@ -33,6 +33,9 @@ from posefuse.tracking.standing import keep_floor, note_floor
 from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
 from posefuse.tracking.unseen import is_covered, silent_views
 from posefuse.tracking.watch import Watch, look_at
+
+_LEAPT_ODDS = 2.0
+"""Log odds that the sides of one who leapt are as a proposal has them."""
 
 Propose = Callable[[Frame, np.ndarray], Proposals]
 """From a frame, and which of its rows are free, shape (row,), to people whom several views show."""
@@ -127,23 +130,23 @@ class ArticulatedTracker:
         before = chosen(self.state, np.arange(n)) if len(views_then) > 1 else None
         self._move_on(self.state, dt_s)
         self.sight = self._foreseen(s.cameras)
+        forget_swaps(self.lately.swapped, dt_s, s.options)
         rows, found = self._match(frame)
-        swapped = found.swapped
-        self._let_leap(frame, rows, swapped, before, dt_s)
+        self._let_leap(frame, rows, found, before, dt_s)
         lost = np.array([track.state == TrackState.LOST for track in self.tracks], dtype=bool)
         hold_back(rows, found.gain, lost, s.options)
-        believe_most_labels(rows, swapped)
+        believe_most_labels(rows, found.swapped)
         frame = joined_pieces(frame, rows, found, s)
-        labels = self.labels = self._labels(rows, swapped)
+        labels = self.labels = self._labels(rows, found.swapped)
         note_matches(
-            rows, swapped, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s, self.lately.swapped,
-            self.lately.ids,
+            rows, found.swapped, found.swap_odds, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s,
+            self.lately.swapped, self.lately.ids,
         )  # fmt: skip
         alone = self.lately.alone_s > 0.0
         then = self.state if before is None else before
         keep_posture(then, self.lately, alone, dt_s, s)
         keep_floor(then, self.lately, alone, dt_s, s)
-        self._begin_anew(frame, rows, before)
+        self._begin_anew(frame, rows, before, dt_s)
         use = self._put_right(frame, rows, labels, before, dt_s)
         uses = Uses.of(use)
         self.supported = uses.of_view >= s.options.min_joints
@@ -164,11 +167,13 @@ class ArticulatedTracker:
         dt = np.full(len(state.root), max(dt_s, 0.0))
         predict_people(dt, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
 
-    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None) -> None:
+    def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None, dt_s: float) -> None:
         """Begin where views show them with segments and bones of which nothing is known any more."""
-        which = anew.unknown(self.state, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
+        which = anew.unknown(self.state, dt_s, self.settings) & ((rows >= 0).sum(axis=1) > 1)[:, None]
         for p in np.flatnonzero(which.any(axis=1)):
             points = self._points_shown(frame, rows[p])
+            if not np.isfinite(points).any():
+                continue
             for state in (self.state,) if before is None else (self.state, before):
                 anew.begin_anew(state, int(p), which[p], points, self.settings)
 
@@ -246,13 +251,13 @@ class ArticulatedTracker:
         self.explained = found.explained
         return rows, found
 
-    def _let_leap(self, frame: Frame, rows: np.ndarray, swapped: np.ndarray, before: State | None, dt_s: float) -> None:
+    def _let_leap(self, frame: Frame, rows: np.ndarray, found: Likeness, before: State | None, dt_s: float) -> None:
         """Find those who are not where they were foretold but where they can have leapt, in place.
 
         Args:
             frame: the detections.
             rows: shape (track, view), in and out.
-            swapped: shape (track, row, group), in and out.
+            found: how well detections go with people; in and out: whose sides are exchanged.
             before: states at the time of the last frame, if views differ in time; in and out.
             dt_s: since then.
         """
@@ -269,7 +274,9 @@ class ArticulatedTracker:
             p = leap.place
             rows[p] = proposals.rows[leap.proposal]
             for v in np.flatnonzero(rows[p] >= 0):
-                swapped[p, rows[p, v]] = proposals.swapped[leap.proposal, v]
+                sides = proposals.swapped[leap.proposal, v]
+                found.swapped[p, rows[p, v]] = sides
+                found.swap_odds[p, rows[p, v]] = _LEAPT_ODDS if sides else -_LEAPT_ODDS
             put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
             if before is not None:
                 put(before, p, leaps.leapt(before, leap, 0.0, s))

@@ -56,6 +56,20 @@ def test_reconstructions_of_several_people(rng):
     assert found.recall_after_entry == 1
 
 
+@pytest.mark.parametrize("scale", [0.057, 1.0, 3.0])
+def test_smaller_bodies_are_matched_within_as_much_less(rng, scale):
+    truth = crowd(rng, 30, 3)
+    points = truth + 0.02 * rng.normal(size=(30, 3, 1, 3))
+    points[10:20, 0] += np.array([0.8, 0.0, 0.0])
+    life = score_people(PeoplePoints(COCO, points, truth))
+    found = score_people(PeoplePoints(COCO, scale * points, scale * truth, scale=scale))
+    assert life.clear[0].misses == 10
+    assert (found.clear[0].misses, found.clear[0].switches) == (life.clear[0].misses, life.clear[0].switches)
+    assert [each.gate_m for each in found.clear] == pytest.approx([0.5 * scale, 0.25 * scale], rel=0.05)
+    given = score_people(PeoplePoints(COCO, scale * points, scale * truth, scale=scale), ScoringOptions((7.0,)))
+    assert [each.gate_m for each in given.clear] == [7.0]
+
+
 def test_every_nan_has_its_reason(rng):
     truth = crowd(rng, 10, 2)
     away = PeoplePoints(COCO, truth + 50.0, truth)

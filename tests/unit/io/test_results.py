@@ -21,6 +21,7 @@ from posefuse.model.cameras import UP_AXES
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.swaps import Swaps
+from posefuse.model.sync_options import SyncOptions
 from posefuse.pipeline import reconstruct
 from tests.scenes import body_points, ring, seen
 
@@ -45,6 +46,15 @@ class TestNetcdf:
         assert isinstance(found.layers["measured"].points_m, StoredArray)
         assert found == result
         assert found.frames(2, 5) == result.frames(2, 5)
+
+    def test_views_that_were_put_between_their_frames_are_marked(self, result, tmp_path):
+        path, (_, second, third, _) = tmp_path / "reconstruction.nc", result.rig.names
+        sync = SyncOptions((second, third), (0.0, 0.0), (0.7 / 60.0, 2.05 / 60.0), (0.0, 0.0))
+        posefuse.write(replace(result, options=replace(result.options, sync=sync)), path)
+        with xarray.open_dataset(path, engine="h5netcdf") as data:
+            assert data["retimed"].values.all(axis=0).tolist() == [False, True, False, False]
+        assert posefuse.read_reconstruction(path).retimed[4].tolist() == [False, True, False, False]
+        assert not result.retimed.any()
 
     def test_swaps_come_back(self, result, tmp_path):
         state = np.random.default_rng(0).integers(-1, 2, (9, 1, 4, 2)).astype(np.int8)

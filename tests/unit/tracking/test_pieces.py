@@ -16,7 +16,7 @@ from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.pieces import hold_back, joined_pieces
+from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.stages import Likeness
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -42,7 +42,7 @@ def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
 
 def likeness(gain: np.ndarray, settings: Settings) -> Likeness:
     swapped = np.zeros((*gain.shape, settings.n_groups), dtype=np.int8)
-    return Likeness(gain, 0.0, swapped, (gain > 3.0).any(axis=0))
+    return Likeness(gain, 0.0, swapped, np.zeros(swapped.shape), (gain > 3.0).any(axis=0))
 
 
 def halves(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,10 +67,11 @@ def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: Settings):
     found = likeness(np.array([[9.0, 8.0]]), settings)
     legs = int(settings.group_of[SKELETON.index("left_knee")])
     arms = int(settings.group_of[SKELETON.index("left_wrist")])
-    found.swapped[0, 1] = 1
+    found.swapped[0, 1], found.swap_odds[0, 1] = 1, 4.0
     joined_pieces(frame_of(np.stack([above, below]), [0, 0]), np.array([[0, -1]]), found, settings)
     assert found.swapped[0, 0, legs] == 1
     assert found.swapped[0, 0, arms] == 0
+    assert found.swap_odds[0, 0, [legs, arms]].tolist() == [4.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -117,6 +118,24 @@ def test_whom_one_view_shows_by_what_is_somebody_else_s_is_not_moved(gain, rows,
     rows = np.array(rows, dtype=np.int64)
     hold_back(rows, worth, np.array(lost), TrackerOptions())
     assert rows.tolist() == after
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.04, 0.1])
+def test_swaps_are_forgotten_by_the_time_that_goes_by_not_by_frames(dt_s: float):
+    options = TrackerOptions(swap_log_odds=-5.0, swap_lasts_s=0.3)
+    swapped = np.array([[[1.0, 0.0]]])
+    for _ in range(round(0.6 / dt_s)):
+        forget_swaps(swapped, dt_s, options)
+    usual = 1.0 / (1.0 + np.exp(5.0))
+    np.testing.assert_allclose(swapped[0, 0], usual + np.exp(-2.0) * (np.array([1.0, 0.0]) - usual), rtol=1e-9)
+
+
+def test_what_is_never_swapped_stays_so_and_odds_stay_finite():
+    swapped = np.array([[[0.0, 1.0]]])
+    forget_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
+    assert ((swapped > 0.0) & (swapped < 1.0)).all()
+    forget_swaps(swapped, 1e3, TrackerOptions(swap_log_odds=-1e6))
+    assert np.log(swapped / (1.0 - swapped)).max() < -500.0
 
 
 def in_pieces(scene: CrowdScene) -> Detections:

@@ -74,19 +74,13 @@ def assemble(
     numbers = np.unique(np.concatenate([view.recorded for view in views]))
     if not len(numbers):
         raise FileError(f"{path} is an empty recording: its views have no frames.")
-    span = len(numbers) if sparse else int(numbers[-1] - numbers[0]) + 1
-    if span > 4 * len(numbers) + 1000:
-        raise FileError(
-            f"{path}: frame numbers run from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. "
-            "Are files of another recording among them?"
-        )
-    frame_numbers = numbers if sparse else np.arange(numbers[0], numbers[-1] + 1)
+    frame_numbers = numbers if sparse else line_of_frames(path, numbers, own=False)
     recorded = np.stack([np.isin(frame_numbers, view.recorded) for view in views], axis=1)
     frame = np.searchsorted(frame_numbers, np.concatenate([view.frame_of_row for view in views]))
     view_of_row = np.repeat(np.arange(len(views)), [len(view.frame_of_row) for view in views])
     order = np.lexsort((view_of_row, frame))
     cells = frame * len(views) + view_of_row
-    counts = np.bincount(cells, minlength=span * len(views))
+    counts = np.bincount(cells, minlength=len(frame_numbers) * len(views))
     keypoints = np.concatenate([view.keypoints for view in views])[order]
     times = frame_times(frame_numbers, len(views), rate_hz)
     for v, view in enumerate(views):
@@ -122,6 +116,37 @@ def _joined(parts: Sequence[np.ndarray | None], views: Sequence[ViewColumns], or
         for part, view in zip(parts, views, strict=True)
     ]
     return np.concatenate(filled)[order]
+
+
+def far_apart(numbers: np.ndarray) -> bool:
+    """Whether frame numbers are so far apart that they are no recording's, but somebody's choice of frames, or wrong.
+
+    Args:
+        numbers: shape (frame,), ascending.
+    """
+    return bool(numbers[-1] - numbers[0] + 1 > 4 * len(numbers) + 1000)
+
+
+def line_of_frames(path: Path, frame: np.ndarray, *, own: bool) -> np.ndarray:
+    """Shape (frame,): every frame number from the first to the last; of frames far apart those that there are.
+
+    Args:
+        path: for messages.
+        frame: shape (cell,): numbers of the frames that views have, in any order.
+        own: whether posefuse wrote the file: then frames may lie far apart, as those labelled by hand do.
+
+    Raises:
+        FileError: if they are far apart in a file of another program's.
+    """
+    numbers = np.unique(frame)
+    if not far_apart(numbers):
+        return np.arange(numbers[0], numbers[-1] + 1)
+    if own:
+        return numbers
+    raise FileError(
+        f"{path}: frame numbers run from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. Are "
+        "files of another recording among them?"
+    )
 
 
 def rate_of_frames(time_s: np.ndarray) -> float | None:

@@ -27,7 +27,7 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.errors import FileError, choices
 from posefuse.io.files import file_name, natural_key, reading, replacing_folder
-from posefuse.io.keypoints.columns import rate_of_frames
+from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
 from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.parquet_about import About, about_of, column_names, metadata_of
@@ -127,8 +127,10 @@ def _detections(
     request: Request,
     about: About | None,
 ) -> Detections:
-    numbers = _frame_numbers(path, index)
-    cells = index.frame - numbers[0], index.view
+    if not len(index.frame):
+        raise FileError(f"{path} is an empty recording: its tables have no rows.")
+    numbers = line_of_frames(path, index.frame, own=about is not None)
+    cells = np.searchsorted(numbers, index.frame), index.view
     shape = len(numbers), len(names)
     recorded, people = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.int64)
     recorded[cells], people[cells] = True, index.people
@@ -158,18 +160,6 @@ def _detections(
         rate_hz=rate,
         notes=notes,
     )
-
-
-def _frame_numbers(path: Path, index: Index) -> np.ndarray:
-    if not len(index.frame):
-        raise FileError(f"{path} is an empty recording: its tables have no rows.")
-    first, last = int(index.frame[0]), int(index.frame[-1])
-    if last - first > 4 * len(index.frame) + 1000:
-        raise FileError(
-            f"{path}: frame numbers run from {first} to {last}, but there are only {len(index.frame)} rows. Are tables "
-            "of another recording among them?"
-        )
-    return np.arange(first, last + 1)
 
 
 def _skeleton(

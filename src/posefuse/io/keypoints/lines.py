@@ -15,7 +15,7 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, FileError
 from posefuse.io.files import reading
-from posefuse.io.keypoints.columns import rate_of_frames
+from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
 from posefuse.io.keypoints.guess import guess_skeleton
 from posefuse.io.keypoints.stored import RowsByRange
 from posefuse.model.detections import Detections, frame_times
@@ -233,12 +233,14 @@ class Told:
         rate_hz: frames per second, or None.
         notes: what is worth saying.
         channels: which there are: :data:`PIXELS` and :data:`CONFIDENCE`, and maybe :data:`SIGMA`, :data:`DEPTH`.
+        own: whether posefuse wrote the files; then frames may lie far apart.
     """
 
     skeleton: Skeleton | None
     rate_hz: float | None
     notes: tuple[str, ...] = ()
     channels: tuple[tuple[int, ...], ...] = (PIXELS, CONFIDENCE)
+    own: bool = False
 
 
 def detections_of_lines(path: Path, index: Index, decode: Decode, n_channels: int, told: Told) -> Detections:
@@ -255,20 +257,13 @@ def detections_of_lines(path: Path, index: Index, decode: Decode, n_channels: in
         FileError: if frame numbers make no recording, or nobody was detected and nothing tells the skeleton.
         SkeletonError: if the number of keypoints does not tell the skeleton.
     """
-    first, last = int(index.frame[0]), int(index.frame[-1])
-    n_frames = len(np.unique(index.frame))
-    if last - first + 1 > 4 * n_frames + 1000:
-        raise FileError(
-            f"{path}: frame numbers run from {first} to {last}, but there are only {n_frames} frames. Are files of "
-            "another recording among them?"
-        )
+    numbers = line_of_frames(path, index.frame, own=told.own)
     skeleton, said = _skeleton(path, Numbers(index, decode, n_channels), told)
     if not index.n_keypoints:
         index = replace(index, n_keypoints=len(skeleton))
-    shape, cells = (last - first + 1, len(index.names)), (index.frame - first, index.camera)
+    shape, cells = (len(numbers), len(index.names)), (np.searchsorted(numbers, index.frame), index.camera)
     recorded, people = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.int64)
     recorded[cells], people[cells] = True, np.diff(index.ends)
-    numbers = np.arange(first, last + 1)
     times = _times(index, numbers, recorded, told.rate_hz)
     held = Numbers(index, decode, n_channels)
     rows = {channel: NumberRows(held, channel) for channel in told.channels}
@@ -294,7 +289,7 @@ def _times(index: Index, numbers: np.ndarray, recorded: np.ndarray, rate_hz: flo
     times = np.where(recorded, frame_times(numbers, len(index.names), rate_hz), np.nan)
     timed = np.unique(index.camera[np.isfinite(index.time_s)])
     mine = np.isin(index.camera, timed)
-    times[index.frame[mine] - numbers[0], index.camera[mine]] = index.time_s[mine]
+    times[np.searchsorted(numbers, index.frame[mine]), index.camera[mine]] = index.time_s[mine]
     return times
 
 

@@ -10,6 +10,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.detections import Detections
+from posefuse.model.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
 _MARKER = "posefuse_openpose.txt"
 _ABOUT = "2D keypoints in OpenPose's layout, written by posefuse convert.\n"
@@ -51,7 +52,7 @@ def _frame(detections: Detections, frame: int, view: int) -> dict[str, Any]:
 
 def lost(detections: Detections) -> tuple[str, ...]:
     """What of these detections the files cannot hold."""
-    told = ["times and the frame rate"]
+    told = ["times and the frame rate", *_unnamed(detections.skeleton)]
     for name, what in (("depth", "depths"), ("sigma_px", "standard deviations")):
         if getattr(detections, name) is not None:
             told.append(what)
@@ -61,6 +62,15 @@ def lost(detections: Detections) -> tuple[str, ...]:
     if zero:
         told.append("detections with a confidence of 0, which is how OpenPose says missing")
     return tuple(told)
+
+
+def _unnamed(skeleton: Skeleton) -> tuple[str, ...]:
+    """What is said of a skeleton that the number of its keypoints does not tell."""
+    alike = [name for name in shipped_skeletons() if len(shipped_skeleton(name)) == len(skeleton)]
+    if alike == [skeleton.name] and shipped_skeleton(skeleton.name) == skeleton:
+        return ()
+    given = skeleton.name if skeleton.name in alike else "its TOML file"
+    return (f"what the keypoints are called: to read them again, --skeleton {given}",)
 
 
 def _odd_confidences(detections: Detections) -> tuple[bool, bool]:

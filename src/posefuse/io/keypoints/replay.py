@@ -109,7 +109,7 @@ def read(path: Path, request: Request) -> Detections:
     if head is None:
         told = Told(request.skeleton, request.rate_hz, channels=channels)
         return detections_of_lines(path, index, _people_of, _CHANNELS, told)
-    told = Told(_skeleton(path, head.skeleton) or request.skeleton, head.rate_hz, tuple(head.notes), channels)
+    told = Told(_skeleton(path, head.skeleton) or request.skeleton, head.rate_hz, tuple(head.notes), channels, own=True)
     return asked_of(detections_of_lines(path, index, _people_of, _CHANNELS, told), request, path)
 
 

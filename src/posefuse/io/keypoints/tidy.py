@@ -14,6 +14,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
+from posefuse.io.keypoints.columns import far_apart
 from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.parquet_about import column_names
 from posefuse.io.keypoints.request import Request
@@ -97,6 +98,8 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     silent = detections.n_views - int(np.any(detections.recorded, axis=0).sum())
     if silent:
         told.append("views without any frame")
+    if detections.n_frames and far_apart(detections.frame_numbers):
+        told.append("frames as far apart as these so that they can be read again: parquet can")
     if detections.notes:
         told.append("what was noted when the detections were read")
     return tuple(told)

@@ -10,6 +10,7 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import reading
+from posefuse.io.keypoints.columns import line_of_frames
 from posefuse.io.keypoints.parquet_about import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.keypoints.stored import RowsByRange
@@ -127,12 +128,10 @@ def _places(column: Any, names: Sequence[str]) -> np.ndarray:
 
 
 def _stored(path: Path, about: About, index: _Index) -> Detections:
-    first, last, n_views = int(index.frame[0]), int(index.frame[-1]), len(about.views)
-    shape = last - first + 1, n_views
-    if shape[0] > 4 * len(index.frame) + 1000:
-        raise FileError(f"{path}: frames run from {first} to {last}, but there are only {len(index.frame)} of them.")
+    numbers = line_of_frames(path, index.frame, own=True)
+    shape = len(numbers), len(about.views)
     recorded, times, people = np.zeros(shape, dtype=bool), np.full(shape, np.nan), np.zeros(shape, dtype=np.int64)
-    cells = index.frame - first, index.view
+    cells = np.searchsorted(numbers, index.frame), index.view
     recorded[cells], times[cells], people[cells] = True, index.time_s, index.people
     columns = column_names(path)
 
@@ -145,7 +144,7 @@ def _stored(path: Path, about: About, index: _Index) -> Detections:
     return Detections(
         skeleton=about.skeleton,
         view_names=about.views,
-        frame_numbers=np.arange(first, last + 1),
+        frame_numbers=numbers,
         time_s=times,
         offsets=np.concatenate([[0], np.cumsum(people)]),
         keypoints_px=pixels,

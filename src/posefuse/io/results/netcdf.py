@@ -156,6 +156,8 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
     add_variable(file, "keypoint", ("keypoint",), np.array(first.skeleton.keypoints))
     add_variable(file, "space", ("space",), np.array(["x", "y", "z"]))
     add_variable(file, "covariance_entry", ("covariance_entry",), np.array(COVARIANCE_ENTRIES))
+    if not first.options.sync.does_nothing:
+        add_variable(file, "retimed", ("time", "view"), dtype="i1")
     for layer in first.layers:
         for name, axes, kind, codes in _LAYER_VARIABLES.values():
             add_variable(file, f"{layer}_{name}", axes, dtype=kind, **_attributes(name, first.unit, codes))
@@ -233,6 +235,8 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
     file.resize_dimension("time", stop)
     file.variables["time"][start:stop] = part.time_s
     file.variables["frame_number"][start:stop] = part.frame_numbers
+    if "retimed" in file.variables:
+        file.variables["retimed"][start:stop] = part.retimed
     for layer_name, layer in part.layers.items():
         for attribute, (name, *_) in _LAYER_VARIABLES.items():
             file.variables[f"{layer_name}_{name}"][start:stop] = getattr(layer, attribute)[:]

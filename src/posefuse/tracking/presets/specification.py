@@ -112,7 +112,7 @@ class WeightedScore:
         near = (count >= settings.options.min_joints) & (squared <= o.match_gate * count)
         swapped = np.zeros((*cost.shape, settings.n_groups), dtype=np.int8)
         gain = np.ascontiguousarray(np.where(near, _MATCHED - cost, -np.inf))
-        return Likeness(gain, 0.0, swapped, np.zeros(len(frame.view), dtype=bool))
+        return Likeness(gain, 0.0, swapped, np.zeros(swapped.shape), np.zeros(len(frame.view), dtype=bool))
 
     def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
         """Pairs and views speak for it, reprojection errors, varying bones and misses against it."""

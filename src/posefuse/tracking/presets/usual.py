@@ -67,17 +67,17 @@ class OddsScore:
         """By the predictive likelihood against clutter, sides as labelled or exchanged."""
         s, o, n = settings, settings.options, len(lately.ids)
         scores = np.empty((n, len(frame.view)))
-        swapped = np.zeros((n, len(frame.view), s.n_groups), dtype=np.int8)
+        shape = (n, len(frame.view), s.n_groups)
+        swapped, odds = np.zeros(shape, dtype=np.int8), np.empty(shape)
         score_detections(
             sight.pixels, sight.spread, sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
             s.skeleton.mirror, s.group_of, s.n_groups, s.law, lately.swapped,
-            o.swap_log_odds, o.swap_stay_log_odds, o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores,
-            swapped,
+            o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores, swapped, odds,
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
         track_ids = frozen(frame.track_ids, np.int64)
         add_identities(lately.ids, frame.view, track_ids, o.id_evidence, _EXPLAINED, scores, explained)
-        return Likeness(scores, o.match_evidence, swapped, explained)
+        return Likeness(scores, o.match_evidence, swapped, odds, explained)
 
     def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
         """The log odds of all its frames together."""

@@ -1,0 +1,76 @@
+"""Animals are followed as the page says: its own skeleton, its own commands, by files."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.animals import OF, OWN_TOML
+
+import posefuse
+from posefuse.cli.simulate import write_scene
+from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
+from posefuse.synthetic.crowds import CrowdScene
+
+PAGE = (Path(__file__).parents[2] / "docs" / "animals.md").read_text()
+
+
+def commands() -> list[list[str]]:
+    """Those of the page, as lists of words."""
+    return [shlex.split(line) for line in re.findall(r"(?m)^posefuse (reconstruct .*)$", PAGE)]
+
+
+@pytest.fixture(scope="module")
+def scene() -> CrowdScene:
+    """Two mice that start, stop and meet, 5 s."""
+    made = simulate_animals(AnimalOptions(animals=2, cameras=4, duration_s=5.0, rate_hz=30.0, seed=8))
+    return renamed(made, Skeleton("own", tuple(OF)), OF)
+
+
+def test_the_pages_skeleton_is_the_benchmarks() -> None:
+    (text,) = re.findall(r"(?s)```toml\n(.*?)```", PAGE)
+    ours, theirs = parse_skeleton(text, "my_mouse.toml"), parse_skeleton(OWN_TOML, "my_mouse.toml")
+    assert (ours.keypoints, ours.edges, ours.pairs) == (theirs.keypoints, theirs.edges, theirs.pairs)
+    assert ours.tree is not None
+    assert theirs.tree is not None
+    assert ours.tree.size_m == theirs.tree.size_m
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["without a skeleton", "with one"])
+def test_the_pages_commands_follow_two_mice(
+    which: int, scene: CrowdScene, run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my_mouse.toml").write_text(re.findall(r"(?s)```toml\n(.*?)```", PAGE)[0])
+    Path("RECORDING").mkdir()
+    write_scene(scene, Path("RECORDING"))
+    code, _, warned = run(*commands()[which])
+    assert code == 0, warned
+    result = posefuse.read_reconstruction(Path("RESULT"))
+    assert result.person_ids == ("person_1", "person_2")
+    code, _, warned = run("evaluate", "RESULT", "RECORDING/truth.nc")
+    assert code == 0, warned
+    scores = json.loads(Path("RESULT/evaluation.json").read_text())
+    assert scores["clear"][0]["gate_m"] < 0.05
+    assert scores["clear"][0]["switches"] == 0
+    assert scores["recall_after_entry"] > 0.97
+    assert scores["median_mm"] < 8.0
+
+
+def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
+    posefuse.write(scene.truth, tmp_path / "reconstruction.nc")
+    code, said, _ = run("evaluate", tmp_path, tmp_path / "reconstruction.nc", "--gate-m", "0.02", "0.01")
+    assert code == 0
+    assert "0.02 m" in said
+    assert "0.01 m" in said
+
+
+def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:
+    from posefuse.evaluation.together import people_points
+
+    found = posefuse.score_people(people_points(scene.truth, scene.truth))
+    assert found.clear[0].mota == 1.0
+    assert np.isclose(found.mpjpe_mm, 0.0)
