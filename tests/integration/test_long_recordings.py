@@ -1,7 +1,10 @@
 """Long recordings on the command line: killed, interrupted, changed, and gone on with."""
 
+import contextlib
+import itertools
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import posefuse
+from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
 from posefuse.io.files import PARTS
 from posefuse.io.keypoints import detection_tables
@@ -69,7 +73,7 @@ def two_people(tmp_path_factory) -> Path:
 def uninterrupted(two_people, tmp_path_factory) -> Path:
     output = tmp_path_factory.mktemp("long") / "uninterrupted"
     process = start(two_people, output, 20)
-    said = process.communicate(timeout=300)[0]
+    said = process.communicate(timeout=1800)[0]
     assert process.returncode == 0, said
     return output
 
@@ -140,6 +144,40 @@ def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_p
     assert code == 0
     assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
+
+
+def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
+    """The command in a copy of this process that ends just before or after the n-th file takes its place; its code."""
+    copy = os.fork()
+    if copy:
+        return os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1])
+    usual, count = os.replace, itertools.count(1)
+
+    def replace(*paths: object, **more: object) -> None:
+        number = next(count)
+        if number == n and not after:
+            os._exit(9)
+        usual(*paths, **more)  # type: ignore[arg-type]
+        if number == n:
+            os._exit(9)
+
+    os.replace = replace  # type: ignore[assignment]
+    with contextlib.suppress(BaseException):
+        main(["reconstruct", str(recording), "-o", str(output), "--chunk-frames", "20"])
+    os._exit(0)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
+def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
+    """Parts, files of the result as they are written, and as they come to its folder; before and after in turn."""
+    n, output = 1, tmp_path / "out"
+    while ended_at(n, n % 2 == 0, two_people, output) == 9:
+        assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)[0] == 0
+        assert contents(output) == contents(uninterrupted)
+        shutil.rmtree(output)
+        n += 1
+    assert n > 30
 
 
 @pytest.mark.long

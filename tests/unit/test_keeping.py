@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import posefuse
 from posefuse.errors import FileError
 from posefuse.io.parts import Parts
 from posefuse.io.results import netcdf
@@ -167,6 +168,21 @@ def test_a_part_is_whole_or_not_there(tmp_path):
     parts = Parts(tmp_path / "parts", "key")
     np.testing.assert_array_equal(parts.get("first"), np.arange(3))
     np.testing.assert_array_equal(parts.get("second"), np.random.default_rng(0).random(3_000_000))
+
+
+def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
+    scene = simulate(SceneOptions(duration_s=2.0, cameras=3, seed=2))
+    options = Options(solve="frame", pairs="labels", chunk_frames=20)
+    whole = posefuse.reconstruct(scene.rig, scene.detections, options)
+    keeper = Parts(tmp_path / "parts", "key")
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    parts = sorted((tmp_path / "parts").rglob("measured_*.part"))
+    assert len(parts) == -(-scene.detections.n_frames // 20)
+    parts[1].unlink()
+    before = {path: path.stat().st_mtime_ns for path in parts if path != parts[1]}
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+    assert parts[1].exists()
 
 
 class TestParts:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -235,22 +235,15 @@ class Reconstruction:
     def windows(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
         """The same, each array read when it is first asked for; without poses."""
         for start, stop in ranges(self.n_frames, size):
-
-            def some(noun: Any, start: int = start, stop: int = stop) -> Any:
-                arrays = {f.name: getattr(noun, f.name) for f in fields(noun)}
-                return replace(
-                    noun, **{n: Stretch(a, start, stop) for n, a in arrays.items() if not isinstance(a, tuple)}
-                )
-
             numbers = set(self.frame_numbers[start:stop].tolist())
             yield replace(
                 self,
                 frame_numbers=self.frame_numbers[start:stop],
                 time_s=self.time_s[start:stop],
                 events=tuple(event for event in self.events if event.number in numbers),
-                layers={name: some(layer) for name, layer in self.layers.items()},
-                tracks=None if self.tracks is None else some(self.tracks),
-                swaps=None if self.swaps is None else some(self.swaps),
+                layers={name: _stretch(layer, start, stop) for name, layer in self.layers.items()},
+                tracks=None if self.tracks is None else _stretch(self.tracks, start, stop),
+                swaps=None if self.swaps is None else _stretch(self.swaps, start, stop),
                 poses=None,
             )
 
@@ -281,3 +274,13 @@ class Reconstruction:
 def unpack_covariance(entries: np.ndarray) -> np.ndarray:
     """Matrices of packed covariances: (..., 6) to (..., 3, 3)."""
     return np.asarray(entries)[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+
+
+_Noun = TypeVar("_Noun", Layer, Tracks, Swaps)
+
+
+def _stretch(noun: _Noun, start: int, stop: int) -> _Noun:
+    """Some frames of a noun, each array read when it is first asked for."""
+    arrays = {each.name: getattr(noun, each.name) for each in fields(noun)}
+    cut = {name: Stretch(a, start, stop) for name, a in arrays.items() if not isinstance(a, tuple)}
+    return replace(noun, **cut)
