@@ -38,6 +38,9 @@ def _group_bytes(path: Path) -> list[int]:
     metadata = pq.read_metadata(path)
     sizes = []
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        if group.num_columns != metadata.num_columns:
+            # To ask for a column that is not described ends the process.
+            raise ValueError(f"a row group has {group.num_columns} columns, the file {metadata.num_columns}")
         columns = [group.column(i) for i in range(group.num_columns)]
         values = sum(column.num_values * _WIDTHS.get(column.physical_type, _WIDEST) for column in columns)
         sizes.append(max(values, group.total_byte_size))
