@@ -33,7 +33,6 @@ _SIZES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)), 3))
 _COMMON_SIZES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCALS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
 _MOST_VIEWS_TO_ORDER = 7
-_CORE_PAIRS_SHARE = 0.34
 
 
 @dataclass(frozen=True)

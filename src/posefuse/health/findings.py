@@ -69,9 +69,3 @@ def certainty_of(score: float, rivals: list[float]) -> float:
     wrong = 1.0 / (1.0 + math.exp(-0.5 * min(max(score - 10.0, -60.0), 60.0)))
     share = 1.0 / (1.0 + sum(math.exp(min(0.5 * (rival - score), 0.0)) for rival in rivals))
     return float(np.clip(wrong * share, 0.0, 0.99))
-
-
-def signed(value: float, digits: int, unit: str, sd: float = math.nan) -> str:
-    """A number with its unit, and its standard deviation where it is known."""
-    spread = f" +- {sd:.{digits}f}" if np.isfinite(sd) else ""
-    return f"{value:.{digits}f}{spread} {unit}"

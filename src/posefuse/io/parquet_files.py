@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from posefuse.io.files import most_unfolded, must_unfold
+from posefuse.io.parquet_footer import row_groups
 
 _WIDTHS = {"BOOLEAN": 1, "INT32": 4, "FLOAT": 4, "INT96": 12, "BYTE_ARRAY": 16}
 _WIDEST = 8
@@ -33,17 +34,10 @@ def check_row_groups(path: Path) -> None:
 
 def _group_bytes(path: Path) -> list[int]:
     """Bytes of each row group in memory, as far as its description tells."""
-    import pyarrow.parquet as pq
-
-    metadata = pq.read_metadata(path)
     sizes = []
-    for group in map(metadata.row_group, range(metadata.num_row_groups)):
-        if group.num_columns != metadata.num_columns:
-            # To ask for a column that is not described ends the process.
-            raise ValueError(f"a row group has {group.num_columns} columns, the file {metadata.num_columns}")
-        columns = [group.column(i) for i in range(group.num_columns)]
-        values = sum(column.num_values * _WIDTHS.get(column.physical_type, _WIDEST) for column in columns)
-        sizes.append(max(values, group.total_byte_size))
+    for group in row_groups(path):
+        values = sum(column.n_values * _WIDTHS.get(column.physical_type, _WIDEST) for column in group.columns)
+        sizes.append(max(values, group.uncompressed_bytes))
     return sizes
 
 
@@ -56,14 +50,13 @@ def _text_bytes(path: Path) -> list[int]:
 
     sizes = []
     with pq.ParquetFile(path) as plain:
-        metadata, names = plain.metadata, plain.schema_arrow.names
-    for g in range(metadata.num_row_groups):
-        group = metadata.row_group(g)
-        texts = [group.column(i) for i in range(group.num_columns) if group.column(i).physical_type == "BYTE_ARRAY"]
-        most = sum(column.num_values * column.total_uncompressed_size for column in texts)
+        names = plain.schema_arrow.names
+    for g, group in enumerate(row_groups(path)):
+        texts = [column for column in group.columns if column.physical_type == "BYTE_ARRAY"]
+        most = sum(column.n_values * column.uncompressed_bytes for column in texts)
         if most <= most_unfolded(path):
             continue
-        flat = [column.path_in_schema for column in texts if column.path_in_schema in names]
+        flat = [column.path for column in texts if column.path in names]
         with pq.ParquetFile(path, read_dictionary=flat) as content:
             table = content.read_row_group(g, columns=flat)
             sizes.append(sum(_texts_of(chunk) for column in table.columns for chunk in column.chunks))

@@ -24,19 +24,6 @@ def point_ray_distance(px, py, pz, sx, sy, sz, dx, dy, dz):
     return math.sqrt(ax * ax + ay * ay + az * az), along
 
 
-@inline
-def ray_ray_distance(sx, sy, sz, dx, dy, dz, tx, ty, tz, ex, ey, ez):
-    """Shortest distance of two lines with unit directions, and the sine of the angle between them."""
-    cx = dy * ez - dz * ey
-    cy = dz * ex - dx * ez
-    cz = dx * ey - dy * ex
-    sine = math.sqrt(cx * cx + cy * cy + cz * cz)
-    if sine < 1e-12:
-        distance, _ = point_ray_distance(tx, ty, tz, sx, sy, sz, dx, dy, dz)
-        return distance, sine
-    return abs((tx - sx) * cx + (ty - sy) * cy + (tz - sz) * cz) / sine, sine
-
-
 @kernel
 def intersect_rays(origins, directions, weights, points, covariance, status):
     """The point nearest to all rays of each row, weighted.

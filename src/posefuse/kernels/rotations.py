@@ -79,20 +79,3 @@ def turn_between(start, end):
     angle = math.atan2(sine, cosine)
     scale = 0.5 if sine < 1e-9 else 0.5 * angle / sine
     return scale * a, scale * b, scale * c
-
-
-@step
-def frame_along(x, y, z, matrix):
-    """Axes of which the third points along ``(x, y, z)``, into ``matrix``."""
-    inverse = 1.0 / math.sqrt(x * x + y * y + z * z)
-    matrix[0, 2] = x * inverse
-    matrix[1, 2] = y * inverse
-    matrix[2, 2] = z * inverse
-    # Begin with the world axis that is most across.
-    least = 0
-    for i in range(1, 3):
-        if abs(matrix[i, 2]) < abs(matrix[least, 2]):
-            least = i
-    for i in range(3):
-        matrix[i, 0] = 1.0 if i == least else 0.0
-    orthonormalise(matrix)

@@ -7,12 +7,8 @@ from typing import Literal, get_args
 from posefuse.errors import OptionsError, suggestion
 
 SmoothnessPrior = Literal["jerk", "acceleration"]
-
-SMOOTHNESS_PRIORS: dict[SmoothnessPrior, str] = {
-    "jerk": "white jerk: a path without noise may be any parabola, a cubic costs as much as its jerk",
-    "acceleration": "white acceleration: a path without noise may be any straight line",
-}
-"""Priors of motion and their line in help."""
+"""White jerk: a path without noise may be any parabola, a cubic costs as much as its jerk. White acceleration: without
+noise it may be any straight line."""
 
 
 @dataclass(frozen=True)

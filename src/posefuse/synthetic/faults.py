@@ -38,7 +38,6 @@ Fault = Literal[
     "moved along later",
 ]
 FAULTS: tuple[Fault, ...] = get_args(Fault)
-SIZE_PX = (1920, 1080)
 
 
 @dataclass(frozen=True)

@@ -72,14 +72,16 @@ def test_how_well_views_fit(seed):
 def test_what_the_last_matches_were_like(seed):
     rng = np.random.default_rng(seed)
     rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
+    odds = rng.normal(0.0, 3.0, (5, 6, 2))
     ids, alone_s = rng.integers(-1, 9, 6), rng.random(5)
     rows[0] = [-1, 3, -1, -1]
-    was, known, before = rng.integers(0, 2, (5, 4, 2)).astype(np.int8), rng.integers(-1, 9, (5, 4)), alone_s.copy()
-    swapped_then, ids_then = was.copy(), known.copy()
-    note_matches(rows, swapped, frozen(ids, np.int64), 0.04, alone_s, was, known)
+    was, known, before = rng.random((5, 4, 2)), rng.integers(-1, 9, (5, 4)), alone_s.copy()
+    was_then, ids_then = was.copy(), known.copy()
+    note_matches(rows, swapped, odds, frozen(ids, np.int64), 0.04, alone_s, was, known)
     there = rows >= 0
+    probable = 1.0 / (1.0 + np.exp(-np.where(swapped != 0, odds, -np.abs(odds))))
     np.testing.assert_array_equal(known, np.where(there, ids[rows], ids_then))
-    np.testing.assert_array_equal(was, np.where(there[..., None], swapped[np.arange(5)[:, None], rows], swapped_then))
+    np.testing.assert_allclose(was, np.where(there[..., None], probable[np.arange(5)[:, None], rows], was_then))
     np.testing.assert_allclose(alone_s, np.where(there.sum(axis=1) == 1, before + 0.04, 0.0))
 
 
