@@ -58,7 +58,7 @@ def in_step(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions)
     notes = tuple(
         _note(name, true[:, v] - said[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras
     )
-    return InStep(_rearranged(everything, source, true, common), common, notes)
+    return InStep(_rearranged(everything, source, true), common, notes)
 
 
 def _note(name: str, late_s: np.ndarray, common: np.ndarray) -> str:
@@ -84,7 +84,7 @@ def _nearest(wanted: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.where(own & (gap < 0.75 * period), nearest, -1)
 
 
-def _rearranged(detections: Detections, source: np.ndarray, true_s: np.ndarray, common_s: np.ndarray) -> Detections:
+def _rearranged(detections: Detections, source: np.ndarray, true_s: np.ndarray) -> Detections:
     views = np.arange(detections.n_views)
     there = source >= 0
     counts = np.where(there, detections.people_counts[source, views], 0)

@@ -257,7 +257,7 @@ def _scatter(normal: np.ndarray, right: np.ndarray, values: np.ndarray | None) -
     return float(np.square(scores).sum()) / size * clusters / (clusters - 1), float((clusters - 1) * size)
 
 
-def usual_effect(system: System, accepted: Sequence[Unknown], views: int) -> float:
+def usual_effect(system: System, views: int) -> float:
     """The median over views and unknowns of how many observations count as one, by blocks or by columns."""
     by_time, by_column = [], []
     always = np.ones(len(system.time_s))

@@ -106,15 +106,15 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
     first = now = looker.look(state)
     looker = replace(looker, scale=first.points.scale)
     found: list[Found] = []
-    effect = usual_effect(now.system, (), evidence.n_views)
+    effect = usual_effect(now.system, evidence.n_views)
     for _ in range(2 * evidence.n_views):
         accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
         verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
-        chosen = looker.choose(now, found, verdicts, free)
+        chosen = looker.choose(now, found, verdicts)
         if chosen is None:
             break
         found, now = chosen
-        effect = min(effect, usual_effect(now.system, (), evidence.n_views))
+        effect = min(effect, usual_effect(now.system, evidence.n_views))
     if found:
         found, now = looker.timed(*looker.settle(now, found, _FINAL_STEPS))
     return Fine(first, now, tuple(_with_sds(now.system, found)), effect)
@@ -143,9 +143,7 @@ class _Looker:
         system = linearise(self.evidence, state, points, self.blocks)
         return Looked(state, points, system)
 
-    def choose(
-        self, now: Looked, found: list[Found], verdicts: list[Verdict], free: Sequence[str]
-    ) -> tuple[list[Found], Looked] | None:
+    def choose(self, now: Looked, found: list[Found], verdicts: list[Verdict]) -> tuple[list[Found], Looked] | None:
         """The best hypothesis fitted with all that was accepted, or None where none gains enough."""
         good = [verdict for verdict in verdicts if verdict.score > THRESHOLD]
         if not good:
@@ -166,7 +164,7 @@ class _Looker:
         if rivals[0].hypothesis.kind in CLOCKS:
             return rivals[0], self.timed(*self.fit(now, found, rivals[0]))
         tried = [(v, self.fit(now, found, v)) for v in rivals if v.hypothesis.kind not in CLOCKS]
-        effect = min(usual_effect(looked.system, (), self.evidence.n_views) for _, (_, looked) in tried)
+        effect = min(usual_effect(looked.system, self.evidence.n_views) for _, (_, looked) in tried)
         costs = [2.0 * looked.points.cost / effect + v.hypothesis.penalty for v, (_, looked) in tried]
         return tried[int(np.argmin(costs))]
 

@@ -144,7 +144,7 @@ def detect_crowd(
     overlaps = _overlaps(exact, people.there, faults)
     if faults.track_ids:
         people.ids[:] = _identities(people.there, overlaps, rate_hz, faults, rng)
-    _merge(people, exact, overlaps, staging, rate_hz, faults, rng)
+    _merge(people, overlaps, staging, rate_hz, faults, rng)
     doubles = _duplicates(people, sizes, rate_hz, faults, rng)
     nobody = _false_people(exact, sizes, rate_hz, faults, rng)
     parts = [people, doubles, nobody]
@@ -225,7 +225,6 @@ def _overlaps(exact: np.ndarray, there: np.ndarray, faults: CrowdFaults) -> dict
 
 def _merge(
     people: _Sightings,
-    exact: np.ndarray,
     overlaps: dict[tuple[int, int], np.ndarray],
     staging: Staging,
     rate_hz: float,

@@ -178,13 +178,12 @@ def settle_shape(track: Track, state: State, p: int, time_s: float, dt_s: float,
         state.covariance[p, :, n : n + h] = 0.0
 
 
-def take_back(track: Track, state: State, p: int, found: State, settings: Settings) -> None:
+def take_back(state: State, p: int, found: State, settings: Settings) -> None:
     """Somebody lost is there again, as a new state says; a body whose lengths are known keeps them.
 
     Where they are still sought, what was found of them goes on with what the new state knows.
 
     Args:
-        track: theirs.
         state: in and out.
         p: their place in it.
         found: of one person, whose lengths are sought; it is left as it is.

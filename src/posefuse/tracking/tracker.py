@@ -89,7 +89,7 @@ class ArticulatedTracker:
         self.innovations = {}
         rows, used = self._follow(frame, dt_s)
         self._live_on(frame, rows, used, dt_s)
-        self._tell_apart(frame, rows, used, dt_s)
+        self._tell_apart(frame, rows, dt_s)
         rows, used = self._bear(frame, rows, used, dt_s)
         sight = self._foreseen(self.settings.cameras if self.parts else self.settings.cameras[:0])
         if self.parts:
@@ -174,8 +174,6 @@ class ArticulatedTracker:
         which = anew.unknown(self.state, self.settings)
         for p in np.flatnonzero(which.any(axis=1) & ((rows >= 0).sum(axis=1) > 1)):
             points = self._points_shown(frame, rows[p])
-            if not np.isfinite(points).any():
-                continue
             for state in (self.state,) if before is None else (self.state, before):
                 anew.begin_anew(state, int(p), which[p], points, self.settings)
 
@@ -368,7 +366,7 @@ class ArticulatedTracker:
                     held[int(mine[0])] = p
         return held
 
-    def _tell_apart(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:
+    def _tell_apart(self, frame: Frame, rows: np.ndarray, dt_s: float) -> None:
         """Which cameras still stand where they stood, and who is who after people were too near to tell."""
         n, number = len(self.settings.rig), frame.number
         active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
@@ -484,7 +482,7 @@ class ArticulatedTracker:
         if found is not None:
             p, why, uncertain = found
             track = self.tracks[p]
-            lifecycle.take_back(track, self.state, p, state, s)
+            lifecycle.take_back(self.state, p, state, s)
             self.innovations.pop(track.number, None)
             for mine, unknown in zip(self.lately, self._unknown(1), strict=True):
                 mine[p] = unknown[0]

@@ -143,8 +143,7 @@ def test_two_looks_at_a_body_know_what_both_know(settings, rng):
     measured = rng.normal(0.0, 0.05, (2, H))
     before, found = (body(settings, *posterior(*each)) for each in zip(measured, information, strict=True))
     found.root[0] = [1.0, 2.0, 0.9]
-    track = newcomer(1, 0.0, BOUNDS)
-    take_back(track, before, 0, found, settings)
+    take_back(before, 0, found, settings)
     together = information[0] + information[1]
     pull = information[0] @ measured[0] + information[1] @ measured[1]
     mean, covariance = posterior(np.linalg.solve(together, pull), together)
@@ -161,7 +160,7 @@ def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng)
     longer = TREE.shape_m.copy()
     longer[0] += 0.02
     before = body(settings, longer, 1e-12 * np.eye(H))
-    take_back(newcomer(1, 0.0, BOUNDS), before, 0, found, settings)
+    take_back(before, 0, found, settings)
     assert before.shape[0, 0] == pytest.approx(longer[0], abs=1e-6)
     assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
 
@@ -170,7 +169,7 @@ def test_lengths_that_are_kept_stay(settings, rng):
     before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
     before.free[0] = 0
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
-    take_back(newcomer(1, 0.0, BOUNDS), before, 0, found, settings)
+    take_back(before, 0, found, settings)
     np.testing.assert_array_equal(before.shape[0], TREE.shape_m + 0.01)
     assert not before.free[0]
     assert not before.covariance[0, SHAPE].any()
