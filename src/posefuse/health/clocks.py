@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from posefuse.health.coarse import Guess
 from posefuse.health.findings import Finding, Kind, certainty_of
-from posefuse.health.hypotheses import CLOCKS
-from posefuse.health.search import Found
+from posefuse.health.hypotheses import CLOCKS, Unknown, solve
+from posefuse.health.search import Fine, Found
+from posefuse.health.state import Column
 
 if TYPE_CHECKING:
     from posefuse.health.examine import Examination
@@ -18,13 +20,32 @@ def find(examination: "Examination") -> tuple[Finding, ...]:
     """Views that took their frames at other times than they say."""
     if examination.coarse is None or examination.fine is None:
         return ()
-    coarse = {g.view: 400.0 * (g.before - g.after) for g in examination.coarse.guesses if g.kind == "late"}
+    coarse = {
+        view: 400.0 * (guess.before - guess.after)
+        for guess in examination.coarse.guesses
+        if guess.kind == "late"
+        for view in _late_by(examination, guess)
+    }
     items = [item for item in examination.fine.found if item.hypothesis.kind in CLOCKS]
     views = sorted({item.hypothesis.view for item in items} | set(coarse))
     return tuple(
         _finding(examination, v, [item for item in items if item.hypothesis.view == v], coarse.get(v, 0.0))
         for v in views
     )
+
+
+def _late_by(examination: "Examination", guess: Guess) -> list[int]:
+    """The views that a guess says are late: of all together those that are not with the one amid them."""
+    if guess.view >= 0:
+        return [guess.view]
+    return np.flatnonzero(np.abs(guess.state.late_s[0]) > _WHOLE * examination.evidence.period_s).tolist()
+
+
+def _sd_s(fine: Fine, view: int) -> float:
+    """How well an offset is known to which nothing had to be added."""
+    system = fine.last.system
+    unknown = Unknown(view, Column.LATE, np.ones(len(system.time_s)))
+    return float(np.sqrt(solve(system, [unknown])[1][0, 0] * fine.effect))
 
 
 def _finding(examination: "Examination", view: int, items: list[Found], coarse_gain: float) -> Finding:
@@ -39,7 +60,7 @@ def _finding(examination: "Examination", view: int, items: list[Found], coarse_g
     name = f"View {cameras[0]!r}" if not two else f"View {cameras[view]!r} (beside {cameras[1 - view]!r})"
     # Frames are dropped whole.
     steps = [i for i in items if i.hypothesis.since is not None and abs(i.values[-1]) > _WHOLE * evidence.period_s]
-    sd = float(items[-1].sds[0]) / evidence.period_s if items else np.nan
+    sd = (float(items[-1].sds[0]) if items else _sd_s(fine, view)) / evidence.period_s
     remedy = "posefuse sync measures the offsets of all views; reconstruct --sync FILE uses them."
     if steps:
         return _dropped(examination, cameras, name, steps[0], late, sd, certainty, 0.5 * score, remedy)

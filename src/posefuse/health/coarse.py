@@ -11,10 +11,11 @@ from itertools import combinations, permutations
 import numpy as np
 
 from posefuse.health import epipolar
-from posefuse.health.epipolar import Look, disagreement, poses
+from posefuse.health.epipolar import Look, disagreement, look_of
 from posefuse.health.evidence import Evidence
-from posefuse.health.points import TAILS, Points, noise_of_one, solve_points, usual_noise
-from posefuse.health.state import Image, Sight, State, look, look_one
+from posefuse.health.points import TAILS, Points, solve_points, usual_noise
+from posefuse.health.starts import offsets_of_pairs
+from posefuse.health.state import Image, State, look
 from posefuse.model.cameras import rotation_from_vector
 
 _SCALES = (0.7, 1.0, 1.4, 2.0, 2.8)
@@ -88,6 +89,10 @@ def search(evidence: Evidence, frames: np.ndarray, reach_s: float) -> Coarse:
     asked = _Asked(evidence, scale, reach_s)
     table = first = asked.table(state)
     guesses: list[Guess] = []
+    apart = _unsynchronised(asked, state, table) if scale > 1.0 else None
+    if apart is not None:
+        asked, guess = apart
+        guesses, state, scale, table = [guess], guess.state, asked.scale, asked.table(guess.state)
     for _ in range(2 * evidence.n_views):
         guess = asked.best(state, table)
         if guess is None:
@@ -96,6 +101,17 @@ def search(evidence: Evidence, frames: np.ndarray, reach_s: float) -> Coarse:
         state = guess.state
         table = asked.table(state)
     return Coarse(state, tuple(guesses), table, first, scale, _core(table))
+
+
+def _unsynchronised(asked: "_Asked", state: State, table: np.ndarray) -> "tuple[_Asked, Guess] | None":
+    """That every camera was started alone, where all then agree as with less noise; None where they do not."""
+    tried = replace(asked, scale=1.0).started(state)
+    scale = _noise_of_the_best(asked.evidence, tried)
+    calmer = replace(asked, scale=scale)
+    after = calmer.table(tried)
+    if scale >= asked.scale or not (_row_levels(after) < AGREES).all():
+        return None
+    return calmer, Guess("late", -1, tried, _mean(table), _mean(after))
 
 
 def _noise_of_the_best(evidence: Evidence, state: State) -> float:
@@ -153,7 +169,7 @@ class _Asked:
         return _choose(list(self._simple(state, table, 1)), level)
 
     def _judged(self, kind: str, view: int, state: State, table: np.ndarray, others: list[Look]) -> Guess:
-        mine = _look_of(self.evidence, state, look_one(self.evidence, state, view), view, self.scale)
+        mine = look_of(self.evidence, state, view, self.scale)
         row = [np.nan if u == view else disagreement(mine, others[u]) for u in range(len(others))]
         return Guess(kind, view, state, _level(table[view]), _level(np.array(row)))
 
@@ -202,15 +218,27 @@ class _Asked:
 
     def _together(self, state: State, table: np.ndarray) -> Iterator[Guess]:
         """Guesses about all views at once."""
-        before = float(np.nanmean(table))
+        before = _mean(table)
         images = [Image(turns, mirrored) for turns in range(4) for mirrored in (False, True)]
         images += [Image(scale=s) for s in _COMMON_SIZES]
         for image in images:
             tried = replace(state, images=(image,) * self.evidence.n_views)
-            yield Guess("image", -1, tried, before, float(np.nanmean(self.table(tried))))
+            yield Guess("image", -1, tried, before, _mean(self.table(tried)))
         for factor in _FOCALS[::2]:
             tried = replace(state, focal=state.focal * factor)
-            yield Guess("focal", -1, tried, before, float(np.nanmean(self.table(tried))))
+            yield Guess("focal", -1, tried, before, _mean(self.table(tried)))
+        tried = self.started(state)
+        after = self.table(tried)
+        if _core(after):
+            yield Guess("late", -1, tried, before, _mean(after))
+
+    def started(self, state: State) -> State:
+        """Every camera started when it agrees best with the others."""
+        step = max(self.evidence.period_s, 0.04)
+        late_s = offsets_of_pairs(self.evidence, state, self.scale, step, int(self.reach_s / step))
+        for v, late in enumerate(late_s):
+            state = state.with_late(v, late)
+        return state
 
     def _ordered(self, state: State, table: np.ndarray) -> Guess | None:
         """The best order of cameras, if it is another."""
@@ -235,18 +263,12 @@ class _Asked:
         for v in range(views):
             for c in range(views):
                 tried = few.with_camera(evidence, v, c)
-                seen[v, c] = _look_of(evidence, tried, look_one(evidence, tried, v), v, self.scale)
+                seen[v, c] = look_of(evidence, tried, v, self.scale)
         costs = np.full((views,) * 4, np.nan)
         for a, b in combinations(range(views), 2):
             for c, d in permutations(range(views), 2):
                 costs[a, c, b, d] = costs[b, d, a, c] = disagreement(seen[a, c], seen[b, d])
         return costs
-
-
-def _look_of(evidence: Evidence, state: State, sight: Sight, view: int, scale: float) -> Look:
-    """A view's look from its sight alone (arrays without the view axis)."""
-    noise = scale * noise_of_one(evidence, sight, evidence.rig.cameras[state.cameras[view]])
-    return Look(sight.at.reshape(-1, 2), noise.ravel(), *poses(state, view, sight.at.shape[1]))
 
 
 def _choose(guesses: list[Guess], level: float) -> Guess | None:
@@ -261,6 +283,12 @@ def _choose(guesses: list[Guess], level: float) -> Guess | None:
 
 def _row_levels(table: np.ndarray) -> np.ndarray:
     return np.array([_level(row) for row in table])
+
+
+def _mean(table: np.ndarray) -> float:
+    """Of all pairs; NaN where none has enough in common."""
+    known = table[np.isfinite(table)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def _level(row: np.ndarray) -> float:

@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from posefuse.health.evidence import Evidence
-from posefuse.health.points import usual_noise
-from posefuse.health.state import Sight, State
+from posefuse.health.points import noise_of_one, usual_noise
+from posefuse.health.state import Sight, State, look_one
 from posefuse.kernels.epipolar import sampson
 
 _BOUND = 3.0
@@ -42,6 +42,13 @@ def looks(evidence: Evidence, state: State, sight: Sight, scale: float) -> list[
         Look(sight.at[:, :, v].reshape(-1, 2), noise[:, :, v].ravel(), *poses(state, v, sight.at.shape[1]))
         for v in range(evidence.n_views)
     ]
+
+
+def look_of(evidence: Evidence, state: State, view: int, scale: float) -> Look:
+    """What one view shows."""
+    sight = look_one(evidence, state, view)
+    noise = scale * noise_of_one(evidence, sight, evidence.rig.cameras[state.cameras[view]])
+    return Look(sight.at.reshape(-1, 2), noise.ravel(), *poses(state, view, sight.at.shape[1]))
 
 
 def poses(state: State, view: int, columns: int) -> tuple[np.ndarray, np.ndarray]:

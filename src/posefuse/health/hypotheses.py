@@ -13,6 +13,7 @@ _PRIOR = np.array([0.35] * 3 + [1.0] * 3 + [0.5, 0.2, 0.5, 1.0])
 CLOCKS = ("late", "drift", "dropped")
 """Kinds of hypotheses about when a view took its frames."""
 _LEAST_BLOCKS = 3
+_FEWEST_CLOCKS = 3
 _POOLED = 40.0
 _LEAST_FREEDOM = 0.5
 _SPENT = 4.0
@@ -26,6 +27,7 @@ fourth or a fifth of what is usually wrong with it.
 _PENALTY_OF_A_MOMENT = 5.0
 """Twice the logarithm of how many moments there are: a dozen in half a minute, as neighbours are nearly the same."""
 _BEYOND_CHANCE = 1.645
+_KINDS = (POSE, (Column.FOCAL,), (Column.LATE,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,7 @@ def promising(
     for group in _alike(every):
         for one, gain in zip(group, _gains(system, accepted, group), strict=True):
             raw = max(float(gain) - before, 0.0) / _least_effect(system, one, usual_effect)
-            if _told(system, raw) > one.penalty:
+            if told(system, raw) > one.penalty:
                 yield one
 
 
@@ -168,10 +170,9 @@ def _gains(system: System, accepted: Sequence[Unknown], group: Sequence[Hypothes
     return (total * values).sum(axis=-1)
 
 
-def _told(system: System, raw: float) -> float:
+def told(system: System, raw: float) -> float:
     """What a likelihood ratio is worth whose variance is known from so many clusters only: it grows more slowly."""
-    told = independent(system)
-    freedom = max(told - _SPENT, _LEAST_FREEDOM)
+    freedom = max(independent(system) - _SPENT, _LEAST_FREEDOM)
     return freedom * float(np.log1p(raw / freedom))
 
 
@@ -206,7 +207,21 @@ def judge(system: System, accepted: Sequence[Unknown], hypothesis: Hypothesis, u
     n, raw = len(accepted), max(gain - before, 0.0)
     effect = effect_of(system, hypothesis, values[n:], usual_effect)
     sds = np.sqrt(np.maximum(np.diag(inverse)[n:], 0.0) * effect)
-    return Verdict(hypothesis, _told(system, raw / effect), values[n:], sds, effect, raw)
+    return Verdict(hypothesis, told(system, raw / effect), values[n:], sds, effect, raw)
+
+
+def offsets_of_all(system: System, views: int, usual: float) -> Verdict | None:
+    """What the data say for clocks of which each is off by something of its own.
+
+    All views but the one amid the others: where most agree, that is one of them.
+    """
+    free = [Unknown(v, Column.LATE, np.ones(len(system.time_s))) for v in range(views) if system.seen[v] > 0]
+    if len(free) < _FEWEST_CLOCKS:
+        return None
+    late_s = solve(system, free)[0]
+    amid = int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))
+    others = tuple(unknown for k, unknown in enumerate(free) if k != amid)
+    return judge(system, (), Hypothesis("late", free[amid].view, others), usual)
 
 
 def independent(system: System) -> float:
@@ -225,7 +240,7 @@ def effect_of(system: System, hypothesis: Hypothesis, values: np.ndarray, usual:
     """
     normal, right = reduced(system.blocks, hypothesis.unknowns)
     by_time, freedom = _scatter(normal, right, values)
-    plain = {unknown.column: unknown for unknown in hypothesis.unknowns}
+    plain = {unknown.index: unknown for unknown in hypothesis.unknowns}
     index = [unknown.index for unknown in plain.values()]
     by_column, more = _scatter(system.columns.normal[:, index][:, :, index], system.columns.right[:, index], None)
     time_effect = (by_time * freedom + usual * _POOLED) / (freedom + _POOLED)
@@ -257,12 +272,12 @@ def _scatter(normal: np.ndarray, right: np.ndarray, values: np.ndarray | None) -
     return float(np.square(scores).sum()) / size * clusters / (clusters - 1), float((clusters - 1) * size)
 
 
-def usual_effect(system: System, views: int) -> float:
-    """The median over views and unknowns of how many observations count as one, by blocks or by columns."""
+def usual_effect(system: System, views: int, kinds: Sequence[Sequence[int]] = _KINDS) -> float:
+    """The median over views and kinds of unknowns of how many observations count as one, by blocks or by columns."""
     by_time, by_column = [], []
     always = np.ones(len(system.time_s))
     for view in range(views):
-        for columns in (POSE, (Column.FOCAL,), (Column.LATE,)):
+        for columns in kinds:
             free = [Unknown(view, Column(c), always) for c in columns]
             values = solve(system, free)[0]
             normal, right = reduced(system.blocks, free)

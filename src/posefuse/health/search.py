@@ -18,8 +18,10 @@ from posefuse.health.hypotheses import (
     Verdict,
     hypotheses,
     judge,
+    offsets_of_all,
     promising,
     solve,
+    told,
     usual_effect,
 )
 from posefuse.health.pace import late_by, likeliest, same_line
@@ -107,6 +109,8 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
     looker = replace(looker, scale=first.points.scale)
     found: list[Found] = []
     effect = usual_effect(now.system, evidence.n_views)
+    if "late" in free:
+        found, now = looker.unsynchronised(now, _judged(now.system, (), free, effect, evidence.n_views), effect)
     for _ in range(2 * evidence.n_views):
         accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
         verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
@@ -117,6 +121,7 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
         effect = min(effect, usual_effect(now.system, evidence.n_views))
     if found:
         found, now = looker.timed(*looker.settle(now, found, _FINAL_STEPS))
+        found, now = looker.without_needless(now, found, 0.5 * THRESHOLD)
     return Fine(first, now, tuple(_with_sds(now.system, found)), effect)
 
 
@@ -142,6 +147,38 @@ class _Looker:
         points = solve_points(self.evidence, state, look(self.evidence, state), self.scale, start)
         system = linearise(self.evidence, state, points, self.blocks)
         return Looked(state, points, system)
+
+    def unsynchronised(self, now: Looked, verdicts: list[Verdict], effect: float) -> tuple[list[Found], Looked]:
+        """Where cameras that ran each for itself explain more than any one thing about one view: their offsets.
+
+        Of several offsets each by itself looks much like a pose that is off, and that, once taken, leaves the others
+        to be explained by worse.
+        """
+        offsets = offsets_of_all(now.system, self.evidence.n_views, effect)
+        best = max((verdict.score for verdict in verdicts), default=0.0)
+        if offsets is None or offsets.score < best + THRESHOLD:
+            return [], now
+        items = []
+        for unknown in offsets.hypothesis.unknowns:
+            others = tuple(other for other in offsets.hypothesis.unknowns if other is not unknown)
+            one = judge(now.system, others, Hypothesis("late", unknown.view, (unknown,)), effect)
+            items.append(Found(one, np.zeros(1), one.sds))
+        items.sort(key=lambda item: -item.verdict.score)
+        found, looked = self.timed(*self.settle(now, items, _STEPS))
+        return self.without_needless(looked, found, THRESHOLD)
+
+    def without_needless(self, now: Looked, items: list[Found], least: float) -> tuple[list[Found], Looked]:
+        """The same but for clocks that are right as far as can be told, once all the rest is granted."""
+        while True:
+            worth = {k: _worth(now.system, items, k) for k in range(len(items)) if _is_clock(items[k])}
+            needless = min(worth, key=lambda k: worth[k], default=None)
+            if needless is None or worth[needless] >= least:
+                return items, now
+            gone, items = items[needless], items[:needless] + items[needless + 1 :]
+            changes = _changes(now.state, self.blocks, gone.hypothesis.unknowns, -gone.values)
+            now = self.look(now.state.corrected(changes), now.points)
+            if items:
+                items, now = self.settle(now, items, _STEPS)
 
     def choose(self, now: Looked, found: list[Found], verdicts: list[Verdict]) -> tuple[list[Found], Looked] | None:
         """The best hypothesis fitted with all that was accepted, or None where none gains enough."""
@@ -218,6 +255,19 @@ def _changes(state: State, blocks: np.ndarray, unknowns: Sequence[Unknown], valu
     for unknown, value in zip(unknowns, values, strict=True):
         changes[:, unknown.view, unknown.column] += value * unknown.profile[blocks]
     return changes
+
+
+def _is_clock(item: Found) -> bool:
+    return item.hypothesis.kind in CLOCKS
+
+
+def _worth(system: System, items: Sequence[Found], place: int) -> float:
+    """By how much more than its penalty the fit would be worse without one of the things found (Wald's test)."""
+    unknowns = [unknown for item in items for unknown in item.hypothesis.unknowns]
+    start = sum(len(item.values) for item in items[:place])
+    own, item = slice(start, start + len(items[place].values)), items[place]
+    loss = float(item.values @ np.linalg.solve(solve(system, unknowns)[1][own, own], item.values))
+    return told(system, loss / item.verdict.effect) - item.hypothesis.penalty
 
 
 def _same(a: Verdict, b: Verdict) -> bool:

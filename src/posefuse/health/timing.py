@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.health.examine import Examination
-from posefuse.health.hypotheses import Hypothesis, Unknown, effect_of, solve
+from posefuse.health.hypotheses import Hypothesis, Unknown, effect_of, solve, usual_effect
 from posefuse.health.points import solve_points
-from posefuse.health.search import Fine
 from posefuse.health.state import Column, State, look
 from posefuse.health.system import System, linearise
 
 _STEPS = 6
 _STILL_S = 1e-5
-_CERTAIN = 3.0
+_CERTAIN = 2.6
+"""Standard deviations: by chance one clock in a hundred, and 300 ppm of a walk of a minute are mostly four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,8 @@ def time_views(examination: Examination, reference: int | None = None) -> tuple[
         return None
     fine, evidence = examination.fine, examination.evidence
     views = evidence.n_views
-    effects = [_effect(fine.last.system, v, fine) for v in range(views)]
+    usual = usual_effect(fine.last.system, views, ((Column.LATE,),))
+    effects = [_effect(fine.last.system, v, usual) for v in range(views)]
     # Offsets first: while several views are out of step, one's offset looks like another's drift.
     state = fine.last.state
     for item in fine.found:
@@ -137,10 +138,10 @@ def _moved(state: State, unknowns: list[Unknown], values: np.ndarray, system: Sy
     return state
 
 
-def _effect(system: System, view: int, fine: Fine) -> float:
+def _effect(system: System, view: int, usual: float) -> float:
     one = Unknown(view, Column.LATE, np.ones(len(system.time_s)))
     values = solve(system, [one])[0]
-    return effect_of(system, Hypothesis("late", view, (one,)), values, fine.effect)
+    return effect_of(system, Hypothesis("late", view, (one,)), values, usual)
 
 
 def _timing(

@@ -224,6 +224,38 @@ def _writable(path: Path) -> Iterator[None]:
         raise FileError(f"{path} cannot be written: {error.strerror or error}. Choose another place.") from None
 
 
+@contextlib.contextmanager
+def _alone_in(staging: Path, folder: Path) -> Iterator[None]:
+    """Hold a folder while nobody else does; whoever is ended, however, holds nothing any more.
+
+    The system's own lock of the folder: nothing stays behind. Where there is none (Windows, some network drives), none.
+
+    Raises:
+        FileError: if another process has it.
+    """
+    try:
+        import fcntl
+
+        number = os.open(staging, os.O_RDONLY)
+    except (ImportError, OSError):
+        yield
+        return
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(number)
+        raise FileError(
+            f"--output {folder}: another posefuse is writing into it. Wait until it is done, end it, or choose another "
+            "folder."
+        ) from None
+    except OSError:
+        pass
+    try:
+        yield
+    finally:
+        os.close(number)
+
+
 RESULT_FILES = (
     "reconstruction.nc", "*.csv", "*.trc", "*.c3d", "*.bvh", "*.glb", "report.html", "evaluation.json", "debug/*.png",
     "points.parquet", "points*.npz", "points.nwb", "points3d.h5", "points_dlc.h5", "movement.nc",
@@ -245,7 +277,8 @@ def replacing_folder(
     Files that an earlier run left in ``folder`` (``owned``) are removed then; other people's files stay.
 
     Raises:
-        FileError: if the folder holds files but is not such a result (it lacks ``marker``), or is a file.
+        FileError: if the folder holds files but is not such a result (it lacks ``marker``), is a file, or another
+            process writes into it.
     """
     if folder.exists() and not folder.is_dir():
         raise FileError(f"--output {folder} is a file; give a folder.")
@@ -258,12 +291,16 @@ def replacing_folder(
             "and is no result of this command. Choose a new or an empty folder."
         )
     staging = folder.with_name(f".{folder.name}.partial")
-    with contextlib.suppress(OSError):
-        shutil.rmtree(staging)
+    with contextlib.ExitStack() as held:
+        if staging.is_dir():
+            held.enter_context(_alone_in(staging, folder))
+            with contextlib.suppress(OSError):
+                shutil.rmtree(staging)
     with _writable(folder):
         staging.mkdir(parents=True)
     try:
-        yield staging
+        with _alone_in(staging, folder):
+            yield staging
         with _writable(folder):
             folder.mkdir(exist_ok=True)
             for pattern in owned:

@@ -1,5 +1,8 @@
 """Finding a recording's parts: looked for, listed, never guessed between."""
 
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +124,30 @@ class TestResultFolder:
             self.write(tmp_path, reconstruction_nc="1")
         with pytest.raises(FileError, match="is a file; give a folder"):
             self.write(tmp_path / "thesis.docx", reconstruction_nc="1")
+
+
+def test_two_runs_do_not_write_into_one_folder(tmp_path):
+    """The second is told so at once, and the first loses nothing."""
+    out = tmp_path / "out"
+    with replacing_folder(out) as staging:
+        (staging / "reconstruction.nc").write_text("first")
+        with pytest.raises(FileError, match="another posefuse is writing into it"), replacing_folder(out):
+            pass
+    assert (out / "reconstruction.nc").read_text() == "first"
+    with replacing_folder(out) as staging:
+        (staging / "reconstruction.nc").write_text("third")
+    assert (out / "reconstruction.nc").read_text() == "third"
+
+
+def test_what_a_killed_run_held_is_free(tmp_path):
+    out = tmp_path / "out"
+    program = (
+        "import os, signal, sys; from pathlib import Path; from posefuse.io.files import replacing_folder\n"
+        "with replacing_folder(Path(sys.argv[1])): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    ended = subprocess.run([sys.executable, "-c", program, str(out)], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert (tmp_path / ".out.partial").is_dir()
+    with replacing_folder(out) as staging:
+        (staging / "reconstruction.nc").write_text("next")
+    assert not (tmp_path / ".out.partial").exists()

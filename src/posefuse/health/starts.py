@@ -1,0 +1,76 @@
+"""When cameras were started that nobody started together: from how well pairs of them agree at one lag or another."""
+
+from itertools import combinations
+
+import numpy as np
+
+from posefuse.health.epipolar import disagreement, look_of, looks
+from posefuse.health.evidence import Evidence
+from posefuse.health.state import State, look
+
+_ROUNDS = 2
+
+
+def offsets_of_pairs(evidence: Evidence, state: State, scale: float, step_s: float, reach: int) -> np.ndarray:
+    """Shape (view,): how late views are, s, the one amid them 0; each agrees best with those it agrees with at all.
+
+    Pairs are joined to a tree, those that agree best first, as no pair is needed twice and a view that agrees with
+    nobody must not draw the others along. Then each view is put where it agrees best with all of them.
+
+    Args:
+        evidence: the recording.
+        state: what is believed so far.
+        scale: of the noise, as a multiple of the usual.
+        step_s: between the lags that are tried.
+        reach: so many to either side.
+    """
+    lags = step_s * np.arange(-reach, reach + 1)
+    still = looks(evidence, state, look(evidence, state), scale)
+    costs = np.full((len(still), len(still), len(lags)), np.inf)
+    for b in range(1, len(still)):
+        moved = [look_of(evidence, state.with_late(b, lag), b, scale) for lag in lags]
+        for a in range(b):
+            costs[a, b] = [_number(disagreement(still[a], one)) for one in moved]
+    late_s = joined(costs, lags)
+    for _ in range(_ROUNDS):
+        for v in range(len(still)):
+            late_s[v] += _nudge(evidence, state, late_s, v, scale, step_s)
+    return late_s - late_s[int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))]
+
+
+def joined(costs: np.ndarray, lags_s: np.ndarray) -> np.ndarray:
+    """Shape (view,): how late views are by the pairs that agree best, the first view 0.
+
+    Args:
+        costs: shape (view, view, lag): how much views a < b disagree where b is so much later than a.
+        lags_s: shape (lag,).
+    """
+    views = len(costs)
+    pairs = {(a, b): int(np.argmin(costs[a, b])) for a, b in combinations(range(views), 2)}
+    late_s, known = np.zeros(views), {0}
+    while len(known) < views:
+        edges = [(costs[a, b, k], a, b) for (a, b), k in pairs.items() if (a in known) != (b in known)]
+        _, a, b = min(edges)
+        lag = lags_s[pairs[a, b]]
+        new, value = (b, late_s[a] + lag) if a in known else (a, late_s[b] - lag)
+        late_s[new] = value
+        known.add(new)
+    return late_s
+
+
+def _nudge(evidence: Evidence, state: State, late_s: np.ndarray, view: int, scale: float, step_s: float) -> float:
+    """By how much less than a step a view agrees better with all the others."""
+    for v, late in enumerate(late_s):
+        state = state.with_late(v, late)
+    others = looks(evidence, state, look(evidence, state), scale)
+    tried = step_s * np.array([0.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75])
+    costs = []
+    for lag in tried:
+        mine = look_of(evidence, state.with_late(view, lag), view, scale)
+        row = [_number(disagreement(mine, other)) for u, other in enumerate(others) if u != view]
+        costs.append(np.median(row))
+    return float(tried[int(np.argmin(costs))])
+
+
+def _number(value: float) -> float:
+    return value if np.isfinite(value) else np.inf
