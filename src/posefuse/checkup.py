@@ -46,7 +46,7 @@ def timing(
         detections: the 2D keypoints.
         subjects: whose detection is whose.
         effort: how closely to look.
-        reference: the camera whose clock is right; by default none is, and the mean offset is 0.
+        reference: the camera whose clock is right; by default that of most views.
     """
     examination = examine(evidence_of(rig, detections, subjects), effort)
     return examination, time_views(examination, None if reference is None else rig.index(reference))

@@ -61,7 +61,7 @@ def measure_sync(
         rig: calibrated cameras.
         detections: 2D keypoints.
         options: as of :func:`reconstruct`; those that say who is who count.
-        reference: the camera whose clock is right; by default none is, and the mean offset is 0.
+        reference: the camera whose clock is right; by default that of most views.
         reach_s: how late views may be.
         progress: told how far the work is.
 

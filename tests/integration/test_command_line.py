@@ -117,7 +117,7 @@ def test_init_writes_every_option_once(run, tmp_path):
 def test_simulate_and_report(run, tmp_path):
     folder = tmp_path / "scene"
     flags = ["--duration-s", "0.5", "--cameras", "3", "--lens", "barrel", "--detector.noise", "gaussian"]
-    code, said, _ = run("simulate", folder, *flags)
+    code, said, _ = run("simulate", "-o", folder, *flags)
     assert code == 0
     assert "15 frames at 30 Hz, 3 cameras, 26 keypoints" in said
     assert sorted(entry.name for entry in folder.iterdir()) == ["calibration.toml", "keypoints.nc", "truth.nc"]

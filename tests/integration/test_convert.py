@@ -37,7 +37,7 @@ def test_there_and_back_by_way_of_every_written_format(records, tmp_path):
     places = [("a.csv", None), ("b.parquet", None), ("c.jsonl", None), ("d", "detection_tables"), ("e.nc", None)]
     for name, to in places:
         after = tmp_path / name
-        main(["convert", str(before), str(after), *(["--to", to] if to else [])])
+        main(["convert", str(before), "-o", str(after), *(["--to", to] if to else [])])
         before = after
     first, last = read_detections(tmp_path / "start.nc"), read_detections(before)
     assert last == first

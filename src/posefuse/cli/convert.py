@@ -25,7 +25,10 @@ _BY_ENDING = {
 
 def convert(
     path: Annotated[Path, Parameter(help="What to convert: a file, or a folder that holds it.")],
-    output: Annotated[Path, Parameter(help="Where to write it: a file, or a folder for formats of many files.")],
+    output: Annotated[
+        Path,
+        Parameter(name=["--output", "-o"], help="Where to write it: a file, or a folder for formats of many files."),
+    ],
     *,
     to: Annotated[str | None, Parameter(help="The format to write; by default by how the output's name ends.")] = None,
     onto: Annotated[

@@ -18,7 +18,7 @@ TRUTH = "truth.nc"
 
 
 def simulate(
-    output: Annotated[Path, Parameter(help="Folder for the recording; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the recording; made if absent.")],
     *,
     scene: Annotated[SceneOptions, Parameter(name="*", group="Scene")] = SceneOptions(),  # noqa: B008
 ) -> None:

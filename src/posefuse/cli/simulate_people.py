@@ -11,7 +11,7 @@ from posefuse.synthetic.crowd_options import CrowdOptions
 
 
 def simulate_people(
-    output: Annotated[Path, Parameter(help="Folder for the recording; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the recording; made if absent.")],
     *,
     scene: Annotated[CrowdOptions, Parameter(name="*", group="Scene")] = CrowdOptions(),  # noqa: B008
 ) -> None:

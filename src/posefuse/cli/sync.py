@@ -18,7 +18,7 @@ def sync(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     reference: Annotated[
-        str | None, Parameter(help="Camera whose clock is right; by default the mean offset is 0.")
+        str | None, Parameter(help="Camera whose clock is right; by default that of most views.")
     ] = None,
     reach_s: Annotated[float, Parameter(help="How late views may be, s.")] = 2.0,
     options: OptionFlags = Options(),  # noqa: B008
@@ -49,7 +49,8 @@ def sync(
             rows.append([view.camera, f"{since:.1f}", f"{factor * late:+.2f}", sd, f"{drift:+.0f}", out])
     table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "out of step"], rows)
     if reference is None:
-        note("No clock is known to be right: offsets are from their mean. --reference names one that is.")
+        note("Offsets are from the clock that most views share. --reference names another that is right.")
+    note("Late (+): the view took its frames later than it says. Early (-): earlier.")
     if found.does_nothing:
         say("All views are in step, as far as this recording tells; there is nothing to write.")
         return

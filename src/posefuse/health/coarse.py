@@ -109,7 +109,8 @@ def _unsynchronised(asked: "_Asked", state: State, table: np.ndarray) -> "tuple[
     scale = _noise_of_the_best(asked.evidence, tried)
     calmer = replace(asked, scale=scale)
     after = calmer.table(tried)
-    if scale >= asked.scale or not (_row_levels(after) < AGREES).all():
+    rows = _row_levels(after)
+    if scale >= asked.scale or not _core(after) or (rows[np.isfinite(rows)] >= AGREES).any():
         return None
     return calmer, Guess("late", -1, tried, _mean(table), _mean(after))
 

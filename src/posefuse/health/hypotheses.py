@@ -219,9 +219,9 @@ def offsets_of_all(system: System, views: int, usual: float) -> Verdict | None:
     if len(free) < _FEWEST_CLOCKS:
         return None
     late_s = solve(system, free)[0]
-    amid = int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))
-    others = tuple(unknown for k, unknown in enumerate(free) if k != amid)
-    return judge(system, (), Hypothesis("late", free[amid].view, others), usual)
+    middle = int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))
+    others = tuple(unknown for k, unknown in enumerate(free) if k != middle)
+    return judge(system, (), Hypothesis("late", free[middle].view, others), usual)
 
 
 def independent(system: System) -> float:

@@ -53,6 +53,9 @@ def likeliest(system: System, view: int, granted_s: np.ndarray, period_s: float,
 def _through(one: Hypothesis, measured: np.ndarray, weight: np.ndarray, period_s: float) -> Line | None:
     """The line of a kind that fits best, None where none of its kind is to be had."""
     profiles = np.stack([unknown.profile for unknown in one.unknowns], axis=1)
+    if not (weight @ np.square(profiles)).all():
+        # Nothing was measured of it.
+        return None
     values, inverse = _fitted(profiles, measured, weight)
     if one.kind == "dropped":
         step = period_s * np.round(values[-1] / period_s)

@@ -16,6 +16,7 @@ from posefuse.health.hypotheses import (
     Hypothesis,
     Unknown,
     Verdict,
+    effect_of,
     hypotheses,
     judge,
     offsets_of_all,
@@ -165,7 +166,8 @@ class _Looker:
             items.append(Found(one, np.zeros(1), one.sds))
         items.sort(key=lambda item: -item.verdict.score)
         found, looked = self.timed(*self.settle(now, items, _STEPS))
-        return self.without_needless(looked, found, THRESHOLD)
+        effect = min(effect, usual_effect(looked.system, self.evidence.n_views))
+        return self.without_needless(looked, [_scattered(looked.system, item, effect) for item in found], THRESHOLD)
 
     def without_needless(self, now: Looked, items: list[Found], least: float) -> tuple[list[Found], Looked]:
         """The same but for clocks that are right as far as can be told, once all the rest is granted."""
@@ -255,6 +257,13 @@ def _changes(state: State, blocks: np.ndarray, unknowns: Sequence[Unknown], valu
     for unknown, value in zip(unknowns, values, strict=True):
         changes[:, unknown.view, unknown.column] += value * unknown.profile[blocks]
     return changes
+
+
+def _scattered(system: System, item: Found, usual: float) -> Found:
+    """The same with its scatter as it is once the others are granted: what they got wrong made it larger."""
+    values = solve(system, item.hypothesis.unknowns)[0]
+    effect = effect_of(system, item.hypothesis, values, usual)
+    return replace(item, verdict=replace(item.verdict, effect=effect))
 
 
 def _is_clock(item: Found) -> bool:

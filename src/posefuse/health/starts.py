@@ -35,27 +35,33 @@ def offsets_of_pairs(evidence: Evidence, state: State, scale: float, step_s: flo
     for _ in range(_ROUNDS):
         for v in range(len(still)):
             late_s[v] += _nudge(evidence, state, late_s, v, scale, step_s)
-    return late_s - late_s[int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))]
+    return late_s
 
 
 def joined(costs: np.ndarray, lags_s: np.ndarray) -> np.ndarray:
-    """Shape (view,): how late views are by the pairs that agree best, the first view 0.
+    """Shape (view,): how late views are by the pairs that agree best, the one amid those that are joined 0.
 
     Args:
-        costs: shape (view, view, lag): how much views a < b disagree where b is so much later than a.
+        costs: shape (view, view, lag): how much views a < b disagree where b is so much later than a; not finite where
+            they have nothing in common.
         lags_s: shape (lag,).
     """
     views = len(costs)
-    pairs = {(a, b): int(np.argmin(costs[a, b])) for a, b in combinations(range(views), 2)}
-    late_s, known = np.zeros(views), {0}
-    while len(known) < views:
-        edges = [(costs[a, b, k], a, b) for (a, b), k in pairs.items() if (a in known) != (b in known)]
-        _, a, b = min(edges)
-        lag = lags_s[pairs[a, b]]
-        new, value = (b, late_s[a] + lag) if a in known else (a, late_s[b] - lag)
-        late_s[new] = value
-        known.add(new)
+    late_s, group = np.zeros(views), np.arange(views)
+    best = [(costs[a, b].min(), a, b) for a, b in combinations(range(views), 2) if np.isfinite(costs[a, b]).any()]
+    for _, a, b in sorted(best):
+        if group[a] != group[b]:
+            moved = group == group[b]
+            late_s[moved] += late_s[a] + lags_s[np.argmin(costs[a, b])] - late_s[b]
+            group[moved] = group[a]
+    for one in np.unique(group):
+        late_s[group == one] -= amid(late_s[group == one])
     return late_s
+
+
+def amid(values: np.ndarray) -> float:
+    """The value that all are nearest to: where most agree, theirs."""
+    return float(values[int(np.argmin(np.abs(values - values[:, None]).sum(axis=1)))])
 
 
 def _nudge(evidence: Evidence, state: State, late_s: np.ndarray, view: int, scale: float, step_s: float) -> float:
@@ -67,8 +73,9 @@ def _nudge(evidence: Evidence, state: State, late_s: np.ndarray, view: int, scal
     costs = []
     for lag in tried:
         mine = look_of(evidence, state.with_late(view, lag), view, scale)
-        row = [_number(disagreement(mine, other)) for u, other in enumerate(others) if u != view]
-        costs.append(np.median(row))
+        row = np.array([disagreement(mine, other) for u, other in enumerate(others) if u != view])
+        row = row[np.isfinite(row)]
+        costs.append(np.median(row) if len(row) else np.inf)
     return float(tried[int(np.argmin(costs))])
 
 

@@ -3,15 +3,22 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from posefuse.health.examine import Examination
 from posefuse.health.hypotheses import Hypothesis, Unknown, effect_of, solve, usual_effect
+from posefuse.health.pace import late_by
 from posefuse.health.points import solve_points
+from posefuse.health.starts import amid
 from posefuse.health.state import Column, State, look
 from posefuse.health.system import System, linearise
 
 _STEPS = 6
+_FEWEST_SHARED = 15
+"""Moments at which two views must see the same point, for their clocks to be compared."""
+_WHOLE = 0.5
 _STILL_S = 1e-5
+_SAME = 3.0
 _CERTAIN = 2.6
 """Standard deviations: by chance one clock in a hundred, and 300 ppm of a walk of a minute are mostly four."""
 
@@ -38,50 +45,93 @@ class ViewTiming:
 
 
 def time_views(examination: Examination, reference: int | None = None) -> tuple[ViewTiming, ...] | None:
-    """The timing of all views; None where the views do not agree enough to tell.
+    """The timing of all views that see something together; None where the views do not agree enough to tell.
 
     Args:
         examination: of the recording.
-        reference: the view whose clock is right; by default none is, and the mean offset is 0.
+        reference: the view whose clock is right; by default that of most views.
     """
     if examination.fine is None:
         return None
     fine, evidence = examination.fine, examination.evidence
-    views = evidence.n_views
-    usual = usual_effect(fine.last.system, views, ((Column.LATE,),))
-    effects = [_effect(fine.last.system, v, usual) for v in range(views)]
+    clocks = _Clocks(_together(fine.last.points.weight > 0, reference), reference)
+    if len(clocks.views) < 2:
+        return None
+    usual = usual_effect(fine.last.system, evidence.n_views, ((Column.LATE,),))
+    effects = {v: _effect(fine.last.system, v, usual) for v in clocks.views}
     # Offsets first: while several views are out of step, one's offset looks like another's drift.
-    state = fine.last.state
+    state, blocks = fine.last.state, fine.last.system.block_of
     for item in fine.found:
         if item.hypothesis.kind == "drift":
-            own = state.late_s[:, item.hypothesis.view]
-            state = state.with_late(item.hypothesis.view, own.mean() - own)
-    state, system = _settled(examination, state, fine.last.system, set(), reference)
-    drifting = _surely_drifting(system, views, reference, effects)
+            late_s = late_by(item.hypothesis, item.values)[blocks]
+            state = state.with_late(item.hypothesis.view, late_s.mean() - late_s)
+    state, system = _settled(examination, state, fine.last.system, set(), clocks)
+    drifting = _surely_drifting(system, clocks, effects)
     if drifting:
-        state, system = _settled(examination, state, system, drifting, reference)
-    late = state.late_s - (state.late_s.mean() if reference is None else state.late_s[:, reference][:, None])
-    every = _unknowns(system, views, set(range(views)), reference)
-    inverse = _about_the_mean(solve(system, every)[1], views) if reference is None else solve(system, every)[1]
+        state, system = _settled(examination, state, system, drifting, clocks)
+    every = clocks.unknowns(system, set(clocks.views))
+    inverse = solve(system, every)[1]
+    if reference is None:
+        inverse = _about_the_mean(inverse, len(clocks.views))
+        sds = np.sqrt([inverse[k, k] * effects[v] for k, v in enumerate(clocks.views)])
+        late_s = state.late_s - _usual(state.late_s.mean(axis=0)[clocks.views], sds)
+    else:
+        late_s = state.late_s - state.late_s[:, reference][:, None]
     time_s = evidence.frame_time_s[state.frames]
-    return tuple(_timing(examination, v, late[:, v], time_s, every, inverse, effects[v]) for v in range(views))
+    return tuple(_timing(examination, v, late_s[:, v], time_s, every, inverse, effects[v]) for v in clocks.views)
+
+
+@dataclass(frozen=True)
+class _Clocks:
+    """Those that can be compared.
+
+    Attributes:
+        views: whose they are.
+        reference: the view whose clock is right, if one is.
+    """
+
+    views: list[int]
+    reference: int | None
+
+    def unknowns(self, system: System, drifting: set[int]) -> list[Unknown]:
+        """Offsets of all, and drifts of some."""
+        always = np.ones(len(system.time_s))
+        middle = system.time_s - system.time_s.mean()
+        free = [v for v in self.views if v != self.reference]
+        return [
+            *(Unknown(v, Column.LATE, always) for v in free),
+            *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
+        ]
+
+
+def _together(seen: np.ndarray, reference: int | None) -> list[int]:
+    """The views that see points with each other, by way of others too: with the reference, or the most there are.
+
+    Args:
+        seen: shape (sample, column, view).
+        reference: the view whose clock is right, if one is.
+    """
+    both = np.stack([(seen & seen[..., v : v + 1]).any(axis=1).sum(axis=0) for v in range(seen.shape[2])])
+    group = connected_components(both >= _FEWEST_SHARED, directed=False)[1]
+    chosen = group[reference] if reference is not None else np.argmax(np.bincount(group))
+    return np.flatnonzero(group == chosen).tolist()
 
 
 def _settled(
-    examination: Examination, state: State, system: System, drifting: set[int], reference: int | None
+    examination: Examination, state: State, system: System, drifting: set[int], clocks: _Clocks
 ) -> tuple[State, System]:
     """Offsets of all views, and drifts of some, fitted together until they stay."""
     evidence, fine = examination.evidence, examination.fine
     assert fine is not None
-    views, before = evidence.n_views, fine.last.points
+    before = fine.last.points
     points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
     system = linearise(evidence, state, points, system.block_of)
     for _ in range(_STEPS):
-        unknowns = _unknowns(system, views, drifting, reference)
+        unknowns = clocks.unknowns(system, drifting)
         values = solve(system, unknowns)[0]
-        if reference is None:
+        if clocks.reference is None:
             # All clocks together could be anything: they stay where they are.
-            values[:views] -= values[:views].mean()
+            values[: len(clocks.views)] -= values[: len(clocks.views)].mean()
         state = _moved(state, unknowns, values, system)
         points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
         system = linearise(evidence, state, points, system.block_of)
@@ -90,38 +140,35 @@ def _settled(
     return state, system
 
 
-def _unknowns(system: System, views: int, drifting: set[int], reference: int | None) -> list[Unknown]:
-    always = np.ones(len(system.time_s))
-    middle = system.time_s - system.time_s.mean()
-    free = [v for v in range(views) if v != reference]
-    return [
-        *(Unknown(v, Column.LATE, always) for v in free),
-        *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
-    ]
-
-
-def _surely_drifting(system: System, views: int, reference: int | None, effects: list[float]) -> set[int]:
+def _surely_drifting(system: System, clocks: _Clocks, effects: dict[int, float]) -> set[int]:
     """Views whose clock goes wrong by more than chance explains, the surest first while the others' clocks are right.
 
     A drift is told against all other views, which is surer than against the reference alone. If that is the one that
     goes wrong, the others drift against it.
     """
     drifting: set[int] = set()
-    while len(drifting) < views - 1:
-        certain = {v: _certainty(system, views, drifting, v, effects[v]) for v in set(range(views)) - drifting}
-        view = max(sorted(certain), key=lambda v: certain[v])
+    every = _Clocks(clocks.views, None)
+    while len(drifting) < len(clocks.views) - 1:
+        certain = {v: _certainty(system, every, drifting, v, effects[v]) for v in sorted(set(every.views) - drifting)}
+        view = max(certain, key=lambda v: certain[v])
         if certain[view] <= _CERTAIN:
             break
         drifting.add(view)
-    return set(range(views)) - {reference} if reference in drifting else drifting
+    return set(clocks.views) - {clocks.reference} if clocks.reference in drifting else drifting
 
 
-def _certainty(system: System, views: int, drifting: set[int], view: int, effect: float) -> float:
+def _certainty(system: System, clocks: _Clocks, drifting: set[int], view: int, effect: float) -> float:
     """By how many standard deviations one more view drifts."""
-    unknowns = _unknowns(system, views, drifting | {view}, None)
+    unknowns = clocks.unknowns(system, drifting | {view})
     values, inverse, _ = solve(system, unknowns)
-    place = views + sorted(drifting | {view}).index(view)
+    place = len(clocks.views) + sorted(drifting | {view}).index(view)
     return float(abs(values[place]) / np.sqrt(max(inverse[place, place], 1e-300) * effect))
+
+
+def _usual(late_s: np.ndarray, sds: np.ndarray) -> float:
+    """The offset that most views have: that of the one amid them, in the mean with those that do not differ from it."""
+    near = np.abs(late_s - amid(late_s)) <= _SAME * np.hypot(sds, sds[np.argmin(np.abs(late_s - amid(late_s)))])
+    return float(np.average(late_s[near], weights=sds[near] ** -2.0))
 
 
 def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:
@@ -154,14 +201,30 @@ def _timing(
     effect: float,
 ) -> ViewTiming:
     sds = [np.sqrt(inverse[i, i] * effect) for i, unknown in enumerate(unknowns) if unknown.view == view] or [0.0, 0.0]
-    edges = np.flatnonzero(np.abs(np.diff(late)) > 0.2 * examination.evidence.period_s) + 1
-    parts = np.split(np.arange(len(late)), edges)
+    parts = np.split(np.arange(len(late)), _jumps(examination, view))
     rows = []
     for number, part in enumerate(parts):
         slope = np.polyfit(time_s[part], late[part], 1)[0] if len(part) > 2 else 0.0
         slope = slope if abs(slope) > 1e-9 else 0.0
-        since = float(time_s[part[0]]) if number else 0.0
-        rows.append((since, float(late[part].mean() + slope * (since - time_s[part].mean())), 1e6 * float(slope)))
+        # Times as the view says them: of what it lacks frames for, it says the next frame's.
+        since = float(time_s[part[0]] - late[part[0]]) if number else 0.0
+        at = float(late[part].mean() + slope * (since - (time_s[part] - late[part]).mean()))
+        rows.append((since, at, 1e6 * float(slope)))
     since_s, late_s, drift = zip(*rows, strict=True)
     name = examination.evidence.rig.names[view]
     return ViewTiming(name, since_s, late_s, drift, float(sds[0]), 1e6 * float(sds[1]))
+
+
+def _jumps(examination: Examination, view: int) -> list[int]:
+    """The samples with which a view begins to lack more frames."""
+    fine = examination.fine
+    assert fine is not None
+    blocks = fine.last.system.block_of
+    steps = {
+        int(np.searchsorted(blocks, item.hypothesis.since))
+        for item in fine.found
+        if item.hypothesis.view == view
+        and item.hypothesis.kind == "dropped"
+        and abs(item.values[-1]) > _WHOLE * examination.evidence.period_s
+    }
+    return sorted(steps - {0, len(blocks)})

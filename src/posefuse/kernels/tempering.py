@@ -22,6 +22,10 @@ before it, what it said, what is known before it now and after; how velocities f
 other, cosines and sines; and one of them."""
 
 
+ROUNDING = 1e-6
+"""By which share of what was known before a frame rounding may make what it says negative."""
+
+
 @kernel
 def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state, information):
     """Filter frames again in which the shape is sought all along, or kept all along.
@@ -40,7 +44,8 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
             ``state``; written from the second on.
 
     Returns:
-        How many frames are done: fewer than all where rounding left a covariance that is none.
+        How many frames are done: fewer than all where rounding left a covariance that is none, or the first filter knew
+        less after a frame than before it.
     """
     frames, n = filtered.velocity.shape
     h = filtered.shape.shape[1]
@@ -73,6 +78,8 @@ def filter_again(dt_s, decay_s, power, most, walk, filtered, share, told, state,
         for i in range(4):
             if i == 3:
                 _subtract(room.said, room.before, room.change, m, room.pull)
+                if _forgets(room.said, room.before, m):
+                    return k
                 _hear(state, filtered, k, share[k], n, m, room)
             matrix = room.before if i == 0 else room.said if i == 1 else room.known if i == 2 else room.after
             if not invert(matrix, m, room.row):
@@ -95,6 +102,15 @@ def _subtract(said, known, change, m, pull):
             said[i, j] -= known[i, j]
             total += known[i, j] * change[j]
         pull[i] = total
+
+
+@step
+def _forgets(said, known, m):
+    """Whether a frame says less than nothing of a number, by more than rounding."""
+    for i in range(m):
+        if said[i, i] < -ROUNDING * known[i, i]:
+            return True
+    return False
 
 
 @step

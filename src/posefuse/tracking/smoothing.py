@@ -442,7 +442,9 @@ def _tell_more(covariance: np.ndarray, information: np.ndarray, free: np.ndarray
     done = add_information(information, share, free, n, covariance)
     while done < len(free):
         known = covariance[done, :size, :size]
-        covariance[done, :size, :size] = known @ np.linalg.inv(np.eye(size) + share * information[done] @ known)
+        told = known @ np.linalg.inv(np.eye(size) + share * information[done] @ known)
+        if (np.diag(told) >= 0.0).all():
+            covariance[done, :size, :size] = told
         done += 1
         done += add_information(information[done:], share, free[done:], n, covariance[done:])
 

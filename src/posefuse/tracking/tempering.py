@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.kernels.articulated import State, predict_people
 from posefuse.kernels.smoothing import apply_changes, compare_states
-from posefuse.kernels.tempering import filter_again
+from posefuse.kernels.tempering import ROUNDING, filter_again
 from posefuse.tracking.bodies import chosen, put, uncertain
 from posefuse.tracking.posing import newborn_covariance
 from posefuse.tracking.settings import Settings
@@ -110,19 +110,27 @@ def _tell_one_again(
 ) -> None:
     """Frame ``k`` of the same, by itself: where a shape begins or ends to be sought, and where rounding counts.
 
-    Where a limb was set anew the filter knew less after the frame than before it. No share can be told of that: the
-    state is the filter's.
+    Where a limb was set anew the filter knew less after the frame than before it. No share can be told of that, and it
+    is nothing that the frame says: the state is the filter's.
     """
     seen = chosen(filtered, [k])
     said = what_was_said(chosen(filtered, [k - 1]), np.array([dt_s]), seen, settings)
     now = next_with(chosen(out, [k - 1]), dt_s, seen, said.curvature[0], said.gradient[0], share, settings)
-    if not _is_covariance(now, settings) and _is_covariance(seen, settings):
+    forgot = _forgets(said.curvature[0], seen, settings) or not _is_covariance(now, settings)
+    if forgot and _is_covariance(seen, settings):
         put(out, k, seen)
         information[k] = 0.0
         return
     put(out, k, now)
     turn = bone_axes(now, seen, settings)[0]
     information[k] = told * turn.T @ said.curvature[0] @ turn
+
+
+def _forgets(curvature: np.ndarray, seen: State, settings: Settings) -> bool:
+    """Whether a frame said less than nothing of a number, by more than rounding."""
+    m = settings.tree.n_pose + (settings.tree.n_shape if seen.free[0] else 0)
+    after, said = np.diag(np.linalg.inv(seen.covariance[0, :m, :m])), np.diag(curvature)[:m]
+    return bool((said < -ROUNDING * (after - said)).any())
 
 
 def _is_covariance(state: State, settings: Settings) -> bool:

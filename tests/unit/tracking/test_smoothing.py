@@ -235,7 +235,9 @@ def test_what_rounding_broke_is_told_by_itself(settings, rng):
     close(chosen(ours, [7]), chosen(states, [7]), 0.0)
 
 
-def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng):
+@pytest.mark.parametrize("told_of_it", [0.9, 0.02])
+def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng, told_of_it):
+    """Also where so little is told of the frame that the filter's covariance stays one."""
     states = filtered(settings, 40, rng)
     limb = N - 2
     states.covariance[32, limb:N] = states.covariance[32, :, limb:N] = 0.0
@@ -244,7 +246,7 @@ def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng):
     states.covariance[32, velocities] = states.covariance[32][:, velocities] = 0.0
     states.covariance[32, velocities, velocities] = 4.0
     share, told, time_s = np.full(40, 0.3), np.full(40, 4.0), times(40)
-    share[32] = 0.9
+    share[32] = told_of_it
     again, information = tell_again(
         states, time_s, share, told, first_with(chosen(states, [0]), 0.3, settings), settings
     )
