@@ -14,6 +14,7 @@ from posefuse.model.tracks import Tracks
 
 _MOST_S, _PIECES = 180.0, 9
 _CERTAIN = 3.0
+_DOUBT = 2.0
 
 
 def evidence_of(rig: CameraRig, detections: Detections, subjects: Subjects) -> Evidence:
@@ -48,7 +49,7 @@ def timing(
         effort: how closely to look.
         reference: the camera whose clock is right; by default that of most views.
     """
-    examination = examine(evidence_of(rig, detections, subjects), effort)
+    examination = examine(evidence_of(rig, detections, subjects), effort, doubt=_DOUBT)
     return examination, time_views(examination, None if reference is None else rig.index(reference))
 
 

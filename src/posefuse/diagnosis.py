@@ -6,7 +6,7 @@ from posefuse import checkup
 from posefuse.association.subjects import Subjects
 from posefuse.errors import DetectionsError
 from posefuse.health.examine import DEEP, SHORT
-from posefuse.health.findings import Finding
+from posefuse.health.findings import HEALTH, Finding
 from posefuse.health.timing import ViewTiming
 from posefuse.measuring import Plan
 from posefuse.model.cameras import CameraRig
@@ -24,7 +24,7 @@ def with_health(plan: Plan) -> Plan:
     if len(plan.rig) == 1:
         return plan
     found = checkup.check(plan.rig, plan.detections, plan.subjects, SHORT)
-    said = tuple(f"Health: {finding}" for finding in found)
+    said = tuple(f"{HEALTH}{finding}" for finding in found)
     return replace(plan, provenance=plan.provenance.with_notes(said))
 
 

@@ -17,6 +17,7 @@ from posefuse.cli.console import Bars
 from posefuse.cli.reading import digest
 from posefuse.dividing import Do
 from posefuse.errors import PosefuseError, PosefuseWarning
+from posefuse.health.findings import HEALTH
 from posefuse.io.files import PARTS, must_exist, replacing_folder
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
@@ -107,7 +108,9 @@ def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outc
     marker = MARK if (job.output / MARK).exists() else RESULT
     with replacing_folder(job.output, marker) as staging:
         forget = make(staging, job, calibration, keypoints)
-        numbers = _numbers(netcdf.read_reconstruction(staging / RESULT))
+        result = netcdf.read_reconstruction(staging / RESULT)
+        numbers = _numbers(result)
+        said += [note for note in result.provenance.notes if note.startswith(HEALTH)]
         # From here on the folder is another result, and not a whole one until its mark is there.
         remove_mark(job.output)
     forget()

@@ -10,7 +10,6 @@ from posefuse.errors import FileError, OptionsError, choices, suggestion
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.formats import Format, by_name
 from posefuse.io.keypoints.registry import KEYPOINTS
-from posefuse.io.results.registry import RESULTS
 from posefuse.model.cameras import UpAxis
 from posefuse.model.detections import Detections
 from posefuse.model.options import LayerName, LengthUnit, Options, ThirdChannel
@@ -62,9 +61,16 @@ def convert(
     if _is_result(path):
         from posefuse.cli.convert_result import convert_result
 
-        convert_result(path, to or _result_format(output), output, layer)
+        convert_result(path, to, output, layer)
         return
     name = to or next((form for ending, form in _BY_ENDING.items() if output.name.endswith(ending)), None)
+    if path.is_file() and _holds_points(path):
+        raise OptionsError(
+            f"{path.name} holds 3D points, which are read to compare with (posefuse evaluate RESULT {path.name}), not "
+            "to be written again: convert the result that they are of."
+        )
+    if name is None and output.suffix in (".trc", ".c3d", ".bvh", ".glb"):
+        raise OptionsError(f"{output.name} would hold 3D results: posefuse reconstruct makes them of a recording.")
     if name is None:
         raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(_written(), 20)}.")
     keypoints, calibration = _writer(KEYPOINTS, name), _writer(CALIBRATIONS, name)
@@ -98,13 +104,11 @@ def _is_result(path: Path) -> bool:
     return True
 
 
-def _result_format(output: Path) -> str:
-    """The format of results that a name ends like."""
-    written = [form.name for form in RESULTS if form.writes]
-    ending = output.suffix.removeprefix(".")
-    if ending in written:
-        return ending
-    raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(written, 20)}.")
+def _holds_points(path: Path) -> bool:
+    from posefuse.io.keypoints.read import find_format
+    from posefuse.io.results.read import holds_points
+
+    return find_format(path) is None and holds_points(path)
 
 
 def _writer(formats: tuple[Format, ...], name: str) -> Format | None:

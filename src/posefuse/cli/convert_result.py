@@ -8,12 +8,12 @@ from posefuse.cli.console import note, wrote
 from posefuse.model.options import LayerName
 
 
-def convert_result(path: Path, to: str, output: Path, layer: LayerName | None = None) -> None:
+def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | None = None) -> None:
     """Write a stored result in another format, and say what of it the format does not hold.
 
     Args:
         path: a result's folder, or its reconstruction.nc.
-        to: name of a format that ``posefuse formats`` lists as written.
+        to: name of a format that ``posefuse formats`` lists as written; by default by the output's name.
         output: the file, or the folder of formats that are one; with several people and formats of one person
             ``<stem>_<person><suffix>`` each.
         layer: which layer, by default the best present.

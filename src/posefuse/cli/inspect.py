@@ -213,9 +213,12 @@ def _say_matches(read: _Read, options: Options) -> bool:
             said.append((words, f"  --calibration '{where}'\n  --keypoints '{path}'", notes))
     if refused and not said:
         warn(f"views and cameras do not match: {refused[0]}")
+    told: set[str] = set()
     for words, flags, notes in said:
         for remark in notes:
-            note(f"note: {remark}")
+            if remark not in told:
+                note(f"note: {remark}")
+        told.update(notes)
         say(
             f"{words}; posefuse reconstruct can take this folder"
             if single

@@ -52,8 +52,8 @@ def sync(
         note("Offsets are from the clock that most views share. --reference names another that is right.")
     note("Late (+): the view took its frames later than it says. Early (-): earlier.")
     if found.does_nothing:
-        say("All views are in step, as far as this recording tells; there is nothing to write.")
-        return
+        say("All views are in step, as far as this recording tells.")
+        say("What else may be wrong: posefuse inspect RECORDING --deep")
     with replacing(output) as temporary:
         temporary.write_text(sync_to_toml(found), "utf-8")
     note(f"Wrote {output}")

@@ -98,7 +98,7 @@ def _dropped(
 ) -> Finding:
     evidence, fine = examination.evidence, examination.fine
     assert fine is not None
-    sample = int(np.searchsorted(fine.last.system.block_of, step.hypothesis.since))
+    sample = int(np.argmax(fine.last.system.block_of >= step.hypothesis.since))
     # Frames as the view counts them.
     said_s = evidence.frame_time_s[fine.last.state.frames[sample]] - late[sample] * evidence.period_s
     place = int(np.searchsorted(evidence.time_s[:, step.hypothesis.view], said_s))

@@ -61,13 +61,16 @@ class Examination:
     points: Points | None
 
 
-def examine(evidence: Evidence, effort: Effort = DEEP, free: Sequence[str] = ("pose", "lens", "late")) -> Examination:
+def examine(
+    evidence: Evidence, effort: Effort = DEEP, free: Sequence[str] = ("pose", "lens", "late"), doubt: float = 1.0
+) -> Examination:
     """Search for what is wrong with a recording.
 
     Args:
         evidence: of the recording.
         effort: how closely to look.
         free: what may be a little wrong.
+        doubt: how many times the threshold what is no clock has to gain, for those who ask for clocks only.
     """
     nothing = Examination(evidence, evidence, None, None, np.zeros(evidence.n_views), None)
     frames = _samples(evidence, effort.every_s, effort.most)
@@ -82,7 +85,7 @@ def examine(evidence: Evidence, effort: Effort = DEEP, free: Sequence[str] = ("p
     shares, _ = exchanged(evidence, rough.state, solve_points(evidence, rough.state, look(evidence, rough.state)))
     if (shares > _MUCH).any():
         shares, mended = _without_exchanges(evidence, state)
-    fine = search.search(mended, state, free, _block_s(evidence))
+    fine = search.search(mended, state, free, _block_s(evidence), doubt)
     if _nobody_stands(rough, fine, evidence.n_views):
         return Examination(evidence, evidence, replace(rough, agreed=False), None, shares, None)
     return Examination(mended, evidence, rough, fine, shares, fine.last.points)

@@ -26,6 +26,10 @@ class Kind(StrEnum):
     OVERLAP = "little overlap"
 
 
+HEALTH = "Health: "
+"""What a note of a result begins with that is a finding."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One thing that is wrong with a recording.

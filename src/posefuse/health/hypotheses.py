@@ -125,6 +125,7 @@ def hypotheses(system: System, view: int, free: Sequence[str]) -> Iterator[Hypot
         yield make("late", (Column.LATE, always))
         yield make("drift", (Column.LATE, system.time_s - system.time_s[0]))
         yield make("drift", (Column.LATE, always), (Column.LATE, middle))
+        yield drift_alone(system, view)
     for since in range(_LEAST_BLOCKS, blocks - _LEAST_BLOCKS + 1):
         later = (np.arange(blocks) >= since).astype(float)
         if "pose" in free:
@@ -135,6 +136,11 @@ def hypotheses(system: System, view: int, free: Sequence[str]) -> Iterator[Hypot
         if "late" in free:
             yield make("dropped", (Column.LATE, later), since=since)
             yield make("dropped", (Column.LATE, always), (Column.LATE, later), since=since)
+
+
+def drift_alone(system: System, view: int) -> Hypothesis:
+    """A clock that drifts and is right in the middle of the recording."""
+    return Hypothesis("drift", view, (Unknown(view, Column.LATE, system.time_s - system.time_s.mean()),))
 
 
 def promising(

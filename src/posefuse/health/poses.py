@@ -85,7 +85,8 @@ def _finding(examination: "Examination", view: int, items: list[Found], coarse_g
         certainty_of(score if not coarse_gain else 100.0, rivals),
         0.5 * score,
         f"{who} is not where its calibration says: {what}{when}.",
-        f"posefuse refine-calibration finds its pose anew; --exclude-camera {name} leaves it out."
+        "posefuse refine-calibration finds its pose anew (--fix names cameras that are right); "
+        f"--exclude-camera {name} leaves it out."
         if since is None
         else f"It was bumped: cut the recording there (--start-s, --end-s) and calibrate each part, or leave the "
         f"camera out (--exclude-camera {name}).",

@@ -16,6 +16,7 @@ from posefuse.health.hypotheses import (
     Hypothesis,
     Unknown,
     Verdict,
+    drift_alone,
     effect_of,
     hypotheses,
     judge,
@@ -94,7 +95,7 @@ class Fine:
     effect: float
 
 
-def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float) -> Fine:
+def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float, doubt: float = 1.0) -> Fine:
     """Find what is a little wrong.
 
     Args:
@@ -102,10 +103,11 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
         state: what is believed, right but for little; of the samples to look at.
         free: ``pose``, ``lens``, ``late``: what may be wrong.
         block_s: length of the blocks of time that count as independent.
+        doubt: how many times the threshold what is no clock has to gain.
     """
     runs = evidence.runs[state.frames]
     blocks = block_of(evidence.frame_time_s[state.frames], runs, block_s)
-    looker = _Looker(evidence, blocks)
+    looker = _Looker(evidence, blocks, doubt=doubt)
     first = now = looker.look(state)
     looker = replace(looker, scale=first.points.scale)
     found: list[Found] = []
@@ -141,6 +143,7 @@ class _Looker:
     evidence: Evidence
     blocks: np.ndarray
     scale: float | None = None
+    doubt: float = 1.0
 
     def look(self, state: State, before: Points | None = None) -> Looked:
         """A look at what is believed, from points that are nearly right if there are any."""
@@ -167,7 +170,28 @@ class _Looker:
         items.sort(key=lambda item: -item.verdict.score)
         found, looked = self.timed(*self.settle(now, items, _STEPS))
         effect = min(effect, usual_effect(looked.system, self.evidence.n_views))
-        return self.without_needless(looked, [_scattered(looked.system, item, effect) for item in found], THRESHOLD)
+        found = [_scattered(looked.system, item, effect) for item in found]
+        return self.without_needless(*self.drifting(looked, found, effect), THRESHOLD)
+
+    def drifting(self, now: Looked, items: list[Found], effect: float) -> tuple[Looked, list[Found]]:
+        """The same with what surely drifts: clocks that run each for itself do."""
+        system = now.system
+        told = [v for v in range(self.evidence.n_views) if system.seen[v] > 0]
+        for _ in told:
+            accepted = tuple(unknown for item in items for unknown in item.hypothesis.unknowns)
+            steady = [v for v in told if all(i.hypothesis.view != v or i.hypothesis.kind == "late" for i in items)]
+            verdicts = [judge(now.system, accepted, drift_alone(now.system, v), effect) for v in steady]
+            best = max(verdicts, key=lambda verdict: verdict.score, default=None)
+            if best is None or best.score < 0.5 * THRESHOLD:
+                break
+            view = best.hypothesis.view
+            one = Found(best, np.zeros(1), best.sds)
+            for own in (item for item in items if item.hypothesis.view == view):
+                both = Hypothesis("drift", view, (*own.hypothesis.unknowns, *best.hypothesis.unknowns))
+                sds = np.concatenate([own.sds, best.sds])
+                one = Found(replace(own.verdict, hypothesis=both), np.append(own.values, 0.0), sds)
+            items, now = self.settle(now, [*(i for i in items if i.hypothesis.view != view), one], _STEPS)
+        return now, items
 
     def without_needless(self, now: Looked, items: list[Found], least: float) -> tuple[list[Found], Looked]:
         """The same but for clocks that are right as far as can be told, once all the rest is granted."""
@@ -184,7 +208,7 @@ class _Looker:
 
     def choose(self, now: Looked, found: list[Found], verdicts: list[Verdict]) -> tuple[list[Found], Looked] | None:
         """The best hypothesis fitted with all that was accepted, or None where none gains enough."""
-        good = [verdict for verdict in verdicts if verdict.score > THRESHOLD]
+        good = [v for v in verdicts if v.score > THRESHOLD * (1.0 if v.hypothesis.kind in CLOCKS else self.doubt)]
         if not good:
             return None
         best, (accepted, looked) = self.fitting(now, found, _rivals(good))

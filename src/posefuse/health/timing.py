@@ -221,10 +221,10 @@ def _jumps(examination: Examination, view: int) -> list[int]:
     assert fine is not None
     blocks = fine.last.system.block_of
     steps = {
-        int(np.searchsorted(blocks, item.hypothesis.since))
+        int(np.argmax(blocks >= item.hypothesis.since))
         for item in fine.found
         if item.hypothesis.view == view
         and item.hypothesis.kind == "dropped"
         and abs(item.values[-1]) > _WHOLE * examination.evidence.period_s
     }
-    return sorted(steps - {0, len(blocks)})
+    return sorted(steps - {0})

@@ -107,10 +107,10 @@ def _subtract(said, known, change, m, pull):
 @step
 def _forgets(said, known, m):
     """Whether a frame says less than nothing of a number, by more than rounding."""
+    least = 0.0
     for i in range(m):
-        if said[i, i] < -ROUNDING * known[i, i]:
-            return True
-    return False
+        least = min(least, said[i, i] + ROUNDING * known[i, i])
+    return least < 0.0
 
 
 @step

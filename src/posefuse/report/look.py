@@ -4,14 +4,12 @@ from html import escape
 
 import numpy as np
 
+from posefuse.health.findings import HEALTH
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.cells import REJECTED, USED, Cells
 from posefuse.report.series import Gap, Series
 from posefuse.report.summary import Summary
-
-HEALTH = "Health: "
-"""Notes that begin so are findings of the health check."""
 
 _STANDS_OUT = 1.5
 """A camera or keypoint whose error is this many times the usual is named."""

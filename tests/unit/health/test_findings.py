@@ -92,7 +92,7 @@ def test_the_same_recording_gives_the_same_findings(walk):
 @pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_of_the_usual_size_are_named(fault: Fault):
-    """Cameras moved along their axis by more: half a minute tells 5 cm of it to a quarter of that only, half of it less."""
+    """Cameras moved along their axis by more: half a minute tells 5 cm of it to a quarter of that only."""
     size = {"moved along": 2.0, "moved along later": 3.0}.get(fault, 1.0) * USUAL[fault]
     named = 0
     for seed in range(2000, 2010):

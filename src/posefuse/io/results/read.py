@@ -59,6 +59,11 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
         raise FileError(f"{path}: {error}") from None
 
 
+def holds_points(path: Path) -> bool:
+    """Whether a file is of a format of 3D points, by its ending and what it begins with."""
+    return _recognised(path) is not None
+
+
 def _recognised(path: Path) -> str | None:
     for name in READABLE:
         form = by_name(RESULTS, name)
