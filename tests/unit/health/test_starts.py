@@ -1,9 +1,12 @@
 """Cameras that nobody started together: their offsets from pairs, and from all views."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from posefuse.diagnosis import inspect_health, measure_sync
+from posefuse.errors import DetectionsError
 from posefuse.health.findings import Kind
 from posefuse.health.starts import joined
 from posefuse.synthetic.faults import Scene, healthy, plant
@@ -53,3 +56,61 @@ def test_what_nothing_had_to_be_added_to_has_a_standard_deviation():
     late = [finding for finding in inspect_health(*scene.watch()) if finding.kind is Kind.LATE]
     assert late
     assert all(0.0 < finding.sd < 0.3 for finding in late)
+
+
+def blind(scene: Scene, view: int, since: int = 0) -> Scene:
+    """The scene with a view that shows nothing from a frame on."""
+
+    def hide(pixels: np.ndarray, confidence: np.ndarray, rng: object) -> tuple[np.ndarray, np.ndarray]:
+        pixels[since:, view] = confidence[since:, view] = np.nan
+        return pixels, confidence
+
+    return replace(scene, after=(*scene.after, hide))
+
+
+def test_who_agrees_with_nobody_is_not_joined():
+    lags = 0.1 * np.arange(-5, 6)
+    costs = np.full((4, 4, len(lags)), np.inf)
+    for a, b, late in ((0, 1, 0.2), (0, 2, 0.0), (1, 2, -0.2)):
+        costs[a, b] = np.abs(lags - late)
+    assert joined(costs, lags) == pytest.approx([0.0, 0.2, 0.0, 0.0], abs=1e-9)
+
+
+def test_views_in_step_keep_their_times():
+    """Offsets are from the clock that most views share, not from a mean that one view pulls."""
+    scene = started_apart(healthy(12, cameras=4, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 2.3))
+    views, sync = measure_sync(*scene.watch())
+    assert set(sync.cameras) == {"cam_2"}
+    assert RATE_HZ * views[2].late_s[0] == pytest.approx(2.3, abs=0.2)
+
+
+def test_a_view_that_shows_nothing_has_no_clock():
+    scene = healthy(12, cameras=5, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",))
+    views, sync = measure_sync(*blind(scene, 3).watch())
+    assert [view.camera for view in views] == ["cam_0", "cam_1", "cam_2", "cam_4"]
+    assert sync.does_nothing
+    with pytest.raises(DetectionsError, match="agree too little"):
+        measure_sync(*blind(scene, 3).watch(), reference="cam_3")
+
+
+def test_a_late_view_may_go_blind():
+    scene = started_apart(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 0, 2))
+    (late,) = [f for f in inspect_health(*blind(scene, 3, 250).watch()) if f.kind is Kind.LATE]
+    assert late.cameras == ("cam_3",)
+    assert late.size == pytest.approx(2.0, abs=0.3)
+
+
+def test_frames_are_dropped_at_a_time_of_the_view_itself():
+    """Of a view 45 frames late that lacks 4 from the middle on: the times are those it says."""
+    scene = healthy(12, cameras=5, duration_s=40.0, rate_hz=RATE_HZ, activities=("walk",))
+    scene, _ = plant(plant(scene, "late", (2,), 45)[0], "dropped", (2,), 4)
+    begins = int(np.argmax(np.diff(scene.late_s[:, 2]) > 2.0 / RATE_HZ)) + 1
+    views, _ = measure_sync(*scene.watch())
+    jump = views[2]
+    assert len(jump.since_s) == 2
+    assert RATE_HZ * np.diff(jump.late_s)[0] == pytest.approx(4.0, abs=0.5)
+    # To a second, in which 25 frames are.
+    assert RATE_HZ * jump.since_s[1] == pytest.approx(begins, abs=30)
+    (dropped,) = [f for f in inspect_health(*scene.watch()) if f.kind is Kind.DROPPED]
+    assert dropped.frames is not None
+    assert dropped.frames[0] == pytest.approx(begins, abs=30)
