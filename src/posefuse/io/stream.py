@@ -96,7 +96,10 @@ class Reader:
         numbers = np.full((people, keypoints, 3), np.nan)
         for p, person in enumerate(message.people):
             if len(person.keypoints) != keypoints:
-                why = f"people[{p}] has {len(person.keypoints)} keypoints; this stream has {keypoints}."
+                why = (
+                    f"people[{p}] has {len(person.keypoints)} keypoints; the skeleton of this stream has {keypoints}. "
+                    "--skeleton says which."
+                )
                 return Refusal("wrong shape", why, view)
             if not -1 <= person.track_id < 1 << 62:
                 return Refusal("impossible number", f"people[{p}].track_id is {person.track_id}.", view)

@@ -56,7 +56,11 @@ def test_half_a_place_is_none():
         ({"time_s": "now"}, "wrong shape", "Expected `float`"),
         ({"time_s": 1.7e12}, "impossible number", "in seconds"),
         ({"people": [{}]}, "wrong shape", "missing required field `keypoints`"),
-        ({"people": person([1, 2], [3, 4])}, "wrong shape", "people[0] has 2 keypoints; this stream has 3"),
+        (
+            {"people": person([1, 2], [3, 4])},
+            "wrong shape",
+            "people[0] has 2 keypoints; the skeleton of this stream has 3",
+        ),
         ({"people": person([1], [3, 4], None)}, "wrong shape", "[x, y], [x, y, confidence] or null"),
         ({"people": person([], [3, 4], None)}, "wrong shape", "[x, y], [x, y, confidence] or null"),
         ({"people": person([1, 2, 3, 4], [3, 4], None)}, "wrong shape", "4 numbers"),
