@@ -122,8 +122,12 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterru
 
 @pytest.mark.long
 def test_an_interrupted_recording_leaves_a_result_that_says_so(run, two_people, uninterrupted, tmp_path):
-    output = tmp_path / "out"
-    said = stop_when(start(two_people, output, 20), output / PARTS / "following.part", signal.SIGINT)
+    # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
+    for attempt in range(10):
+        output = tmp_path / f"out_{attempt}"
+        said = stop_when(start(two_people, output, 20), output / PARTS / "following.part", signal.SIGINT)
+        if "Partial" in said:
+            break
     assert "Partial: made of the first" in " ".join(said.split())
     result = posefuse.read_reconstruction(output / "reconstruction.nc")
     assert 0 < result.n_frames < 60
@@ -186,21 +190,22 @@ def test_twenty_kills_of_five_minutes(tmp_path):
     recording = write(tmp_path / "recording", 300.0)
     whole, output = tmp_path / "whole", tmp_path / "out"
     begin = time.monotonic()
-    assert start(recording, whole, 256).wait(timeout=3600) == 0
+    with start(recording, whole, 256) as process:
+        assert process.wait(timeout=3600) == 0
     took_s = time.monotonic() - begin
     draw, kills = random.Random(0), 0
     while kills < 20:
-        process = start(recording, output, 256)
-        try:
-            process.wait(timeout=draw.uniform(0.05, 0.5) * took_s)
-            # It was faster than it was to be killed: it begins anew.
-            assert process.returncode == 0
-            assert contents(output) == contents(whole)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-            kills += 1
-    assert start(recording, output, 256).wait(timeout=3600) == 0
+        with start(recording, output, 256) as process:
+            try:
+                process.wait(timeout=draw.uniform(0.05, 0.5) * took_s)
+                # It was faster than it was to be killed: it begins anew.
+                assert process.returncode == 0
+                assert contents(output) == contents(whole)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                kills += 1
+    with start(recording, output, 256) as process:
+        assert process.wait(timeout=3600) == 0
     assert contents(output) == contents(whole)
 
 
