@@ -8,11 +8,14 @@ references, size, content in steps of 8 bytes); index 0 is the free rest, and as
 import mmap
 import re
 import struct
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from posefuse.errors import FileError
 
-_HEAD, _STEP = 16, 8
+_HEAD, _STEP, _SIGNATURE = 16, 8, 8
+_WINDOW = 1 << 24
 _COLLECTION = re.compile(rb"GCOL\x01\x00\x00\x00")
 
 
@@ -25,9 +28,20 @@ def check_heaps(path: Path) -> None:
     if path.stat().st_size == 0:
         return
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        for match in _COLLECTION.finditer(content):
-            if not _is_whole(content, match.start()):
-                raise FileError(f"{path} is not a whole HDF5 file: its texts at byte {match.start()} are broken.")
+        for start in _collections(file):
+            if not _is_whole(content, start):
+                raise FileError(f"{path} is not a whole HDF5 file: its texts at byte {start} are broken.")
+
+
+def _collections(file: BinaryIO) -> Iterator[int]:
+    """Where collections begin. A map of a whole file would count as memory; windows of it do not."""
+    before, kept = 0, b""
+    while read := file.read(_WINDOW):
+        window = kept + read
+        yield from (before + match.start() for match in _COLLECTION.finditer(window))
+        # A signature may lie across two windows; of one that lies in this, too little is left to be found again.
+        kept = window[-(_SIGNATURE - 1) :]
+        before += len(window) - len(kept)
 
 
 def _is_whole(content: mmap.mmap, start: int) -> bool:
