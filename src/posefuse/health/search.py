@@ -112,11 +112,13 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
     looker = replace(looker, scale=first.points.scale)
     found: list[Found] = []
     effect = usual_effect(now.system, evidence.n_views)
+    verdicts = _judged(now.system, (), free, effect, evidence.n_views)
     if "late" in free:
-        found, now = looker.unsynchronised(now, _judged(now.system, (), free, effect, evidence.n_views), effect)
+        found, now = looker.unsynchronised(now, verdicts, effect)
     for _ in range(2 * evidence.n_views):
-        accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
-        verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
+        if found:
+            accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
+            verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
         chosen = looker.choose(now, found, verdicts)
         if chosen is None:
             break
@@ -175,11 +177,10 @@ class _Looker:
 
     def drifting(self, now: Looked, items: list[Found], effect: float) -> tuple[Looked, list[Found]]:
         """The same with what surely drifts: clocks that run each for itself do."""
-        system = now.system
-        told = [v for v in range(self.evidence.n_views) if system.seen[v] > 0]
-        for _ in told:
+        views = [v for v in range(self.evidence.n_views) if now.system.seen[v] > 0]
+        for _ in views:
             accepted = tuple(unknown for item in items for unknown in item.hypothesis.unknowns)
-            steady = [v for v in told if all(i.hypothesis.view != v or i.hypothesis.kind == "late" for i in items)]
+            steady = [v for v in views if all(i.hypothesis.view != v or i.hypothesis.kind == "late" for i in items)]
             verdicts = [judge(now.system, accepted, drift_alone(now.system, v), effect) for v in steady]
             best = max(verdicts, key=lambda verdict: verdict.score, default=None)
             if best is None or best.score < 0.5 * THRESHOLD:

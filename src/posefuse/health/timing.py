@@ -167,7 +167,8 @@ def _certainty(system: System, clocks: _Clocks, drifting: set[int], view: int, e
 
 def _usual(late_s: np.ndarray, sds: np.ndarray) -> float:
     """The offset that most views have: that of the one amid them, in the mean with those that do not differ from it."""
-    near = np.abs(late_s - amid(late_s)) <= _SAME * np.hypot(sds, sds[np.argmin(np.abs(late_s - amid(late_s)))])
+    away = np.abs(late_s - amid(late_s))
+    near = away <= _SAME * np.hypot(sds, sds[np.argmin(away)])
     return float(np.average(late_s[near], weights=sds[near] ** -2.0))
 
 
