@@ -103,7 +103,8 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
         state: what is believed, right but for little; of the samples to look at.
         free: ``pose``, ``lens``, ``late``: what may be wrong.
         block_s: length of the blocks of time that count as independent.
-        doubt: how many times the threshold what is no clock has to gain.
+        doubt: how many times the threshold what is no clock has to gain; if more than once, no more such things are
+            granted than half as many as there are views.
     """
     runs = evidence.runs[state.frames]
     blocks = block_of(evidence.frame_time_s[state.frames], runs, block_s)
@@ -119,6 +120,8 @@ def search(evidence: Evidence, state: State, free: Sequence[str], block_s: float
         if found:
             accepted = tuple(unknown for item in found for unknown in item.hypothesis.unknowns)
             verdicts = _judged(now.system, accepted, free, effect, evidence.n_views)
+        if doubt > 1.0 and sum(not _is_clock(item) for item in found) >= evidence.n_views // 2:
+            verdicts = [verdict for verdict in verdicts if verdict.hypothesis.kind in CLOCKS]
         chosen = looker.choose(now, found, verdicts)
         if chosen is None:
             break
@@ -161,8 +164,12 @@ class _Looker:
         to be explained by worse.
         """
         offsets = offsets_of_all(now.system, self.evidence.n_views, effect)
-        best = max((verdict.score for verdict in verdicts), default=0.0)
-        if offsets is None or offsets.score < best + THRESHOLD:
+        if offsets is None or not verdicts:
+            return [], now
+        best = max(verdicts, key=lambda verdict: verdict.score)
+        # Beyond the best, not beside it: scores of what is very wrong grow slowly, and are all alike.
+        more = told(now.system, max(offsets.raw - best.raw, 0.0) / offsets.effect)
+        if more < THRESHOLD + offsets.hypothesis.penalty - best.hypothesis.penalty:
             return [], now
         items = []
         for unknown in offsets.hypothesis.unknowns:
