@@ -14,7 +14,7 @@ from posefuse.health import epipolar
 from posefuse.health.epipolar import Look, disagreement, look_of
 from posefuse.health.evidence import Evidence
 from posefuse.health.points import TAILS, Points, solve_points, usual_noise
-from posefuse.health.starts import offsets_of_pairs
+from posefuse.health.starts import offsets_of_pairs, or_inf
 from posefuse.health.state import Image, State, look
 from posefuse.model.cameras import rotation_from_vector
 
@@ -184,7 +184,7 @@ class _Asked:
             return self._judged(kind, v, tried, table, others)
 
         def best_of(kind: str, states: list[State]) -> Guess:
-            scanned = [_number(self._judged(kind, v, tried.at(few), table, few_others).after) for tried in states]
+            scanned = [or_inf(self._judged(kind, v, tried.at(few), table, few_others).after) for tried in states]
             return judged(kind, states[int(np.argmin(scanned))])
 
         was = state.images[v]
@@ -298,10 +298,6 @@ def _level(row: np.ndarray) -> float:
     if not len(known):
         return np.nan
     return float(known[: max(1, -(-2 * len(known) // 3))].mean())
-
-
-def _number(value: float) -> float:
-    return value if np.isfinite(value) else np.inf
 
 
 def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:

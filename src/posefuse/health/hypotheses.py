@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.health.starts import place_amid
 from posefuse.health.state import N_COLUMNS, POSE, Column
 from posefuse.health.system import Sums, System
 
@@ -225,7 +226,7 @@ def offsets_of_all(system: System, views: int, usual: float) -> Verdict | None:
     if len(free) < _FEWEST_CLOCKS:
         return None
     late_s = solve(system, free)[0]
-    middle = int(np.argmin(np.abs(late_s - late_s[:, None]).sum(axis=1)))
+    middle = place_amid(late_s)
     others = tuple(unknown for k, unknown in enumerate(free) if k != middle)
     return judge(system, (), Hypothesis("late", free[middle].view, others), usual)
 

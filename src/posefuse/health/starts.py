@@ -30,7 +30,7 @@ def offsets_of_pairs(evidence: Evidence, state: State, scale: float, step_s: flo
     for b in range(1, len(still)):
         moved = [look_of(evidence, state.with_late(b, lag), b, scale) for lag in lags]
         for a in range(b):
-            costs[a, b] = [_number(disagreement(still[a], one)) for one in moved]
+            costs[a, b] = [or_inf(disagreement(still[a], one)) for one in moved]
     late_s = joined(costs, lags)
     for _ in range(_ROUNDS):
         for v in range(len(still)):
@@ -61,7 +61,12 @@ def joined(costs: np.ndarray, lags_s: np.ndarray) -> np.ndarray:
 
 def amid(values: np.ndarray) -> float:
     """The value that all are nearest to: where most agree, theirs."""
-    return float(values[int(np.argmin(np.abs(values - values[:, None]).sum(axis=1)))])
+    return float(values[place_amid(values)])
+
+
+def place_amid(values: np.ndarray) -> int:
+    """Where that value stands."""
+    return int(np.argmin(np.abs(values - values[:, None]).sum(axis=1)))
 
 
 def _nudge(evidence: Evidence, state: State, late_s: np.ndarray, view: int, scale: float, step_s: float) -> float:
@@ -79,5 +84,6 @@ def _nudge(evidence: Evidence, state: State, late_s: np.ndarray, view: int, scal
     return float(tried[int(np.argmin(costs))])
 
 
-def _number(value: float) -> float:
+def or_inf(value: float) -> float:
+    """A cost that is not known, as the largest."""
     return value if np.isfinite(value) else np.inf
