@@ -1,5 +1,6 @@
 """What long work keeps of itself, so that the same work goes on from there after it was ended, however it was."""
 
+from pathlib import Path
 from typing import Any, Protocol
 
 
@@ -46,6 +47,14 @@ class Keeper(Protocol):
         """A keeper of a part of the work, whose names are its own."""
         ...
 
+    def keep_file(self, file: Path) -> None:
+        """Keep a finished file instead of all parts: what is left to do is done from it."""
+        ...
+
+    def take_file(self, target: Path) -> bool:
+        """Put the file that is kept at a place; whether there is one, and it is whole."""
+        ...
+
 
 class KeepsNothing:
     """Work is done in one go."""
@@ -69,6 +78,13 @@ class KeepsNothing:
     def within(self, name: str) -> Keeper:
         """The same."""
         return self
+
+    def keep_file(self, file: Path) -> None:
+        """Nothing."""
+
+    def take_file(self, target: Path) -> bool:
+        """None is there."""
+        return False
 
 
 NOTHING = KeepsNothing()

@@ -107,6 +107,27 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert not (tmp_path / "out" / PARTS).exists()
 
 
+def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
+    command = ("reconstruct", recording, "--chunk-frames", 10, "-o")
+    assert run(*command, tmp_path / "whole")[0] == 0
+
+    def ended(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("posefuse.cli.reconstruct.write_beside", ended)
+        assert run(*command, tmp_path / "out")[0] == 130
+    kept = {path.name for path in (tmp_path / "out" / PARTS).rglob("*")}
+    assert kept == {"manifest.json", "whole.file", "whole.part"}
+    with monkeypatch.context() as patched:
+        # Nothing is followed or triangulated again.
+        patched.setattr("posefuse.pipeline.prepare", ended)
+        code, said, wrong = run(*command, tmp_path / "out")
+    assert (code, wrong) == (0, "")
+    assert "going on from the finished parts" in " ".join(said.split())
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
 @pytest.mark.long
 def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"

@@ -170,6 +170,48 @@ def test_a_part_is_whole_or_not_there(tmp_path):
     np.testing.assert_array_equal(parts.get("second"), np.random.default_rng(0).random(3_000_000))
 
 
+def with_parts(folder: Path) -> Parts:
+    """Parts, in a folder of their own and with a spool, and a file that is made of them."""
+    parts = Parts(folder / "parts", "key")
+    parts.spool("a.b").add([1])
+    parts.put("a", [1.0])
+    parts.within("frames_2").put("c", [2.0])
+    (folder / "made").write_bytes(b"all of it")
+    return parts
+
+
+def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
+    parts = with_parts(tmp_path)
+    assert not parts.take_file(tmp_path / "nothing")
+    parts.keep_file(tmp_path / "made")
+    assert {path.name for path in parts.folder.rglob("*")} == {"manifest.json", "whole.file", "whole.part"}
+    (tmp_path / "made").unlink()
+    again, others = Parts.opened(parts.folder, "key")
+    assert again.take_file(tmp_path / "again")
+    assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
+
+
+def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_path):
+    parts = with_parts(tmp_path)
+    parts.keep_file(tmp_path / "made")
+    assert not Parts(parts.folder, "other").take_file(tmp_path / "again")
+    (parts.folder / "whole.file").write_bytes(b"all of 1t")
+    assert not parts.take_file(tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
+    parts = with_parts(tmp_path)
+
+    def refused(*_: object) -> None:
+        raise PermissionError("no links here")
+
+    monkeypatch.setattr(os, "link", refused)
+    parts.keep_file(tmp_path / "made")
+    assert parts.get("a") == [1.0]
+    assert not parts.take_file(tmp_path / "again")
+
+
 def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
     scene = simulate(SceneOptions(duration_s=2.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", chunk_frames=20)

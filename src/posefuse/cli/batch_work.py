@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from posefuse.batch.marks import MARK, RESULT, kept, key_of, remove_mark, write_mark
 from posefuse.cli.console import Bars
@@ -24,6 +24,9 @@ from posefuse.model.batch import Job, Numbers, Outcome
 from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Silent
+
+if TYPE_CHECKING:
+    from posefuse.measuring import Plan
 
 _T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()
@@ -129,7 +132,7 @@ def _whole(folder: Path, job: Job, calibration: Path, keypoints: Path) -> Callab
 def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Path) -> Callable[[], None]:
     """As :func:`reconstruct_into`, with pieces that others do; those that are done are kept until the result is."""
     from posefuse.cli.reading import must_have_rate, read_inputs
-    from posefuse.cli.reconstruct import parts_of, write_beside, write_debug
+    from posefuse.cli.reconstruct import parts_of, write_beside, write_debug, write_once
     from posefuse.diagnosis import with_health
     from posefuse.dividing import Team, prepare_divided, reconstruct_divided
     from posefuse.io.results import netcdf
@@ -142,12 +145,18 @@ def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Pat
     assert job.window_s is not None
     parts = parts_of(job.output / PARTS, inputs, options, job.window_s)
     team = Team(parts, do, job.window_s)
-    plan = with_health(prepare_divided(inputs.rig, inputs.detections, options, team, progress))
-    plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
-    netcdf.write(reconstruct_divided(plan, team, progress), folder / RESULT)
+
+    def make(path: Path) -> "Plan":
+        plan = with_health(prepare_divided(inputs.rig, inputs.detections, options, team, progress))
+        plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+        netcdf.write(reconstruct_divided(plan, team, progress), path)
+        return plan
+
+    plan = write_once(parts, folder / RESULT, make)
     result = netcdf.read_reconstruction(folder / RESULT)
     write_beside(result, folder, progress)
-    write_debug(plan, result, folder, progress)
+    if plan is not None:
+        write_debug(plan, result, folder, progress)
     return parts.remove
 
 

@@ -150,24 +150,55 @@ def reconstruct_into(
     from posefuse.cli.edit import Done, write_edited
     from posefuse.diagnosis import with_health
     from posefuse.io.results import netcdf
-    from posefuse.measuring import PARTIAL
     from posefuse.pipeline import prepare
 
     done = None if edits is None else Done.read(edits)
     keeper, forget = keeper_of(parts, inputs, options)
-    plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, keeper))
-    plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+
+    def make(path: Path) -> "Plan":
+        plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, keeper))
+        plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
+        write_chunks(plan, progress, keeper, path)
+        return plan
+
     path = folder / "reconstruction.nc"
-    write_chunks(plan, progress, keeper, path)
+    plan = write_once(keeper, path, make)
     if done is not None:
         path = path.rename(folder / "unedited.nc")
         write_edited(netcdf.read_reconstruction(path), done, folder / "reconstruction.nc")
         path.unlink()
     result = netcdf.read_reconstruction(folder / "reconstruction.nc")
     files, layer = write_beside(result, folder, progress)
-    files = ["reconstruction.nc", *files, *write_debug(plan, result, folder, progress)]
-    partial = next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
-    return Made(files, layer, partial, forget)
+    debug = [] if plan is None else write_debug(plan, result, folder, progress)
+    return Made(["reconstruction.nc", *files, *debug], layer, partial_remark(result), forget)
+
+
+def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "Plan | None":
+    """Write ``reconstruction.nc`` unless it was kept; from then on it is kept instead of its parts.
+
+    Args:
+        keeper: of the parts.
+        path: of the file.
+        make: writes it; the plan of what it holds.
+
+    Returns:
+        The plan, None where the file had been kept: then it has no debug figures.
+    """
+    from posefuse.io.results import netcdf
+
+    if keeper.take_file(path):
+        return None
+    plan = make(path)
+    if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
+        keeper.keep_file(path)
+    return plan
+
+
+def partial_remark(result: Reconstruction) -> str:
+    """What a result says that is not of the whole recording; empty where it is."""
+    from posefuse.measuring import PARTIAL
+
+    return next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
 
 
 def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> None:
@@ -247,10 +278,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     Returns:
         The names of what was written.
     """
-    from posefuse.triangulation import percentile_filter
-
-    triangulation = plan.options.triangulation
-    if triangulation.method != "percentile_filter" or not percentile_filter.runs(plan.rig, triangulation):
+    if not has_debug(plan):
         return []
     from posefuse.evaluation.filtering import error_profile
     from posefuse.measuring import reconstruct_chunks
@@ -262,6 +290,14 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     (folder / FILTER_FIGURE).parent.mkdir()
     (folder / FILTER_FIGURE).write_bytes(picture.png)
     return [FILTER_FIGURE]
+
+
+def has_debug(plan: "Plan") -> bool:
+    """Whether the method has figures that show what it did."""
+    from posefuse.triangulation import percentile_filter
+
+    triangulation = plan.options.triangulation
+    return triangulation.method == "percentile_filter" and percentile_filter.runs(plan.rig, triangulation)
 
 
 def describe(result: Reconstruction) -> None:

@@ -4,6 +4,7 @@
 and versions. Every other file is one part, written beside and moved to its place when it is whole, which begins with a
 line of JSON: that digest, the part's own, and its size. Of other input, of another layout, or damaged, it is not used.
 Spools (``*.spool``) are files at whose end values are added; a part that is kept says how long they were then.
+In the end one file (``whole.file``), with a part that says its digest, takes the place of them all.
 """
 
 import contextlib
@@ -24,6 +25,7 @@ from posefuse.errors import FileError
 
 _MANIFEST = "manifest.json"
 _LAYOUT = 2
+_WHOLE = "whole"
 _OURS = ("posefuse.model.", "posefuse.tracking.", "posefuse.following.", "posefuse.kernels.")
 _FOREIGN = {
     ("array", "array"),
@@ -158,12 +160,50 @@ class Parts:
             temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
             os.replace(temporary, self.folder / _MANIFEST)
 
+    def keep_file(self, file: Path) -> None:
+        """Keep a finished file instead of all parts, which takes no room.
+
+        Where a file cannot have a second name, the parts stay.
+        """
+        self.begin()
+        kept = self._file_path()
+        kept.unlink(missing_ok=True)
+        try:
+            os.link(file, kept)
+        except OSError:
+            return
+        with _keeping(kept), kept.open("rb+") as opened:
+            os.fsync(opened.fileno())
+            self.put(_WHOLE, hashlib.file_digest(opened, "sha256").hexdigest())
+        for entry in self.folder.iterdir():
+            if entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            elif entry not in (kept, self._path(_WHOLE), self.folder / _MANIFEST):
+                entry.unlink(missing_ok=True)
+
+    def take_file(self, target: Path) -> bool:
+        """Put the file that is kept at a place; whether there is one, and it is whole."""
+        digest, kept = self.get(_WHOLE), self._file_path()
+        if digest is None or not kept.is_file():
+            return False
+        with kept.open("rb") as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != digest:
+                return False
+        try:
+            os.link(kept, target)
+        except OSError:
+            shutil.copyfile(kept, target)
+        return True
+
     def remove(self) -> None:
         """All of them; nothing more will go on from them."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.part"
+
+    def _file_path(self) -> Path:
+        return self.folder / f"{_WHOLE}.file"
 
     def _spool_path(self, name: str) -> Path:
         return self.folder / f"{name}.spool"

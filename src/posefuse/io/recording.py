@@ -61,23 +61,31 @@ class Recording:
 
 
 def find_recording(folder: Path) -> Recording:
-    """Look for calibrations and keypoints in a folder, four levels deep.
+    """Look for calibrations and keypoints in a folder, four levels deep; or at one file of either.
 
     Raises:
-        FileError: if there is no such folder.
+        FileError: if there is no such folder, or the file is neither.
     """
     must_exist(folder, "recording")
     if folder.is_file():
-        form = keypoint_format(folder)
-        if form is None:
-            raise FileError(
-                f"{folder} is a file, but no keypoints in a known format, or was cut short. Give the recording's "
-                "folder."
-            )
-        return Recording(folder, _calibrations_above(folder), (Found(folder, form.name, known_by(form)),))
+        return _lone_file(folder)
     calibrations = tuple(_find_calibrations(folder, _DEPTH)) or _calibrations_above(folder)
     keypoints = tuple(part for item in _find_keypoints(folder, _DEPTH) for part in _recordings_of(item, calibrations))
     return Recording(folder, calibrations, keypoints)
+
+
+def _lone_file(file: Path) -> Recording:
+    """Keypoints, with the calibrations above them, or a calibration to look at."""
+    form = keypoint_format(file)
+    if form is not None:
+        return Recording(file, _calibrations_above(file), (Found(file, form.name, known_by(form)),))
+    form = calibration_format(file)
+    if form is not None:
+        return Recording(file, (Found(file, form.name, known_by(form)),), ())
+    raise FileError(
+        f"{file} is a file, but no keypoints and no calibration in a known format, or was cut short. Give the "
+        "recording's folder."
+    )
 
 
 def choose_calibration(recording: Recording) -> Path:
@@ -116,7 +124,7 @@ def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
 def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str) -> Path:
     if not found:
         raise RecordingError(
-            f"No {what} in {recording.folder} (searched {_DEPTH} levels deep). Give one: {flag} PATH. "
+            f"No {what} in {recording.folder}{_searched(recording)}. Give one: {flag} PATH. "
             "posefuse formats lists what can be read."
         )
     first, *others = found
@@ -126,6 +134,10 @@ def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str
             f"{recording.folder} has {len(found)} {what}, and posefuse does not guess. Choose one:{listed}"
         )
     return first.path
+
+
+def _searched(recording: Recording) -> str:
+    return "" if recording.folder.is_file() else f" (searched {_DEPTH} levels deep)"
 
 
 def _entries(folder: Path) -> list[Path]:

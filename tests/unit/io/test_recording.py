@@ -71,6 +71,14 @@ def test_nothing_is_said(tmp_path):
         find_recording(tmp_path / "notes.md")
 
 
+def test_a_lone_calibration_is_one_without_keypoints(tmp_path):
+    anipose.write(SCENE.rig, tmp_path / "calibration.toml")
+    found = find_recording(tmp_path / "calibration.toml")
+    assert choose_calibration(found) == tmp_path / "calibration.toml"
+    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints in .*calibration.toml\. Give one: --keypoints"):
+        choose_keypoints(found)
+
+
 def test_a_broken_file_is_no_calibration_but_others_are_found(tmp_path):
     (tmp_path / "broken.toml").write_text("[cam")
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
