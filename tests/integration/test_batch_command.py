@@ -5,24 +5,29 @@ import os
 import shutil
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import posefuse
 from posefuse.batch.jobs import jobs_of
+from posefuse.cli import batch_work
 from posefuse.cli.batch_work import do_job
 from posefuse.io.calibration import anipose
-from posefuse.io.files import PARTS
+from posefuse.io.files import PARTS, alone_in
 from posefuse.io.keypoints import native
 from posefuse.io.parts import Parts
 from posefuse.io.results import netcdf
+from posefuse.model.batch import Job, Outcome
 from posefuse.model.options import Options
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
+from tests.files import write_openpose
 
 FAST = ("--solve", "frame", "--pairs", "labels")
 
@@ -138,6 +143,69 @@ def test_a_batch_that_was_ended_goes_on_within_a_recording(tmp_path, monkeypatch
         for name in ("whole", "out")
     )
     assert out == whole
+
+
+def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
+    """They say when frames were, and lie beside what is read."""
+    scene = simulate(SceneOptions(duration_s=1.0, cameras=3))
+    folder = tmp_path / "recs" / "a"
+    folder.mkdir(parents=True)
+    anipose.write(scene.rig, folder / "calibration.toml")
+    write_openpose(folder / "pose", scene.detections)
+    command = ("batch", folder, "--output", tmp_path / "out", "--jobs", 1, "--people", "one")
+    for rate_hz in (25.0, 50.0):
+        frames = range(scene.detections.n_frames)
+        rows = [f"{name},{f},{f / rate_hz}" for name in scene.rig.names for f in frames]
+        (folder / "timestamps.csv").write_text("\n".join(["camera,frame,time_s", *rows]) + "\n")
+        assert "1 done" in run(*command)[1]
+        result = posefuse.read_reconstruction(tmp_path / "out" / "a" / "reconstruction.nc")
+        assert result.rate_hz == pytest.approx(rate_hz)
+    assert "1 kept" in run(*command)[1]
+
+
+def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
+    (folder,) = recordings(tmp_path / "recs", 1, {}, 0.5)
+    (job,) = jobs_of([folder], tmp_path / "out", None, Options(people="one"))
+    calibration, usual = folder / "calibration.toml", batch_work._whole
+
+    def whole(*given: Any) -> object:
+        made = usual(*given)
+        calibration.write_text(calibration.read_text() + "\n")
+        return made
+
+    with monkeypatch.context() as patched:
+        patched.setattr(batch_work, "_whole", whole)
+        outcome = do_job(job)
+    assert (outcome.state, "changed while" in outcome.why) == ("failed", True)
+    assert not (job.output / "batch.json").exists()
+    assert do_job(job).state == "done"
+    assert do_job(job).state == "kept"
+
+
+def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
+    folders = recordings(tmp_path / "recs", 2, {}, 0.5)
+
+    def outcomes(todo: list[Job], *_: object) -> Iterator[Outcome]:
+        yield do_job(todo[0])
+        raise KeyboardInterrupt
+
+    command = ("batch", *folders, "--output", tmp_path / "out", "--people", "one", "--jobs", 1)
+    with monkeypatch.context() as patched:
+        patched.setattr("posefuse.cli.batch._outcomes", outcomes)
+        code, said, wrong = run(*command)
+    assert code == 130
+    assert "2 recordings: 1 done, 0 kept (nothing changed), 0 failed, 1 not done" in said
+    assert "the same command does the rest" in " ".join(wrong.split())
+    assert "rec_001,not done" in (tmp_path / "out" / "batch.csv").read_text()
+    assert "1 done, 1 kept" in run(*command)[1]
+
+
+def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
+    folders = recordings(tmp_path / "recs", 1, {}, 0.5)
+    (tmp_path / "out").mkdir()
+    with alone_in(tmp_path / "out", tmp_path / "out"):
+        code, _, wrong = run("batch", *folders, "--output", tmp_path / "out")
+    assert (code, "another posefuse is writing into it" in " ".join(wrong.split())) == (1, True)
 
 
 @pytest.mark.long

@@ -116,9 +116,18 @@ def test_over_tcp_until_it_is_told_to_end(folder, lines):
     assert report["malformed"] == {"not JSON": 1}
     assert len(frames) + report["frames"]["dropped"] == count
     assert all(frame["latency_s"] >= 0.0 for frame in frames)
-    assert "warning: line 1: " in said
+    assert re.search(r"warning: 127\.0\.0\.1:\d+\s+line 1: ", said)
     assert "malformed: 1 line, not JSON" in said
     assert "latency of complete frames" in said
+
+
+def test_a_stream_of_which_no_line_can_be_used_fails(folder):
+    done = subprocess.run(stream(folder), input=b"{\n" * 9, capture_output=True, check=False, env=ENVIRONMENT)
+    assert done.returncode == 1
+    said = " ".join(done.stderr.decode().split())
+    assert "warning: line 1: " in said
+    assert "malformed: 9 lines, not JSON" in said
+    assert "No line could be used." in said
 
 
 def _lines(process: subprocess.Popen) -> Iterator[bytes]:

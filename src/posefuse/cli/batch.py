@@ -8,13 +8,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, complain, count, percent, say, table
+from posefuse.cli.console import Bars, complain, count, percent, say, table, warn
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
 from posefuse.model.batch import Job, Outcome
 from posefuse.model.options import Options
 
-TABLE, PAGE = "batch.csv", "batch.html"
+_ENDED = "The batch was interrupted before it was done."
 
 
 def batch(
@@ -38,7 +38,7 @@ def batch(
     """
     from posefuse.batch.jobs import jobs_of
     from posefuse.cli.batch_work import as_before
-    from posefuse.io.files import must_exist
+    from posefuse.io.files import alone_in, must_exist
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
@@ -51,19 +51,33 @@ def batch(
     window = None if scheduler is None else window_s
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
-    by_name = {job.name: job for job in todo}
-    progress = Bars()
-    progress.start("recordings", len(todo))
-    found: dict[str, Outcome] = {}
-    for outcome in _outcomes(todo, jobs, scheduler):
-        found[outcome.name] = as_before(by_name[outcome.name], outcome)
-        progress.advance(1)
-    progress.finish()
-    outcomes = [found[job.name] for job in todo]
-    _write(outcomes, output)
+    with alone_in(output, output):
+        found, ended = _done(todo, _outcomes(todo, jobs, scheduler))
+        missing = [Outcome(job.name, "not done", _ENDED) for job in todo if job.name not in found]
+        by_name = found | {each.name: each for each in missing}
+        outcomes = [as_before(job, by_name[job.name]) for job in todo]
+        _write(outcomes, output)
     _tell(outcomes, output)
+    if ended:
+        warn("Interrupted. What is done stays, and the same command does the rest.")
+        sys.exit(130)
     if any(outcome.state == "failed" for outcome in outcomes):
         sys.exit(1)
+
+
+def _done(todo: Sequence[Job], outcomes: Iterator[Outcome]) -> tuple[dict[str, Outcome], bool]:
+    """What came of jobs, by name, and whether that was interrupted."""
+    progress, found = Bars(), {}
+    progress.start("recordings", len(todo))
+    try:
+        for outcome in outcomes:
+            found[outcome.name] = outcome
+            progress.advance(1)
+    except KeyboardInterrupt:
+        return found, True
+    finally:
+        progress.finish()
+    return found, False
 
 
 def _outcomes(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterator[Outcome]:
@@ -79,6 +93,7 @@ def _outcomes(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> I
 
 
 def _write(outcomes: Sequence[Outcome], output: Path) -> None:
+    from posefuse.batch.jobs import PAGE, TABLE
     from posefuse.io.files import replacing
     from posefuse.report.batch import batch_csv, batch_page
 
@@ -88,6 +103,8 @@ def _write(outcomes: Sequence[Outcome], output: Path) -> None:
 
 
 def _tell(outcomes: Sequence[Outcome], output: Path) -> None:
+    from posefuse.batch.jobs import PAGE, TABLE
+
     table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in outcomes])
     for each in outcomes:
         for warning in each.warnings:
@@ -98,7 +115,7 @@ def _tell(outcomes: Sequence[Outcome], output: Path) -> None:
     states = Counter(each.state for each in outcomes)
     say(
         f"{count(len(outcomes), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "
-        f"{states['failed']} failed"
+        f"{states['failed']} failed" + (f", {states['not done']} not done" if states["not done"] else "")
     )
     say(f"Wrote {TABLE} and {PAGE} to {output}")
 

@@ -3,10 +3,11 @@
 import contextlib
 import io
 import math
+import shutil
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,14 +15,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from posefuse.batch.marks import MARK, RESULT, kept, key_of, remove_mark, write_mark
 from posefuse.cli.console import Bars
-from posefuse.cli.reading import digest
+from posefuse.cli.reading import digest, timestamps_of
 from posefuse.dividing import Do
-from posefuse.errors import PosefuseError, PosefuseWarning
+from posefuse.errors import PosefuseError, PosefuseWarning, RecordingError
 from posefuse.health.findings import HEALTH
 from posefuse.io.files import PARTS, must_exist, replacing_folder
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
-from posefuse.model.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Silent
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()
 """What is printed and warned of belongs to a process, so that a process does one recording at a time."""
+_CHANGED = "Its files changed while it was reconstructed. The same command does it anew."
 
 
 Make = Callable[[Path, Job, Path, Path], Callable[[], None]]
@@ -90,10 +91,15 @@ def _inputs(job: Job) -> tuple[Path, Path]:
 
 def _kept(job: Job) -> Outcome | None:
     """What an earlier run made of the same, in one go or divided alike."""
-    if job.again:
+    if job.again or not (job.output / MARK).is_file():
         return None
-    keys = (_key(*_inputs(job), job.options, window_s) for window_s in dict.fromkeys((None, job.window_s)))
-    return next((found for key in keys if (found := kept(job.name, job.output, key, digest))), None)
+    inputs = _digests(job)
+    keys = (_key(job, inputs, window_s) for window_s in dict.fromkeys((None, job.window_s)))
+    found = next((found for key in keys if (found := kept(job.name, job.output, key, digest))), None)
+    if found is not None:
+        # Of a run that was ended between its mark and their end.
+        shutil.rmtree(job.output / PARTS, ignore_errors=True)
+    return found
 
 
 def _is_long(job: Job) -> bool:
@@ -107,18 +113,20 @@ def _is_long(job: Job) -> bool:
 def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outcome:
     from posefuse.io.results import netcdf
 
-    calibration, keypoints = _inputs(job)
+    inputs = _digests(job)
     marker = MARK if (job.output / MARK).exists() else RESULT
-    with replacing_folder(job.output, marker) as staging:
-        forget = make(staging, job, calibration, keypoints)
+    after = contextlib.ExitStack()
+    with replacing_folder(job.output, marker, after=after) as staging:
+        after.callback(make(staging, job, *_inputs(job)))
         result = netcdf.read_reconstruction(staging / RESULT)
-        numbers = _numbers(result)
         said += [note for note in result.provenance.notes if note.startswith(HEALTH)]
+        if _digests(job) != inputs:
+            raise RecordingError(_CHANGED)
+        outcome = Outcome(job.name, "done", "", _numbers(result), tuple(said))
+        # Before the parts go: whoever is ended in between has one or the other.
+        after.callback(write_mark, job.output, _key(job, inputs, window_s), outcome, digest)
         # From here on the folder is another result, and not a whole one until its mark is there.
         remove_mark(job.output)
-    forget()
-    outcome = Outcome(job.name, "done", "", numbers, tuple(said))
-    write_mark(job.output, _key(calibration, keypoints, job.options, window_s), outcome, digest)
     return outcome
 
 
@@ -160,10 +168,20 @@ def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Pat
     return parts.remove
 
 
-def _key(calibration: Path, keypoints: Path, options: Options, window_s: float | None) -> str:
+def _digests(job: Job) -> dict[str, str]:
+    """What is read of a recording: what it is for and its name, to the digest of its content."""
+    calibration, keypoints = _inputs(job)
+    files = {"calibration": calibration, "keypoints": keypoints}
+    stamps = timestamps_of(job.folder, keypoints, job.options)
+    if stamps is not None:
+        files["timestamps"] = stamps
+    return {f"{what} {path.name}": digest(path) for what, path in files.items()}
+
+
+def _key(job: Job, inputs: Mapping[str, str], window_s: float | None) -> str:
+    options = job.options
     skeleton = Path(options.skeleton) if options.skeleton and options.skeleton.endswith(".toml") else None
     own = digest(skeleton) if skeleton is not None and skeleton.is_file() else ""
-    inputs = {f"calibration {calibration.name}": digest(calibration), f"keypoints {keypoints.name}": digest(keypoints)}
     return key_of(inputs, options, own, window_s)
 
 
@@ -213,6 +231,6 @@ def _quiet() -> Iterator[list[str]]:
 
 def as_before(job: Job, outcome: Outcome) -> Outcome:
     """A failure, with a word on the result of an earlier run that is still there."""
-    if outcome.state == "failed" and (job.output / RESULT).exists():
+    if outcome.state in ("failed", "not done") and (job.output / RESULT).exists():
         return replace(outcome, why=f"{outcome.why} ({job.name} holds an earlier result.)")
     return outcome

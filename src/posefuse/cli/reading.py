@@ -75,10 +75,19 @@ def request_of(
     """
     if timestamps is not None:
         return Request.of(options, progress, read_timestamps(timestamps)), timestamps
-    told = options.rate_hz is not None or bool(options.view_rates_hz)
-    found = None if told else choose_timestamps(folder, keypoints)
+    found = timestamps_of(folder, keypoints, options)
     nearby = None if found is None else read_timestamps(found)
     return Request.of(options, progress, nearby=nearby), found
+
+
+def timestamps_of(folder: Path, keypoints: Path, options: Options) -> Path | None:
+    """The timestamps in a recording that count: none where the options tell when frames were.
+
+    Raises:
+        RecordingError: if there are several.
+    """
+    told = options.rate_hz is not None or bool(options.view_rates_hz)
+    return None if told else choose_timestamps(folder, keypoints)
 
 
 def must_have_rate(detections: Detections) -> None:

@@ -3,7 +3,7 @@
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -75,11 +75,14 @@ def reconstruct(
         from posefuse.io.options import read_sync
 
         options = replace(options, sync=read_sync(sync))
-    with told_of_parts(output / PARTS), replacing_folder(output) as staging:
+    after = ExitStack()
+    with told_of_parts(output / PARTS), replacing_folder(output, after=after) as staging:
         made = reconstruct_into(
             staging, recording, calibration, keypoints, options, edits, timestamps, parts=output / PARTS
         )
         more, remarks = also_into(staging, also)
+        if not made.partial:
+            after.callback(made.done)
     single = "TRC, C3D and the other formats" if more else "TRC and C3D"
     wrote([*made.files, *more], output, f"{single} hold the layer {made.layer}.")
     for remark in remarks:
@@ -87,7 +90,6 @@ def reconstruct(
     if made.partial:
         warn(made.partial)
         sys.exit(130)
-    made.done()
 
 
 @dataclass(frozen=True)
@@ -217,11 +219,15 @@ def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> No
 
 
 def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Keeper, Callable[[], None]]:
-    """What keeps finished parts of a long recording, and what removes them; of a short one none are kept."""
-    if parts is None or inputs.detections.n_frames <= options.chunk_frames:
+    """What keeps finished parts of a long recording, and what removes them; of a short one none are kept.
+
+    Those of an earlier run with shorter chunks go.
+    """
+    short = inputs.detections.n_frames <= options.chunk_frames
+    if parts is None or (short and not parts.exists()):
         return NOTHING, lambda: None
     keeper = parts_of(parts, inputs, options)
-    return keeper, keeper.remove
+    return NOTHING if short else keeper, keeper.remove
 
 
 def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "Parts":

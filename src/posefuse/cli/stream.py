@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.table import Table
 from rich.text import Text
 
@@ -35,7 +35,7 @@ def stream(
     *,
     calibration: Annotated[Path, Parameter(help="Calibration file; messages call cameras by its names.")],
     input: Annotated[str, Parameter(name=["--input", "-i"], help=_INPUT_HELP)] = "-",  # noqa: A002
-    stream: Annotated[StreamOptions, Parameter(name="*", group="Stream")] = StreamOptions(),  # noqa: B008
+    stream: Annotated[StreamOptions, Parameter(name="*", group=Group("Stream", sort_key=1))] = StreamOptions(),  # noqa: B008
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Follow people live: a JSON line of each camera and time in, a JSON line of everybody in each frame out.
@@ -50,7 +50,9 @@ def stream(
     from posefuse.live.warm import warm_up
 
     address = parse_address(input)
-    stream = replace(stream, when_behind=stream.when_behind or ("wait" if address.kind == "stdin" else "drop"))
+    # Where messages tell the time, the same lines are to give the same bytes: none is dropped for being many.
+    waits = address.kind == "stdin" or stream.clock == "messages"
+    stream = replace(stream, when_behind=stream.when_behind or ("wait" if waits else "drop"))
     session = _session(calibration, stream, options)
     if address.is_open:
         warn(
@@ -59,20 +61,24 @@ def stream(
     warm_up(session, options)
     inbox = Inbox(stream.queue_messages, waits=stream.when_behind == "wait")
     source = Source(address, inbox, stream)
-    _say_ready(source.start())
-    gc.collect()
-    # What is there by now stays: looking through it again and again would take milliseconds of a frame.
-    gc.freeze()
-    try:
-        with _ended_by_signals(inbox), _taking_turns():
-            run_stream(session, inbox, _write, lambda fault: warn(f"line {fault.number}: {fault.why}"))
-    except BrokenPipeError:
-        warn("whoever read the lines is gone.")
-        sys.stdout = open("/dev/null", "w")  # noqa: SIM115
-    finally:
-        gc.unfreeze()
-        source.close()
-        tell(session)
+    with _ended_by_signals(inbox):
+        _say_ready(source.start())
+        gc.collect()
+        # What is there by now stays: looking through it again and again would take milliseconds of a frame.
+        gc.freeze()
+        try:
+            with _taking_turns():
+                run_stream(session, inbox, _write, warn)
+        except BrokenPipeError:
+            warn("whoever read the lines is gone.")
+            sys.stdout = open("/dev/null", "w")  # noqa: SIM115
+        finally:
+            gc.unfreeze()
+            source.close()
+            tell(session)
+    if session.counts.lines and not any(each.received for each in session.grouper.counts):
+        warn("No line could be used.")
+        sys.exit(1)
 
 
 def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Session":

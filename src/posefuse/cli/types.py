@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from posefuse.model.options import Options
 
-OptionFlags = Annotated[Options, Parameter(name="*", group="Options")]
+OptionFlags = Annotated[Options, Parameter(name="*", group=Group("Options", sort_key=2))]
 Recording = Annotated[Path, Parameter(help="The recording's folder.")]
 Output = Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the results; made if absent.")]
 CalibrationPath = Annotated[Path | None, Parameter(help="Calibration file; by default the one in the recording.")]

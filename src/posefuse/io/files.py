@@ -225,10 +225,14 @@ def _writable(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _alone_in(staging: Path, folder: Path) -> Iterator[None]:
+def alone_in(held: Path, folder: Path) -> Iterator[None]:
     """Hold a folder while nobody else does; whoever is ended, however, holds nothing any more.
 
     The system's own lock of the folder: nothing stays behind. Where there is none (Windows, some network drives), none.
+
+    Args:
+        held: is locked.
+        folder: what it is held for, as the user calls it.
 
     Raises:
         FileError: if another process has it.
@@ -236,24 +240,39 @@ def _alone_in(staging: Path, folder: Path) -> Iterator[None]:
     try:
         import fcntl
 
-        number = os.open(staging, os.O_RDONLY)
+        number = os.open(held, os.O_RDONLY)
+    except FileNotFoundError:
+        raise _busy(folder) from None
     except (ImportError, OSError):
         yield
         return
     try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(number)
-        raise FileError(
-            f"--output {folder}: another posefuse is writing into it. Wait until it is done, end it, or choose another "
-            "folder."
-        ) from None
-    except OSError:
-        pass
-    try:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise _busy(folder) from None
+        except OSError:
+            pass
+        # Whoever held it may have removed it meanwhile, and somebody else have made it anew.
+        if not _is_at(number, held):
+            raise _busy(folder)
         yield
     finally:
         os.close(number)
+
+
+def _is_at(number: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(number), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _busy(folder: Path) -> FileError:
+    return FileError(
+        f"--output {folder}: another posefuse is writing into it. Wait until it is done, end it, or choose another "
+        "folder."
+    )
 
 
 RESULT_FILES = (
@@ -270,11 +289,20 @@ PARTS = ".parts"
 
 @contextlib.contextmanager
 def replacing_folder(
-    folder: Path, marker: str = "reconstruction.nc", owned: tuple[str, ...] = RESULT_FILES
+    folder: Path,
+    marker: str = RESULT_FILES[0],
+    owned: tuple[str, ...] = RESULT_FILES,
+    after: contextlib.ExitStack | None = None,
 ) -> Iterator[Path]:
     """A temporary folder whose files move into ``folder`` when all went well, and go when not.
 
     Files that an earlier run left in ``folder`` (``owned``) are removed then; other people's files stay.
+
+    Args:
+        folder: where the files go.
+        marker: the file by which such a folder is known.
+        owned: patterns of the files of such a folder.
+        after: closed when the files are in their places, while nobody else can write there yet.
 
     Raises:
         FileError: if the folder holds files but is not such a result (it lacks ``marker``), is a file, or another
@@ -290,28 +318,47 @@ def replacing_folder(
             f"--output {folder} already holds other files ({choices(others, 5)}) "
             "and is no result of this command. Choose a new or an empty folder."
         )
-    staging = folder.with_name(f".{folder.name}.partial")
+    place = folder.resolve()
+    staging = place.with_name(f".{place.name}.partial")
     with contextlib.ExitStack() as held:
-        if staging.is_dir():
-            held.enter_context(_alone_in(staging, folder))
-            with contextlib.suppress(OSError):
-                shutil.rmtree(staging)
-    with _writable(folder):
-        staging.mkdir(parents=True)
-    try:
-        with _alone_in(staging, folder):
-            yield staging
+        _remove_left(staging, folder)
         with _writable(folder):
-            folder.mkdir(exist_ok=True)
-            for pattern in owned:
-                for stale in folder.glob(pattern):
-                    stale.unlink()
-                    if stale.parent != folder and not any(stale.parent.iterdir()):
-                        stale.parent.rmdir()
-            # The marker first: if that is as far as it comes, the folder is known for what it is.
-            for entry in sorted((e for e in staging.rglob("*") if e.is_file()), key=lambda e: (e.name != marker, e)):
-                target = folder / entry.relative_to(staging)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(entry, target)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                staging.mkdir()
+            except FileExistsError:
+                raise _busy(folder) from None
+        held.enter_context(alone_in(staging, folder))
+        held.callback(shutil.rmtree, staging, ignore_errors=True)
+        yield staging
+        with _writable(folder):
+            _move(staging, place, marker, owned)
+        if after is not None:
+            after.close()
+
+
+def _remove_left(staging: Path, folder: Path) -> None:
+    """Remove what somebody who was ended left."""
+    if staging.is_dir():
+        with alone_in(staging, folder), contextlib.suppress(OSError):
+            shutil.rmtree(staging)
+
+
+def _move(staging: Path, folder: Path, marker: str, owned: tuple[str, ...]) -> None:
+    """Files to their places, that by which the folder is known first, in place of the old one."""
+    folder.mkdir(exist_ok=True)
+    first = [name for name in dict.fromkeys((marker, RESULT_FILES[0])) if (staging / name).is_file()]
+    for name in first:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(staging / name, folder / name)
+    for pattern in owned:
+        for stale in folder.glob(pattern):
+            if stale.relative_to(folder).as_posix() in first:
+                continue
+            stale.unlink()
+            if stale.parent != folder and not any(stale.parent.iterdir()):
+                stale.parent.rmdir()
+    for entry in sorted(e for e in staging.rglob("*") if e.is_file()):
+        target = folder / entry.relative_to(staging)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(entry, target)

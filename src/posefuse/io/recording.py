@@ -94,7 +94,21 @@ def choose_calibration(recording: Recording) -> Path:
     Raises:
         RecordingError: if there is none, or more than one.
     """
+    if not recording.calibrations:
+        broken = next(_broken_calibrations(recording.folder), None)
+        if broken is not None:
+            raise RecordingError(f"{recording.folder} has one calibration, which cannot be read. {broken}")
     return _choose(recording.calibrations, recording, "calibrations", "--calibration")
+
+
+def _broken_calibrations(folder: Path) -> Iterator[str]:
+    """What is wrong with files that are called calibrations and are in no format."""
+    for path in sorted(folder.glob("*calib*")):
+        if path.is_file() and path.suffix in _CALIBRATION_SUFFIXES and calibration_format(path) is None:
+            try:
+                read_cameras(path)
+            except PosefuseError as error:
+                yield str(error)
 
 
 def choose_keypoints(recording: Recording) -> Path:

@@ -19,7 +19,9 @@ MOST_SECONDS = 1e11
 MOST_PX = 1e6
 _MISSING: list[float | None] = [None, None, None]
 
-Fault = Literal["not JSON", "wrong shape", "unknown camera", "impossible number", "too many people"]
+Fault = Literal[
+    "not JSON", "wrong shape", "wrong keypoints", "unknown camera", "impossible number", "too many people"
+]  # fmt: skip
 
 
 class _Person(msgspec.Struct):
@@ -100,7 +102,7 @@ class Reader:
                     f"people[{p}] has {len(person.keypoints)} keypoints; the skeleton of this stream has {keypoints}. "
                     "--skeleton says which."
                 )
-                return Refusal("wrong shape", why, view)
+                return Refusal("wrong keypoints", why, view)
             if not -1 <= person.track_id < 1 << 62:
                 return Refusal("impossible number", f"people[{p}].track_id is {person.track_id}.", view)
             filled = [values or _MISSING for values in person.keypoints]
@@ -109,7 +111,7 @@ class Reader:
                 why = (
                     f"people[{p}]: a keypoint is [x, y], [x, y, confidence] or null; got one of {max(lengths)} numbers."
                 )
-                return Refusal("wrong shape", why, view)
+                return Refusal("wrong keypoints", why, view)
             numbers[p] = filled if lengths == {3} else [[*values, None][:3] for values in filled]
         problem = _impossible(numbers)
         if problem is not None:

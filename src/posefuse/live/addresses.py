@@ -71,8 +71,9 @@ def parse_address(text: str) -> Address:
     kind = text.partition("://")[0]
     if "://" not in text or kind not in kinds:
         listed = "".join(f"\n  {example}  ({meaning})" for example, meaning in EXAMPLES.items())
-        near = suggestion(kind, kinds) if "://" in text else "Addresses look like one of these:"
-        raise OptionsError(f"--input: no address {text!r}. {near}{listed if '://' not in text else ''}")
+        near = suggestion(kind, kinds)
+        meant = f" {near}" if "://" in text and near.startswith("Did") else ""
+        raise OptionsError(f"--input: no address {text!r}.{meant} Addresses look like one of these:{listed}")
     return _network(kinds[kind], text)
 
 
@@ -90,7 +91,8 @@ def _network(kind: Kind, text: str) -> Address:
             raise OptionsError(f"--input {text}: lacks the subject: nats://host:4222/subject.")
         port = port or 4222
     if port is None:
-        raise OptionsError(f"--input {text}: lacks the port: {kind}://{host or LOOPBACK}:5570.")
+        meant = f"{kind}://{LOOPBACK}:{host}" if host and host.isdigit() else f"{kind}://{host or LOOPBACK}:5570"
+        raise OptionsError(f"--input {text}: lacks the port, as in {meant}.")
     if kind in ("tcp", "zmq+pull") and name:
         raise OptionsError(f"--input {text}: {kind} takes no name after the port, got {name!r}.")
     return Address(kind, host or LOOPBACK, port, name)

@@ -14,6 +14,8 @@ from posefuse.live.lines import Sender
 from posefuse.model.stream_options import StreamOptions
 
 _LOOK_MS = 100
+_MOST_HELD = 256
+"""Messages of a peer that ZeroMQ keeps, each of up to ``max_line_bytes``, until they are taken."""
 _CONNECT_S = 5.0
 _EXTRA = "Install it: pip install 'posefuse[live]'."
 
@@ -35,7 +37,7 @@ def open_zeromq(
     receiver: Any = context.socket(zmq.PULL if pulls else zmq.SUB)
     receiver.setsockopt(zmq.LINGER, 0)
     receiver.setsockopt(zmq.MAXMSGSIZE, options.max_line_bytes)
-    receiver.setsockopt(zmq.RCVHWM, options.queue_messages)
+    receiver.setsockopt(zmq.RCVHWM, min(options.queue_messages, _MOST_HELD))
     try:
         if pulls:
             receiver.bind(f"tcp://{address.host}:{address.port or '*'}")

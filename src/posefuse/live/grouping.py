@@ -21,6 +21,8 @@ Reason = Literal["complete", "overtaken", "waited", "crowded", "ended"]
 """Why a frame went on: all cameras that are heard have it; a later one is complete; its time was up; too many wait;
 the stream jumped or ended."""
 _REMEMBERED = 256
+_PERIODS = 3.0
+"""After so many of which without a message a camera has no say in what time it is."""
 
 
 @dataclass(frozen=True)
@@ -204,9 +206,9 @@ class Grouper:
         first = min(held, key=lambda each: each.seen.time_s)
         # Messages alone tell the time in replays: a gap is one, and what goes back goes on after a frame.
         ahead_s = first.seen.time_s - newest_s if self._by_messages else first.now_s - arrived_s
-        gone_s = max(ahead_s, self._period_s)
-        self.shift_s += newest_s + gone_s - first.seen.time_s
-        self.jumps += 1
+        if not (self._by_messages and ahead_s >= self._period_s):
+            self.shift_s += newest_s + max(ahead_s, self._period_s) - first.seen.time_s
+            self.jumps += 1
         self._past.clear()
         self._newest_s = [-math.inf] * len(self._newest_s)
         if self._by_messages:
@@ -256,6 +258,9 @@ class Grouper:
 
     def _settle(self, now_s: float) -> None:
         """Let frames go on that have waited long enough."""
+        for frame in self._open:
+            if frame.reached_s is None and self._reached(frame):
+                frame.reached_s = now_s
         while self._open:
             head, silent = self._open[0], self.silent(now_s)
             if self._has_all(head, silent):
@@ -265,13 +270,29 @@ class Grouper:
             elif self._waited(head, now_s):
                 self._close(head, self._up_s(head), "waited")
             elif len(self._open) > self.options.open_frames:
-                self._close(head, now_s, "crowded")
+                self._make_room(now_s)
             else:
                 return
 
+    def _make_room(self, now_s: float) -> None:
+        """Of too many frames that wait, the first goes on; but before it goes what one camera alone has come to.
+
+        Its clock is ahead: the others' frames are not to suffer from that.
+        """
+        last = self._open[-1]
+        if self._reached(last):
+            self._close(self._open[0], now_s, "crowded")
+        else:
+            self._drop(last)
+
     def _lead(self, now_s: float) -> None:
-        """Find the time that half of the cameras that are heard have come to, and two at least."""
-        times_s = sorted(at for at, quiet in zip(self._newest_s, self.silent(now_s), strict=True) if not quiet)
+        """Find the time that half of the cameras that are heard have come to, and two at least, if two are."""
+        lately_s = self.options.max_wait_s + _PERIODS * self._period_s
+        times_s = sorted(
+            at
+            for at, heard_s, quiet in zip(self._newest_s, self._heard_s, self.silent(now_s), strict=True)
+            if not quiet and (self._by_messages or now_s - heard_s <= lately_s)
+        )
         most = min(max(2, (len(times_s) + 1) // 2), len(times_s))
         agreed_s = times_s[-most] if most else -math.inf
         if agreed_s > (-math.inf if self._led_s is None else self._led_s[0]):
@@ -281,8 +302,6 @@ class Grouper:
         """Whether a frame's time is up, and it is no time that one camera alone has come to, whose clock is ahead."""
         if self._by_messages:
             return self._led_s is not None and self._led_s[0] >= head.time_s + self.options.max_wait_s
-        if head.reached_s is None and self._reached(head):
-            head.reached_s = now_s
         return head.reached_s is not None and now_s >= self._up_s(head)
 
     def _up_s(self, frame: _Open) -> float:
@@ -304,11 +323,15 @@ class Grouper:
         for frame in list(self._open):
             if self._reached(frame):
                 self._close(frame, now_s, "ended")
-        for frame in self._open:
-            for view in frame.views:
-                self.counts[view].early += 1
-                self.counts[view].used -= 1
-        self._open.clear()
+        for frame in list(self._open):
+            self._drop(frame)
+
+    def _drop(self, frame: _Open) -> None:
+        """What was taken for a frame is none."""
+        self._open.remove(frame)
+        for view in frame.views:
+            self.counts[view].early += 1
+            self.counts[view].used -= 1
 
     def _close(self, frame: _Open, due_s: float, reason: Reason) -> None:
         self._open.remove(frame)

@@ -10,10 +10,24 @@ _MOST_BYTES = 64 << 20
 
 
 class Arrived(NamedTuple):
-    """A line, and when it arrived."""
+    """A line, and when it arrived.
+
+    Attributes:
+        line: without its end.
+        at_s: by the inbox's clock.
+        sender: what is said before the line's number, to tell senders apart; empty of one alone.
+        number: of the line, of all that its sender sent.
+    """
 
     line: bytes
     at_s: float
+    sender: str = ""
+    number: int = 0
+
+    @property
+    def origin(self) -> str:
+        """Which line it is, in words."""
+        return f"{self.sender} line {self.number}".lstrip()
 
 
 class Inbox:
@@ -37,12 +51,15 @@ class Inbox:
         self._closed = False
         self._changed = threading.Condition()
 
-    def put(self, line: bytes) -> None:
-        """A line arrives."""
+    def put(self, line: bytes, sender: str = "", number: int = 0) -> None:
+        """A line arrives; after the end it is lost."""
         with self._changed:
             while self._waits and self._full and not self._closed:
                 self._changed.wait(0.1)
-            self._lines.append(Arrived(line, self.clock()))
+            if self._closed:
+                self.lost["came after the end"] += 1
+                return
+            self._lines.append(Arrived(line, self.clock(), sender, number))
             self._bytes += len(line)
             while self._full and not self._waits and len(self._lines) > 1:
                 self._bytes -= len(self._lines.popleft().line)

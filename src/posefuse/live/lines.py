@@ -1,5 +1,7 @@
 """Bytes become lines, none longer and no more a second than said."""
 
+from codecs import BOM_UTF8
+
 from posefuse.live.inbox import Inbox
 from posefuse.model.stream_options import StreamOptions
 
@@ -15,20 +17,26 @@ class LineSplitter:
 
     def __init__(self, most_bytes: int) -> None:
         self.most_bytes = most_bytes
+        self.number = 0
+        """Of the last line that ended."""
         self.too_long = 0
         self._begun = b""
         self._skipping = False
 
-    def feed(self, data: bytes) -> list[bytes]:
-        """The lines that end in these bytes, without their ends; empty ones are left out."""
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Numbers from 1 on, and the lines that end in these bytes, without their ends; empty ones are left out."""
         *ended, rest = data.split(b"\n")
         lines = []
         for piece in ended:
+            self.number += 1
             whole = self._begun + piece
+            if self.number == 1:
+                # What some editors and consoles put before a text.
+                whole = whole.removeprefix(BOM_UTF8)
             if self._skipping or len(whole) > self.most_bytes:
                 self.too_long += 1
             elif whole.strip():
-                lines.append(whole)
+                lines.append((self.number, whole))
             self._begun, self._skipping = b"", False
         self._begun += rest
         if len(self._begun) > self.most_bytes:
@@ -37,9 +45,9 @@ class LineSplitter:
             self._begun = b""
         return lines
 
-    def end(self) -> list[bytes]:
+    def end(self) -> list[tuple[int, bytes]]:
         """The last line, where it lacks its end."""
-        return self.feed(b"\n")
+        return self.feed(b"\n") if self._begun or self._skipping else []
 
 
 class Allowance:
@@ -72,10 +80,11 @@ class Sender:
         inbox: where to.
         options: of the stream.
         limited: whether messages a second are; where the sender waits, there are never too many.
+        name: of the sender, where there are several.
     """
 
-    def __init__(self, inbox: Inbox, options: StreamOptions, *, limited: bool) -> None:
-        self._inbox = inbox
+    def __init__(self, inbox: Inbox, options: StreamOptions, *, limited: bool, name: str = "") -> None:
+        self._inbox, self._name = inbox, name
         self._splitter = LineSplitter(options.max_line_bytes)
         self._allowance = Allowance(options.max_messages_hz, inbox.clock()) if limited else None
 
@@ -87,12 +96,12 @@ class Sender:
         """No more will."""
         self._put(self._splitter.end())
 
-    def _put(self, lines: list[bytes]) -> None:
+    def _put(self, lines: list[tuple[int, bytes]]) -> None:
         for _ in range(self._splitter.too_long):
             self._inbox.lose(TOO_LONG)
         self._splitter.too_long = 0
-        for line in lines:
+        for number, line in lines:
             if self._allowance is None or self._allowance.spend(self._inbox.clock()):
-                self._inbox.put(line)
+                self._inbox.put(line, self._name, number)
             else:
                 self._inbox.lose(TOO_FAST)

@@ -2,21 +2,23 @@
 
 from collections.abc import Callable
 
+from posefuse.live.alarms import EVERY_S
 from posefuse.live.inbox import Inbox
-from posefuse.live.session import Fault, Session
+from posefuse.live.session import Session
 
 _IDLE_S = 0.1
 _SOON_S = 0.005
 
 
-def run_stream(session: Session, inbox: Inbox, write: Callable[[bytes], None], told: Callable[[Fault], None]) -> None:
+def run_stream(session: Session, inbox: Inbox, write: Callable[[bytes], None], told: Callable[[str], None]) -> None:
     """Follow people until the inbox is finished.
 
     Args:
         session: of the stream.
         inbox: where its lines come in.
         write: takes lines out, each with its end.
-        told: hears of lines that could not be used, the first few of a kind.
+        told: hears, in sentences, of lines that could not be used, the first few of a kind, and of cameras that are
+            silent or whose clocks are wrong.
 
     Raises:
         StreamError: if receiving ended by an error; after all that came before was worked on.
@@ -24,14 +26,19 @@ def run_stream(session: Session, inbox: Inbox, write: Callable[[bytes], None], t
     write(session.start_line())
     by_messages = session.stream.clock == "messages"
     report_at_s = inbox.clock() + session.stream.report_every_s
+    look_at_s = inbox.clock() + EVERY_S
     while not inbox.finished:
         lines, until_s = inbox.take(_patience_s(session, inbox.clock()), None if session.drops else 1)
-        for line, at_s in lines:
-            fault = session.take(line, at_s)
-            if fault is not None:
-                told(fault)
+        for each in lines:
+            why = session.take(each.line, each.at_s)
+            if why is not None:
+                told(f"{each.origin}: {why}")
         session.tick(until_s)
         _follow(session, inbox, write, everybody=not session.drops)
+        if inbox.clock() >= look_at_s:
+            look_at_s = inbox.clock() + EVERY_S
+            for sentence in session.alarms(inbox.clock()):
+                told(sentence)
         if not by_messages and inbox.clock() >= report_at_s:
             report_at_s += session.stream.report_every_s
             _report(session, inbox, write, last=False)

@@ -3,12 +3,13 @@
 import warnings
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, Reader, Refusal, encoded
+from posefuse.live.alarms import Alarms
 from posefuse.live.counts import Latencies, StreamCounts, ViewCounts
 from posefuse.live.grouping import Group, Grouper
 from posefuse.live.measuring import Measuring
@@ -25,22 +26,16 @@ _TOLD_FAULTS = 5
 _OF_RECORDINGS = (
     "people", "person", "bodies", "pick", "rate_hz", "third_channel", "camera_order", "start_s", "end_s", "layer",
     "sides", "pair_search", "side_search", "solve", "trajectory", "postprocess", "subject", "align",
+    "chunk_frames",
 )  # fmt: skip
 """Options that do nothing live."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A line that could not be used, said of the first few of a kind."""
-
-    number: int
-    why: str
 
 
 def warn_of_idle(options: Options) -> None:
     """Warn once of all options that do nothing in a stream."""
     usual = Options()
     idle = [name for name in _OF_RECORDINGS if getattr(options, name) != getattr(usual, name)]
+    idle += ["tracker.smoother"] if options.tracker.smoother != usual.tracker.smoother else []
     idle += ["pairs"] if options.pairs not in (None, "labels") else []
     if idle:
         said = f"These options are of recordings and do nothing in a stream: {', '.join(idle)}. Leave them out."
@@ -68,6 +63,7 @@ class Session:
         self.rig, self.skeleton, self.stream = rig, find_skeleton(skeleton), stream
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)
+        self._alarms = Alarms(rig.names)
         self._reader = Reader(rig.names, len(self.skeleton), stream.max_view_people)
         self._tracker = Tracker(rig, self.skeleton, options)
         self._measuring = Measuring.of(rig, self.skeleton, options)
@@ -88,8 +84,8 @@ class Session:
             }
         )
 
-    def take(self, line: bytes, now_s: float) -> Fault | None:
-        """Read a line; what is wrong with it, if it is one of the first few with that."""
+    def take(self, line: bytes, now_s: float) -> str | None:
+        """Read a line; what is wrong with it, in a sentence, if it is one of the first few with that."""
         self.counts.lines += 1
         found = self._reader.read(line)
         if not isinstance(found, Refusal):
@@ -99,8 +95,10 @@ class Session:
         self.counts.malformed[found.fault] += 1
         if found.view is not None:
             self.grouper.counts[found.view].malformed += 1
-        few = self.counts.malformed[found.fault] <= _TOLD_FAULTS
-        return Fault(self.counts.lines, found.why) if few else None
+        times = self.counts.malformed[found.fault]
+        if times > _TOLD_FAULTS:
+            return None
+        return found.why if times < _TOLD_FAULTS else f"{found.why} More like this ({found.fault}) are counted alone."
 
     def tick(self, now_s: float) -> None:
         """Time goes on without a line."""
@@ -138,6 +136,10 @@ class Session:
         latency_s = None if self.stream.clock == "messages" else max(0.0, clock() - group.due_s)
         self._count(group, latency_s)
         return self._line(group, people, told, latency_s)
+
+    def alarms(self, now_s: float) -> list[str]:
+        """What has gone wrong since the last call, or is over, in sentences."""
+        return self._alarms.look(self.grouper.counts, self.grouper.silent(now_s), self.grouper.jumps)
 
     def report_line(self, *, last: bool) -> bytes:
         """What was counted so far.

@@ -35,6 +35,7 @@ class Source:
     def __init__(self, address: Address, inbox: Inbox, options: StreamOptions) -> None:
         self.address, self.inbox, self.options = address, inbox, options
         self.stop = threading.Event()
+        self._connections = 0
         self.limited = options.when_behind == "drop"
         self._thread = threading.Thread(target=self._receive, name=f"posefuse {address.kind}", daemon=True)
 
@@ -123,13 +124,16 @@ class Source:
 
     def _accept(self, listener: socket.socket, selector: selectors.BaseSelector) -> None:
         with contextlib.suppress(OSError):
-            connection, _ = listener.accept()
+            connection, peer = listener.accept()
+            self._connections += 1
+            name = f"{peer[0]}:{peer[1]}" if peer else f"connection {self._connections}"
             if len(selector.get_map()) > self.options.max_connections:
                 self.inbox.lose(TURNED_AWAY)
                 connection.close()
                 return
             connection.setblocking(False)
-            selector.register(connection, selectors.EVENT_READ, Sender(self.inbox, self.options, limited=self.limited))
+            sender = Sender(self.inbox, self.options, limited=self.limited, name=name)
+            selector.register(connection, selectors.EVENT_READ, sender)
 
     def _read(self, key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
         connection: socket.socket = key.fileobj  # type: ignore[assignment]

@@ -6,8 +6,8 @@ from typing import Literal
 
 from posefuse.model.options import Options
 
-State = Literal["done", "kept", "failed"]
-"""Reconstructed now; as it was, for nothing has changed; not reconstructed."""
+State = Literal["done", "kept", "failed", "not done"]
+"""Reconstructed now; as it was, for nothing has changed; not reconstructed; not come to before the batch was ended."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from urllib.parse import quote
 from posefuse.model.batch import Numbers, Outcome
 
 _COLUMNS = ("recording", "outcome", *Numbers.__dataclass_fields__, "warnings", "why")
+_NONE = ("failed", "not done")
 _HEADS = ("Recording", "Outcome", "Frames", "s", "Cameras", "People", "Points", "Median px", "90 % px", "Typical sd mm")
 
 
@@ -27,7 +28,7 @@ def batch_csv(outcomes: Sequence[Outcome]) -> str:
 
 def batch_page(outcomes: Sequence[Outcome]) -> str:
     """The page: what failed and why, then all recordings with a link to each report."""
-    failed = [each for each in outcomes if each.state == "failed"]
+    failed = [each for each in outcomes if each.state in _NONE]
     there = len(outcomes) - len(failed)
     css = files("posefuse.report").joinpath("assets", "report.css").read_text("utf-8")
     head = "".join(f"<th>{escape(name)}</th>" for name in _HEADS)
@@ -61,7 +62,7 @@ def _row(each: Outcome) -> str:
 
 def _outcome(each: Outcome) -> str:
     """Files do not say whether a result was made now or before: that would make them differ for no reason."""
-    return "failed" if each.state == "failed" else "reconstructed"
+    return each.state if each.state in _NONE else "reconstructed"
 
 
 def _shown(value: float | None, digits: int, unit: str = "") -> str:

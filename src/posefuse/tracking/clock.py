@@ -14,6 +14,8 @@ from posefuse.model.frames import Frame
 _SAME_TIME_S = 1e-3
 """Views that differ by less are of one time."""
 _LEAST_S = 1e-4
+SAME_S = 1e-6
+"""Durations that differ by less are the same: a double tells seconds since 1970 to 0.24 us."""
 
 
 @dataclass

@@ -11,6 +11,7 @@ from posefuse.model.life import Happening
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.anew import forget
 from posefuse.tracking.bodies import Sight, chosen, put
+from posefuse.tracking.clock import SAME_S
 from posefuse.tracking.lengths import told_of_lengths
 from posefuse.tracking.posing import aim, bones_shown
 from posefuse.tracking.records import Track
@@ -97,7 +98,7 @@ def live_on(
         track.log_odds = max(track.log_odds, bounds.begins_with)
     if track.state == TrackState.ACTIVE:
         few, lasts_s = ("no camera", o.lost_after_s) if track.sure else ("one camera at most", o.weak_after_s)
-        if time_s - track.seen_s > lasts_s:
+        if time_s - track.seen_s > lasts_s + SAME_S:
             track.state = TrackState.LOST
             said.append(("lost", f"seen by {few} for {time_s - track.seen_s:.2f} s"))
         elif track.log_odds < bounds.lost_below:
@@ -143,12 +144,12 @@ def _why_forgotten(track: Track, state: State, p: int, time_s: float, settings: 
     o = settings.options
     if not track.sure:
         return "it may have been a coincidence of two cameras"
-    if time_s - track.seen_s > o.forget_after_s:
+    if time_s - track.seen_s > o.forget_after_s + SAME_S:
         return f"lost for {time_s - track.seen_s:.1f} s"
     doubt_m = float(np.sqrt(np.trace(state.covariance[p, :3, :3])))
     if o.forget_beyond_m is not None and doubt_m > o.forget_beyond_m:
         return f"where they are is known to {doubt_m:.1f} m only"
-    if o.outside_s is not None and time_s - track.inside_s > o.outside_s:
+    if o.outside_s is not None and time_s - track.inside_s > o.outside_s + SAME_S:
         return f"outside of what two cameras see for {time_s - track.inside_s:.1f} s"
     return ""
 

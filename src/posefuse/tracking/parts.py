@@ -22,7 +22,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.model.trees import Tree
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, chosen, joined, nobody
-from posefuse.tracking.clock import moments
+from posefuse.tracking.clock import SAME_S, moments
 from posefuse.tracking.records import Evidence, Person
 from posefuse.tracking.settings import Settings, memory_s, tempering
 
@@ -196,7 +196,7 @@ class PartFollower:
     def _let_go(self, time_s: float, used: np.ndarray) -> np.ndarray:
         """Let go what nothing has shown for long, or is broken; what counted of the others."""
         there = np.isfinite(self.state.root).all(axis=1)
-        recent = [time_s - track.seen_s <= self.settings.options.lost_after_s for track in self.tracks]
+        recent = [time_s - track.seen_s <= self.settings.options.lost_after_s + SAME_S for track in self.tracks]
         keep = np.array(recent, dtype=bool) & there
         self._drop(keep.tolist())
         return used[keep]

@@ -64,5 +64,5 @@ def listen(
 
 def _why(silence: Silence, view: int) -> str:
     if silence.absent_s[view] >= silence.blind_s[view]:
-        return f"no frame of it for {silence.absent_s[view]:.1f} s"
+        return f"no usable frame of it for {silence.absent_s[view]:.1f} s"
     return f"it has shown nobody for {silence.blind_s[view]:.1f} s, where others show people whom it should see"

@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
+from posefuse.tracking.clock import SAME_S
 from posefuse.tracking.records import Evidence, Tentative
 from posefuse.tracking.settings import Settings
 
@@ -63,8 +64,8 @@ def is_over(each: Tentative, time_s: float, waits_s: float, settings: Settings) 
     """Whether a tentative person is to be forgotten; who must be old to be believed may get twice as old."""
     births = settings.options.births
     most_s = births.max_age_s * (2.0 if waits_s > births.min_age_two_views_s else 1.0)
-    too_old = time_s - each.evidence[0].time_s > most_s
-    return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s
+    too_old = time_s - each.evidence[0].time_s > most_s + SAME_S
+    return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s + SAME_S
 
 
 def is_believable(each: Tentative, time_s: float, promotes_from: float, waits_s: float, settings: Settings) -> bool:
@@ -83,7 +84,7 @@ def is_believable(each: Tentative, time_s: float, promotes_from: float, waits_s:
     return (
         len(each.evidence) > 1
         and each.evidence[-1].time_s == time_s
-        and age >= waits_s - 1e-9
+        and age >= waits_s - SAME_S
         and len(each.evidence) >= births.hit_share * each.frames
         and views >= births.min_views
         and float(np.median([e.error_sigma for e in each.evidence])) <= births.max_error_sigma

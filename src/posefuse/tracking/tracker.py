@@ -18,7 +18,7 @@ from posefuse.tracking import anew, audits, leaps, lifecycle
 from posefuse.tracking.audits import Contact
 from posefuse.tracking.births import begin
 from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
-from posefuse.tracking.clock import Clock, moments
+from posefuse.tracking.clock import SAME_S, Clock, moments
 from posefuse.tracking.lifecycle import Bounds
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
 from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
@@ -360,7 +360,7 @@ class ArticulatedTracker:
         """
         held = {}
         for p, track in enumerate(self.tracks):
-            if self.time_s - track.firm_s > self.settings.options.weak_after_s:
+            if self.time_s - track.firm_s > self.settings.options.weak_after_s + SAME_S:
                 mine = rows[p][rows[p] >= 0]
                 if len(mine) == 1:
                     held[int(mine[0])] = p

@@ -38,7 +38,28 @@ def test_names_that_cannot_be_told_apart_are_refused(tmp_path):
     with pytest.raises(OptionsError, match="cannot be told apart"):
         jobs_of([Path("/")], tmp_path / "out", None, Options())
     with pytest.raises(OptionsError, match="No recording"):
+        jobs_of([], tmp_path / "out", None, Options())
+    with pytest.raises(OptionsError, match="the output itself"):
         jobs_of([tmp_path / "out"], tmp_path / "out", None, Options())
+    with pytest.raises(OptionsError, match=r"would be called batch\.csv"):
+        jobs_of([tmp_path / "batch.csv"], tmp_path / "out", None, Options())
+
+
+def test_recordings_in_the_output_are_refused_and_results_there_are_none(tmp_path):
+    out = tmp_path / "out"
+    for name in ("made", "begun", "rec"):
+        (out / name).mkdir(parents=True)
+    (out / "made" / "reconstruction.nc").touch()
+    (out / "begun" / ".parts").mkdir()
+    with pytest.raises(OptionsError, match=r"holds recordings of the batch \(.*rec\)"):
+        jobs_of([out / "rec", tmp_path / "other"], out, None, Options())
+    given = [out / "made", out / "begun", out, tmp_path / "other"]
+    assert [job.name for job in jobs_of(given, out, None, Options())] == ["other"]
+
+
+def test_a_name_that_is_no_text_is_spelled_out(tmp_path):
+    (job,) = jobs_of([tmp_path / os.fsdecode(b"rec\xff")], tmp_path / "out", None, Options())
+    assert (job.name, job.output.name) == ("rec\\xff", "rec\\xff")
 
 
 def test_a_process_that_dies_takes_nobody_along(tmp_path):

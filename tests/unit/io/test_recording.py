@@ -1,5 +1,7 @@
 """Finding a recording's parts: looked for, listed, never guessed between."""
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -10,7 +12,7 @@ import pytest
 
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.calibration import anipose
-from posefuse.io.files import natural_key, replacing_folder
+from posefuse.io.files import alone_in, natural_key, replacing_folder
 from posefuse.io.keypoints import native
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.synthetic.options import SceneOptions
@@ -85,6 +87,12 @@ def test_a_broken_file_is_no_calibration_but_others_are_found(tmp_path):
     assert choose_calibration(find_recording(tmp_path)).name == "calibration.toml"
 
 
+def test_a_calibration_that_cannot_be_read_is_not_called_missing(tmp_path):
+    (tmp_path / "calibration.toml").write_text("[cam_0]\nname = ")
+    with pytest.raises(RecordingError, match="one calibration, which cannot be read.*calibration.toml is not TOML"):
+        choose_calibration(find_recording(tmp_path))
+
+
 def test_names_are_counted():
     names = ["cam_10", "cam_2", "Cam_1", "cam_a"]
     assert sorted(names, key=natural_key) == ["Cam_1", "cam_2", "cam_10", "cam_a"]
@@ -145,6 +153,66 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path):
     with replacing_folder(out) as staging:
         (staging / "reconstruction.nc").write_text("third")
     assert (out / "reconstruction.nc").read_text() == "third"
+
+
+def test_files_are_held_until_they_are_in_their_places(tmp_path):
+    """And what is to be done then is done before somebody else may write."""
+    out, after, seen = tmp_path / "out", contextlib.ExitStack(), []
+
+    def look() -> None:
+        seen.append((out / "reconstruction.nc").read_text())
+        with pytest.raises(FileError, match="another posefuse"), replacing_folder(out):
+            pass
+
+    after.callback(look)
+    with replacing_folder(out, after=after) as staging:
+        (staging / "reconstruction.nc").write_text("1")
+    assert seen == ["1"]
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_folder_that_is_gone_is_somebody_s_who_is_done(tmp_path):
+    out, staging = tmp_path / "out", tmp_path / ".out.partial"
+    with pytest.raises(FileError, match="another posefuse"), alone_in(staging, out):
+        pass
+
+
+def test_a_result_goes_where_one_is(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path / "out")
+    with replacing_folder(Path()) as staging:
+        (staging / "reconstruction.nc").write_text("1")
+    assert (tmp_path / "out" / "reconstruction.nc").read_text() == "1"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("moved", [0, 1, 2])
+def test_a_folder_whose_files_were_on_their_way_is_known_as_a_result(tmp_path, monkeypatch, moved):
+    """Also one that is known by another file than the result's own."""
+    out, replace, left = tmp_path / "out", os.replace, [moved]
+
+    def write(text: str) -> None:
+        with replacing_folder(out, "batch.json" if (out / "batch.json").exists() else "reconstruction.nc") as staging:
+            for name in ("a.csv", "b.trc", "reconstruction.nc"):
+                (staging / name).write_text(text)
+            (out / "batch.json").unlink(missing_ok=True)
+
+    def ended(*paths: str) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        replace(*paths)
+
+    write("1")
+    (out / "batch.json").touch()
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "replace", ended)
+        with pytest.raises(KeyboardInterrupt):
+            write("2")
+    write("3")
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(
+        ("a.csv", "b.trc", "reconstruction.nc"), "3"
+    )
 
 
 def test_what_a_killed_run_held_is_free(tmp_path):

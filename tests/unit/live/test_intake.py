@@ -26,8 +26,8 @@ def test_lines_do_not_depend_on_how_bytes_come(pieces, sizes):
         at += size
         assert len(splitter._begun) <= 10
     lines += splitter.end()
-    expected = [line for line in whole.split(b"\n") if line.strip()]
-    assert lines == [line for line in expected if len(line) <= 10]
+    expected = [(number, line) for number, line in enumerate(whole.split(b"\n"), 1) if line.strip()]
+    assert lines == [(number, line) for number, line in expected if len(line) <= 10]
     assert splitter.too_long == sum(len(line) > 10 for line in whole.split(b"\n"))
 
 
@@ -36,8 +36,20 @@ def test_a_line_without_end_takes_no_memory():
     for _ in range(100):
         assert splitter.feed(b"x" * 900) == []
         assert len(splitter._begun) <= 1000
-    assert splitter.feed(b"\nnext\n") == [b"next"]
+    assert splitter.feed(b"\nnext\n") == [(2, b"next")]
     assert splitter.too_long == 1
+
+
+def test_what_stands_before_a_text_is_no_part_of_its_first_line():
+    splitter = LineSplitter(100)
+    assert splitter.feed(b"\xef\xbb\xbf{}\n\n[]\n") == [(1, b"{}"), (3, b"[]")]
+
+
+def test_a_line_is_known_by_its_sender_and_number():
+    inbox = Inbox(10, waits=False)
+    Sender(inbox, StreamOptions(), limited=False).feed(b"\na\n")
+    Sender(inbox, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
+    assert [each.origin for each in inbox.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
 
 
 def test_so_many_a_second_and_those_of_one_at_once():
@@ -81,7 +93,8 @@ def test_nothing_waits_for_ever_for_a_closed_inbox():
     inbox.close()
     inbox.put(b"b")
     assert not inbox.finished
-    assert len(inbox.take(60.0)[0]) == 2
+    assert [each.line for each in inbox.take(60.0)[0]] == [b"a"]
+    assert inbox.lost == {"came after the end": 1}
     assert inbox.finished
     assert inbox.take(60.0)[0] == []
 
@@ -112,7 +125,9 @@ def test_addresses(text, shown, is_open):
     [
         ("5570", "Addresses look like"),
         ("tpc://x:1", "Did you mean 'tcp'?"),
+        ("udp://:1", "unix:/tmp/posefuse.sock"),
         ("tcp://x", "lacks the port"),
+        ("tcp://5570", "as in tcp://127.0.0.1:5570"),
         ("tcp://x:99999", "Port out of range"),
         ("tcp://x:1/y", "takes no name"),
         ("nats://x", "lacks the subject"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError, PosefuseWarning
-from posefuse.io.stream import lines_of
+from posefuse.io.stream import encoded, lines_of
 from posefuse.live.session import Session
 from posefuse.model.options import Options, TriangulationOptions
 from posefuse.model.stream_options import StreamOptions
@@ -92,6 +92,31 @@ def test_it_goes_on_without_a_camera_and_says_which(scene, lines):
     report = session.report()
     assert report["frames"] == {"complete": 49, "incomplete": 26, "dropped": 0, "refused": 0}
     assert report["cameras"][name]["missing"] == 25  # type: ignore[index]
+
+
+def test_times_of_the_day_give_the_same_people(scene, lines):
+    """A double tells them to 0.24 us; no birth or loss is to depend on that."""
+
+    def people(beginning_s: float) -> list[list[dict]]:
+        session, frames = session_of(scene, replace(ARRIVAL, clock="messages")), []
+        for _, line in lines:
+            message = json.loads(line)
+            session.take(encoded(message | {"time_s": message["time_s"] + beginning_s}), 0.0)
+            frames += told(session)
+        return [frame["people"] for frame in frames]
+
+    for early, late in zip(people(0.0), people(1732275000.0), strict=True):
+        assert [(a["id"], a["status"]) for a in early] == [(b["id"], b["status"]) for b in late]
+        for a, b in zip(early, late, strict=True):
+            models = [np.array([row or [np.nan] * 3 for row in each["model_m"]]) for each in (a, b)]
+            np.testing.assert_allclose(*models, atol=1e-5)
+
+
+def test_the_last_that_is_told_of_a_kind_says_so(scene):
+    session = session_of(scene)
+    said = [session.take(b"[]", 0.0) for _ in range(7)]
+    assert [each is None for each in said] == [False] * 5 + [True] * 2
+    assert "More like this (wrong shape) are counted alone." in (said[4] or "")
 
 
 def test_when_it_is_behind_the_oldest_frames_are_dropped(scene, lines):

@@ -40,7 +40,7 @@ def test_a_camera_without_frames(settings, dt_s):
                           (1.0, ALL, [1, 1, 1], [1, 1, 1])], dt_s)  # fmt: skip
     assert [(view, silent) for _, view, silent, _ in said] == [(1, True), (1, False)]
     assert [when for when, *_ in said] == pytest.approx([3.0, 6.2], abs=dt_s + 1e-9)
-    assert said[0][3] == "no frame of it for 2.0 s"
+    assert said[0][3] == "no usable frame of it for 2.0 s"
 
 
 def test_a_camera_that_shows_nobody_where_others_do(settings):
