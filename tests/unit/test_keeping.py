@@ -182,21 +182,21 @@ def with_parts(folder: Path) -> Parts:
 
 def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
     parts = with_parts(tmp_path)
-    assert not parts.take_file(tmp_path / "nothing")
-    parts.keep_file(tmp_path / "made")
+    assert parts.take_file(tmp_path / "nothing") is None
+    parts.keep_file(tmp_path / "made", ("a warning",))
     assert {path.name for path in parts.folder.rglob("*")} == {"manifest.json", "whole.file", "whole.part"}
     (tmp_path / "made").unlink()
     again, others = Parts.opened(parts.folder, "key")
-    assert again.take_file(tmp_path / "again")
+    assert again.take_file(tmp_path / "again") == ("a warning",)
     assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
 
 
 def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_path):
     parts = with_parts(tmp_path)
     parts.keep_file(tmp_path / "made")
-    assert not Parts(parts.folder, "other").take_file(tmp_path / "again")
+    assert Parts(parts.folder, "other").take_file(tmp_path / "again") is None
     (parts.folder / "whole.file").write_bytes(b"all of 1t")
-    assert not parts.take_file(tmp_path / "again")
+    assert parts.take_file(tmp_path / "again") is None
     assert not (tmp_path / "again").exists()
 
 
@@ -209,7 +209,7 @@ def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "link", refused)
     parts.keep_file(tmp_path / "made")
     assert parts.get("a") == [1.0]
-    assert not parts.take_file(tmp_path / "again")
+    assert parts.take_file(tmp_path / "again") is None
 
 
 def test_reconstruct_in_python_goes_on_from_parts(tmp_path):

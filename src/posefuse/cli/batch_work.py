@@ -3,7 +3,6 @@
 import contextlib
 import io
 import math
-import shutil
 import threading
 import traceback
 import warnings
@@ -20,6 +19,7 @@ from posefuse.dividing import Do
 from posefuse.errors import PosefuseError, PosefuseWarning, RecordingError
 from posefuse.health.findings import HEALTH
 from posefuse.io.files import PARTS, must_exist, replacing_folder
+from posefuse.io.parts import remove_parts
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
 from posefuse.model.reconstruction import Reconstruction
@@ -98,7 +98,7 @@ def _kept(job: Job) -> Outcome | None:
     found = next((found for key in keys if (found := kept(job.name, job.output, key, digest))), None)
     if found is not None:
         # Of a run that was ended between its mark and their end.
-        shutil.rmtree(job.output / PARTS, ignore_errors=True)
+        remove_parts(job.output / PARTS)
     return found
 
 
@@ -117,14 +117,20 @@ def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outc
     marker = MARK if (job.output / MARK).exists() else RESULT
     after = contextlib.ExitStack()
     with replacing_folder(job.output, marker, after=after) as staging:
-        after.callback(make(staging, job, *_inputs(job)))
+        forget = make(staging, job, *_inputs(job))
         result = netcdf.read_reconstruction(staging / RESULT)
         said += [note for note in result.provenance.notes if note.startswith(HEALTH)]
         if _digests(job) != inputs:
+            forget()
             raise RecordingError(_CHANGED)
         outcome = Outcome(job.name, "done", "", _numbers(result), tuple(said))
-        # Before the parts go: whoever is ended in between has one or the other.
-        after.callback(write_mark, job.output, _key(job, inputs, window_s), outcome, digest)
+
+        @after.callback
+        def finish() -> None:
+            # Before the parts go: whoever is ended in between has one or the other.
+            write_mark(job.output, _key(job, inputs, window_s), outcome, digest)
+            forget()
+
         # From here on the folder is another result, and not a whole one until its mark is there.
         remove_mark(job.output)
     return outcome

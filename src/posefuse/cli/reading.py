@@ -51,11 +51,13 @@ def read_inputs(
         keypoints = keypoints or choose_keypoints(recording)
     assert calibration is not None
     assert keypoints is not None
-    rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
-    request, stamps = request_of(folder, keypoints, options, progress, timestamps)
-    detections = read_keypoints(keypoints, request)
+    stamps = timestamps or timestamps_of(folder, keypoints, options)
+    # Before they are read: what changes meanwhile is then of other digests, and nothing is taken for made of it.
     files = (calibration, keypoints) if stamps is None else (calibration, keypoints, stamps)
-    return Inputs(rig, detections, {file.name: digest(file) for file in files})
+    digests = {file.name: digest(file) for file in files if file.exists() or files_at(file)}
+    rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
+    request, _ = request_of(folder, keypoints, options, progress, timestamps)
+    return Inputs(rig, read_keypoints(keypoints, request), digests)
 
 
 def request_of(

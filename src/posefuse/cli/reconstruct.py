@@ -2,13 +2,14 @@
 
 import math
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -27,6 +28,7 @@ from posefuse.cli.types import (
     SyncPath,
     TimestampsPath,
 )
+from posefuse.errors import PosefuseWarning
 from posefuse.keeping import NOTHING, Keeper
 from posefuse.model.options import LayerName, Options
 from posefuse.model.reconstruction import Reconstruction
@@ -188,12 +190,33 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
     """
     from posefuse.io.results import netcdf
 
-    if keeper.take_file(path):
+    before = keeper.take_file(path)
+    if before is not None:
+        for remark in before:
+            warnings.warn(remark, PosefuseWarning, stacklevel=2)
         return None
-    plan = make(path)
+    with _hearing() as said:
+        plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
-        keeper.keep_file(path)
+        keeper.keep_file(path, tuple(said))
     return plan
+
+
+@contextmanager
+def _hearing() -> Iterator[list[str]]:
+    """The list gets what is warned of meanwhile, each once."""
+    usual, said = warnings.showwarning, []
+
+    def hear(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+        if issubclass(category, PosefuseWarning) and str(message) not in said:
+            said.append(str(message))
+        usual(message, category, *rest, **named)
+
+    warnings.showwarning = hear
+    try:
+        yield said
+    finally:
+        warnings.showwarning = usual
 
 
 def partial_remark(result: Reconstruction) -> str:

@@ -329,8 +329,12 @@ def replacing_folder(
             except FileExistsError:
                 raise _busy(folder) from None
         held.enter_context(alone_in(staging, folder))
+        mine = staging.stat()
         held.callback(shutil.rmtree, staging, ignore_errors=True)
         yield staging
+        # Where nothing can be locked, somebody else may have begun meanwhile.
+        if not (staging.exists() and os.path.samestat(staging.stat(), mine)):
+            raise _busy(folder)
         with _writable(folder):
             _move(staging, place, marker, owned)
         if after is not None:

@@ -30,7 +30,9 @@ def check_heaps(path: Path) -> None:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         for start in _collections(file):
             if not _is_whole(content, start):
-                raise FileError(f"{path} is not a whole HDF5 file: its texts at byte {start} are broken.")
+                raise FileError(
+                    f"{path} is not a whole HDF5 file: its texts at byte {start} are broken. Was it cut short?"
+                )
 
 
 def _collections(file: BinaryIO) -> Iterator[int]:

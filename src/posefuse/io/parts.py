@@ -82,7 +82,7 @@ class Parts:
         if folder.is_dir() and any(folder.iterdir()):
             if _key_in(folder) != key:
                 others = sum(1 for file in folder.rglob("*") if file.suffix == ".part")
-                shutil.rmtree(folder)
+                remove_parts(folder)
         elif folder.exists() and not folder.is_dir():
             raise FileError(f"{folder} is a file, and finished parts go into a folder of that name. Move it away.")
         return cls(folder, key), others
@@ -160,8 +160,8 @@ class Parts:
             temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
             os.replace(temporary, self.folder / _MANIFEST)
 
-    def keep_file(self, file: Path) -> None:
-        """Keep a finished file instead of all parts, which takes no room.
+    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
+        """Keep a finished file instead of all parts, which takes no room, and what was said while it was made.
 
         Where a file cannot have a second name, the parts stay.
         """
@@ -174,30 +174,27 @@ class Parts:
             return
         with _keeping(kept), kept.open("rb+") as opened:
             os.fsync(opened.fileno())
-            self.put(_WHOLE, hashlib.file_digest(opened, "sha256").hexdigest())
-        for entry in self.folder.iterdir():
-            if entry.is_dir():
-                shutil.rmtree(entry, ignore_errors=True)
-            elif entry not in (kept, self._path(_WHOLE), self.folder / _MANIFEST):
-                entry.unlink(missing_ok=True)
+            self.put(_WHOLE, (hashlib.file_digest(opened, "sha256").hexdigest(), said))
+        _remove_but(self.folder, (kept, self._path(_WHOLE), self.folder / _MANIFEST))
 
-    def take_file(self, target: Path) -> bool:
-        """Put the file that is kept at a place; whether there is one, and it is whole."""
-        digest, kept = self.get(_WHOLE), self._file_path()
-        if digest is None or not kept.is_file():
-            return False
+    def take_file(self, target: Path) -> tuple[str, ...] | None:
+        """Put the file that is kept at a place; what was said while it was made, None if none is there and whole."""
+        known, kept = self.get(_WHOLE), self._file_path()
+        if known is None or not kept.is_file():
+            return None
+        digest, said = known
         with kept.open("rb") as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != digest:
-                return False
+                return None
         try:
             os.link(kept, target)
         except OSError:
             shutil.copyfile(kept, target)
-        return True
+        return said
 
     def remove(self) -> None:
         """All of them; nothing more will go on from them."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        remove_parts(self.folder)
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.part"
@@ -210,6 +207,21 @@ class Parts:
 
     def _spool_sizes(self) -> dict[str, int]:
         return {file.stem: file.stat().st_size for file in sorted(self.folder.glob("*.spool"))}
+
+
+def remove_parts(folder: Path) -> None:
+    """A folder of parts. Last what says what it is, so that whoever is ended in between knows the rest."""
+    _remove_but(folder, (folder / _MANIFEST,))
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_but(folder: Path, kept: tuple[Path, ...]) -> None:
+    for entry in folder.iterdir() if folder.is_dir() else ():
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        elif entry not in kept:
+            with contextlib.suppress(OSError):
+                entry.unlink()
 
 
 def _key_in(folder: Path) -> str:

@@ -112,7 +112,7 @@ class Grouper:
         """
         self.counts[seen.view].received += 1
         self._hear(seen, now_s)
-        if self._off_clock(seen.time_s, now_s):
+        if self._off_clock(seen, now_s):
             self._hold(seen, now_s)
         else:
             self._let_go(seen.view)
@@ -164,13 +164,15 @@ class Grouper:
 
     # Clocks that jump.
 
-    def _off_clock(self, time_s: float, now_s: float) -> bool:
+    def _off_clock(self, seen: SeenView, now_s: float) -> bool:
         """Whether a time is neither near the newest nor where that should be by now."""
         if self._led_s is None:
             return False
-        newest_s, arrived_s = self._led_s
+        time_s, (newest_s, arrived_s), most_s = seen.time_s, self._led_s, self.options.max_jump_s
+        if self._by_messages and 0.0 < time_s - self._newest_s[seen.view] <= most_s:
+            # It goes on as it did: most others may be dead, which messages tell by being so far ahead of theirs.
+            return time_s > newest_s + self._silent_after_s + 2.0 * self._period_s
         gone_s = 0.0 if self._by_messages else now_s - arrived_s
-        most_s = self.options.max_jump_s
         return not newest_s - most_s <= time_s <= newest_s + gone_s + most_s
 
     def _hold(self, seen: SeenView, now_s: float) -> None:
@@ -280,7 +282,7 @@ class Grouper:
         Its clock is ahead: the others' frames are not to suffer from that.
         """
         last = self._open[-1]
-        if self._reached(last):
+        if self._by_messages or self._reached(last):
             self._close(self._open[0], now_s, "crowded")
         else:
             self._drop(last)
@@ -289,12 +291,15 @@ class Grouper:
         """Find the time that half of the cameras that are heard have come to, and two at least, if two are."""
         lately_s = self.options.max_wait_s + _PERIODS * self._period_s
         times_s = sorted(
-            at
-            for at, heard_s, quiet in zip(self._newest_s, self._heard_s, self.silent(now_s), strict=True)
-            if not quiet and (self._by_messages or now_s - heard_s <= lately_s)
+            self._newest_s[view]
+            for view, quiet in enumerate(self.silent(now_s))
+            if not (quiet or view in self._held) and (self._by_messages or now_s - self._heard_s[view] <= lately_s)
         )
         most = min(max(2, (len(times_s) + 1) // 2), len(times_s))
         agreed_s = times_s[-most] if most else -math.inf
+        if most == 1 and self._led_s is not None and not self._by_messages:
+            # One camera alone is believed what time it is as far as time has gone.
+            agreed_s = min(agreed_s, self._led_s[0] + now_s - self._led_s[1])
         if agreed_s > (-math.inf if self._led_s is None else self._led_s[0]):
             self._led_s = (agreed_s, now_s)
 
@@ -315,6 +320,9 @@ class Grouper:
 
     def _has_all(self, frame: _Open, silent: list[bool]) -> bool:
         if len(frame.views) + sum(silent) < len(silent):
+            return False
+        if all(silent) and not self._by_messages and not self._reached(frame):
+            # One camera alone came to it, and now nobody says anything: that makes its clock no better.
             return False
         return all(view in frame.views or quiet for view, quiet in enumerate(silent))
 

@@ -37,7 +37,7 @@ def run_stream(session: Session, inbox: Inbox, write: Callable[[bytes], None], t
         _follow(session, inbox, write, everybody=not session.drops)
         if inbox.clock() >= look_at_s:
             look_at_s = inbox.clock() + EVERY_S
-            for sentence in session.alarms(inbox.clock()):
+            for sentence in session.alarms(until_s):
                 told(sentence)
         if not by_messages and inbox.clock() >= report_at_s:
             report_at_s += session.stream.report_every_s

@@ -182,6 +182,32 @@ def test_a_clock_that_is_ahead_takes_no_room_of_the_others():
     assert [grouper.counts[v].late for v in range(3)] == [0, 0, 0]
 
 
+@pytest.mark.parametrize("error_s", [0.6, 5.0, 1e6])
+def test_a_wrong_clock_is_not_believed_while_the_others_stall(error_s: float):
+    grouper = Grouper(4, OPTIONS)
+    messages = [(now, v, t + error_s * (v == 0)) for now, v, t in steady(200) if v == 0 or not 2.0 <= t < 2.25]
+    groups = feed(grouper, messages)
+    assert grouper.jumps == 0
+    assert max(np.diff(stream_times(groups))) < 0.5
+    assert [grouper.counts[v].late for v in (1, 2, 3)] == [0, 0, 0]
+
+
+def test_by_messages_a_gap_of_some_views_costs_the_others_nothing():
+    rate_hz = 120.0
+    messages = [(0.0, v, f / rate_hz) for f in range(600) for v in range(2) if v == 0 or not 2.0 <= f / rate_hz < 2.9]
+    grouper = Grouper(2, replace(OPTIONS, clock="messages"))
+    groups = feed(grouper, messages)
+    assert len(groups) == 600
+    assert [count.early for count in grouper.counts] == [0, 0]
+
+
+@pytest.mark.parametrize(("cameras", "left"), [(2, 1), (3, 1), (6, 2)])
+def test_by_messages_those_who_are_left_go_on(cameras: int, left: int):
+    messages = [(now, v, t) for now, v, t in steady(500, cameras) if v < left or t < 2.0]
+    grouper = Grouper(cameras, replace(OPTIONS, clock="messages"))
+    assert len(feed(grouper, messages)) == 500
+
+
 @pytest.mark.parametrize("cameras", [2, 3, 4])
 def test_where_all_but_one_die_frames_wait_no_longer(cameras: int):
     grouper, waited = Grouper(cameras, OPTIONS), []
