@@ -46,6 +46,8 @@ def start(recording: Path, output: Path, chunk: int) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": str(SOURCES)},
+        # Tests that run in the background are not interrupted, nor is what they start.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
