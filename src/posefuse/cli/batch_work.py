@@ -5,7 +5,6 @@ import io
 import math
 import threading
 import traceback
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from posefuse.batch.marks import MARK, RESULT, kept, key_of, remove_mark, write_mark
-from posefuse.cli.console import Bars
+from posefuse.cli.console import Bars, hearing
 from posefuse.cli.reading import digest, timestamps_of
 from posefuse.dividing import Do
-from posefuse.errors import PosefuseError, PosefuseWarning, RecordingError
+from posefuse.errors import PosefuseError, RecordingError
 from posefuse.health.findings import HEALTH
 from posefuse.io.files import PARTS, must_exist, replacing_folder
 from posefuse.io.parts import remove_parts
@@ -113,14 +112,14 @@ def _is_long(job: Job) -> bool:
 def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outcome:
     from posefuse.io.results import netcdf
 
-    inputs = _digests(job)
     marker = MARK if (job.output / MARK).exists() else RESULT
     after = contextlib.ExitStack()
     with replacing_folder(job.output, marker, after=after) as staging:
         forget = make(staging, job, *_inputs(job))
         result = netcdf.read_reconstruction(staging / RESULT)
         said += [note for note in result.provenance.notes if note.startswith(HEALTH)]
-        if _digests(job) != inputs:
+        inputs = _digests(job)
+        if not set(result.provenance.inputs.values()) <= set(inputs.values()):
             forget()
             raise RecordingError(_CHANGED)
         outcome = Outcome(job.name, "done", "", _numbers(result), tuple(said))
@@ -218,20 +217,10 @@ def _quiet() -> Iterator[list[str]]:
     """Nothing is printed; the list gets what was warned of, each once."""
     said: list[str] = []
     with (
-        warnings.catch_warnings(),
         contextlib.redirect_stdout(io.StringIO()),
         contextlib.redirect_stderr(io.StringIO()),
+        hearing(said.append),
     ):
-        warnings.simplefilter("always", PosefuseWarning)
-        usual = warnings.showwarning
-
-        def hear(message: Warning | str, category: type[Warning], *rest: object, **named: object) -> None:
-            if not issubclass(category, PosefuseWarning):
-                usual(message, category, *rest, **named)  # type: ignore[arg-type]
-            elif str(message) not in said:
-                said.append(str(message))
-
-        warnings.showwarning = hear
         yield said
 
 

@@ -4,8 +4,8 @@ import math
 import os
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from rich.console import Console
@@ -73,9 +73,14 @@ class Bars:
             self._progress.stop()
 
 
-@contextmanager
-def spoken_warnings() -> Iterator[None]:
+def spoken_warnings() -> AbstractContextManager[None]:
     """Show posefuse's warnings as sentences on stderr, each once."""
+    return hearing(warn)
+
+
+@contextmanager
+def hearing(hear: Callable[[str], None]) -> Iterator[None]:
+    """Hand posefuse's warnings over, each once; all others are shown as usual."""
     said: set[str] = set()
     with warnings.catch_warnings():
         warnings.simplefilter("always", PosefuseWarning)
@@ -86,7 +91,7 @@ def spoken_warnings() -> Iterator[None]:
                 usual(message, category, *rest, **named)
             elif str(message) not in said:
                 said.add(str(message))
-                warn(str(message))
+                hear(str(message))
 
         warnings.showwarning = show
         yield

@@ -72,7 +72,7 @@ def detections_for(
         keypoints = choose_keypoints(find_recording(recording))
     # Where the skeleton's file lay is nobody's business, and the result holds the skeleton.
     options = replace(result.options, skeleton=None)
-    request, _ = request_of(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
+    request = request_of(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
     detections = read_keypoints(keypoints, replace(request, skeleton=result.skeleton))
     known = result.provenance.inputs.get(keypoints.name)
     if known is not None and known != digest(keypoints):

@@ -129,7 +129,7 @@ def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: O
     if item.why:
         note(f"  known by: {item.why}")
     try:
-        request, _ = request_of(recording, item.path, options, Bars(), timestamps)
+        request = request_of(recording, item.path, options, Bars(), timestamps)
         detections = read_keypoints(item.path, request)
     except PosefuseError as error:
         note(f"  cannot be read: {error}")

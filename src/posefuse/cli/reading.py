@@ -51,19 +51,18 @@ def read_inputs(
         keypoints = keypoints or choose_keypoints(recording)
     assert calibration is not None
     assert keypoints is not None
-    stamps = timestamps or timestamps_of(folder, keypoints, options)
+    nearby = None if timestamps is not None else timestamps_of(folder, keypoints, options)
     # Before they are read: what changes meanwhile is then of other digests, and nothing is taken for made of it.
-    files = (calibration, keypoints) if stamps is None else (calibration, keypoints, stamps)
+    files = [file for file in (calibration, keypoints, timestamps, nearby) if file is not None]
     digests = {file.name: digest(file) for file in files if file.exists() or files_at(file)}
     rig = read_cameras(calibration, length_unit=options.length_unit, up=options.up)
-    request, _ = request_of(folder, keypoints, options, progress, timestamps)
-    return Inputs(rig, read_keypoints(keypoints, request), digests)
+    return Inputs(rig, read_keypoints(keypoints, _request(options, progress, timestamps, nearby)), digests)
 
 
 def request_of(
     folder: Path, keypoints: Path, options: Options, progress: Progress, timestamps: Path | None = None
-) -> tuple[Request, Path | None]:
-    """What to tell the reader of a recording's keypoints, and where its timestamps are from.
+) -> Request:
+    """What to tell the reader of a recording's keypoints.
 
     Args:
         folder: the recording's.
@@ -75,11 +74,14 @@ def request_of(
     Raises:
         PosefuseError: if there are several, or they are broken.
     """
+    nearby = None if timestamps is not None else timestamps_of(folder, keypoints, options)
+    return _request(options, progress, timestamps, nearby)
+
+
+def _request(options: Options, progress: Progress, timestamps: Path | None, nearby: Path | None) -> Request:
     if timestamps is not None:
-        return Request.of(options, progress, read_timestamps(timestamps)), timestamps
-    found = timestamps_of(folder, keypoints, options)
-    nearby = None if found is None else read_timestamps(found)
-    return Request.of(options, progress, nearby=nearby), found
+        return Request.of(options, progress, read_timestamps(timestamps))
+    return Request.of(options, progress, nearby=None if nearby is None else read_timestamps(nearby))
 
 
 def timestamps_of(folder: Path, keypoints: Path, options: Options) -> Path | None:

@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, count, note, percent, say, table, warn, wrote
+from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
 from posefuse.cli.types import (
@@ -195,28 +195,17 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
         for remark in before:
             warnings.warn(remark, PosefuseWarning, stacklevel=2)
         return None
-    with _hearing() as said:
+    said, show = [], warnings.showwarning
+
+    def hear(remark: str) -> None:
+        said.append(remark)
+        show(PosefuseWarning(remark), PosefuseWarning, __file__, 0)
+
+    with hearing(hear):
         plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
         keeper.keep_file(path, tuple(said))
     return plan
-
-
-@contextmanager
-def _hearing() -> Iterator[list[str]]:
-    """The list gets what is warned of meanwhile, each once."""
-    usual, said = warnings.showwarning, []
-
-    def hear(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
-        if issubclass(category, PosefuseWarning) and str(message) not in said:
-            said.append(str(message))
-        usual(message, category, *rest, **named)
-
-    warnings.showwarning = hear
-    try:
-        yield said
-    finally:
-        warnings.showwarning = usual
 
 
 def partial_remark(result: Reconstruction) -> str:

@@ -254,16 +254,16 @@ def alone_in(held: Path, folder: Path) -> Iterator[None]:
         except OSError:
             pass
         # Whoever held it may have removed it meanwhile, and somebody else have made it anew.
-        if not _is_at(number, held):
+        if not _is_same(held, os.fstat(number)):
             raise _busy(folder)
         yield
     finally:
         os.close(number)
 
 
-def _is_at(number: int, path: Path) -> bool:
+def _is_same(path: Path, known: os.stat_result) -> bool:
     try:
-        return os.path.samestat(os.fstat(number), path.stat())
+        return os.path.samestat(path.stat(), known)
     except FileNotFoundError:
         return False
 
@@ -330,10 +330,15 @@ def replacing_folder(
                 raise _busy(folder) from None
         held.enter_context(alone_in(staging, folder))
         mine = staging.stat()
-        held.callback(shutil.rmtree, staging, ignore_errors=True)
+
+        @held.callback
+        def leave() -> None:
+            if _is_same(staging, mine):
+                shutil.rmtree(staging, ignore_errors=True)
+
         yield staging
         # Where nothing can be locked, somebody else may have begun meanwhile.
-        if not (staging.exists() and os.path.samestat(staging.stat(), mine)):
+        if not _is_same(staging, mine):
             raise _busy(folder)
         with _writable(folder):
             _move(staging, place, marker, owned)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Literal
 
 from posefuse.live.counts import ViewCounts
@@ -16,20 +16,6 @@ _MANY_JUMPS = 3
 _Trouble = Literal["", "silent", "early", "late"]
 
 
-@dataclass(frozen=True)
-class _Before:
-    """What was counted of a camera when it was last looked at."""
-
-    received: int = 0
-    used: int = 0
-    early: int = 0
-    late: int = 0
-
-    @classmethod
-    def of(cls, counts: ViewCounts) -> "_Before":
-        return cls(counts.received, counts.used, counts.early, counts.late)
-
-
 class Alarms:
     """Says once what goes wrong, and once that it is over.
 
@@ -39,7 +25,7 @@ class Alarms:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
-        self._before = [_Before() for _ in names]
+        self._before = [ViewCounts() for _ in names]
         self._trouble: list[_Trouble] = ["" for _ in names]
         self._said: Counter[int] = Counter()
         self._jumps = self._jumpy = 0
@@ -66,9 +52,8 @@ class Alarms:
         return said
 
     def _of_camera(self, view: int, count: ViewCounts, silent: bool) -> list[str]:
-        before, now = self._before[view], _Before.of(count)
-        self._before[view] = now
-        trouble = _trouble(before, now, silent)
+        before, self._before[view] = self._before[view], replace(count)
+        trouble = _trouble(before, count, silent)
         if trouble is None or trouble == self._trouble[view]:
             return []
         self._trouble[view] = trouble
@@ -87,7 +72,7 @@ _SENTENCES: dict[_Trouble, str] = {
 }
 
 
-def _trouble(before: _Before, now: _Before, silent: bool) -> _Trouble | None:
+def _trouble(before: ViewCounts, now: ViewCounts, silent: bool) -> _Trouble | None:
     """What is wrong with a camera; None where too little came to tell."""
     if silent:
         return "silent"
