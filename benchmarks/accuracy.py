@@ -15,9 +15,9 @@ from tests.reference.points import maximum_likelihood_point
 
 from benchmarks.trajectory import solved
 from benchmarks.walking import SIGMA_PX, Walk, walk
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.options import LensKind
 
 BASELINE = Path(__file__).with_name("baseline.json")

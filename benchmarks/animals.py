@@ -20,7 +20,7 @@ import posefuse
 from posefuse.evaluation.people import PeopleScores, score_people
 from posefuse.evaluation.together import people_points
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
 from posefuse.synthetic.animals import AnimalOptions, AnimalScenario, renamed, simulate_animals
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import CrowdScene

@@ -29,8 +29,8 @@ from posefuse.io.keypoints import native, replay
 from posefuse.io.results.write import ALSO
 from posefuse.io.stream import lines_of
 from posefuse.live.session import Session
-from posefuse.model.options import Options
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
@@ -86,7 +86,7 @@ def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
     from posefuse.cli.reading import read_inputs
     from posefuse.cli.reconstruct import write_beside
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare, reconstruct_chunks
+    from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
     from posefuse.progress import Silent
 
     options, spent, there = Options(people="many"), (0.0, 0.0), 0.0

@@ -16,8 +16,8 @@ from benchmarks.people import follow, tracker_for
 from posefuse.evaluation.people import ScoringOptions
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, find_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import CrowdScene, Kind, crowd_of_points
 from posefuse.synthetic.detector import spells

@@ -9,12 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.people import scene_of
-from posefuse.model.options import Options
+from posefuse.left_right import relabel
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
-from posefuse.pipeline import prepare
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
-from posefuse.triangulation import consensus, paired
+from posefuse.triangulation import consensus
 
 SHARES = (0.003, 0.03, 0.15)
 DURATION_S = 20.0
@@ -42,7 +43,7 @@ def main() -> None:
         given = plan.rig, plan.detections, plan.subjects.follow(0, plan.detections.n_frames), plan.noise
         believed = consensus.solve(*given, plan.options.triangulation)
         layers, spent = [believed], []
-        for solve, more in ((paired.put_right, (believed,)), (paired.solve, ())):
+        for solve, more in ((relabel.put_right, (believed,)), (relabel.solve, ())):
             solve(*given, plan.options, *more)
             start = time.process_time()
             layers.append(solve(*given, plan.options, *more)[0])

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.diagnosis import inspect_health, measure_sync
+from posefuse.diagnostics.findings import Finding, Kind
 from posefuse.errors import DetectionsError
-from posefuse.health.findings import Finding, Kind
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
+from posefuse.pipeline.diagnose import inspect_health, measure_sync
 from posefuse.synthetic.faults import FAULTS, Fault, Planted, healthy, plant
 
 NAMED_AS: dict[Fault, tuple[Kind, ...]] = {

@@ -32,8 +32,8 @@ import numpy as np
 from posefuse.io.calibration import anipose
 from posefuse.io.stream import lines_of
 from posefuse.live.session import Session
-from posefuse.model.options import Options
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 

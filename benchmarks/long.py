@@ -24,9 +24,9 @@ from posefuse import read_cameras, read_detections, reconstruct
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline import prepare, reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
 from posefuse.progress import Silent
 
 LENGTHS = (1_000, 10_000, 100_000)

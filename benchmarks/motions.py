@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from benchmarks import panoptic
 from benchmarks.walking import RATE_HZ, Walk, observe, walk
 from posefuse.model.cameras import CameraRig
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.detector import spells, spoil
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion, smooth_step

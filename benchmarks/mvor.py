@@ -17,13 +17,13 @@ import numpy as np
 from posefuse.association.proposals import propose
 from posefuse.evaluation.matching import assign
 from posefuse.evaluation.proposals import AssociationScores, score_association
-from posefuse.following import usual_noise
-from posefuse.model.association_options import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.model.options.association import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
+from posefuse.model.options.options import Options
+from posefuse.pipeline.people import usual_noise
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 JOINTS = (
     "head", "neck", "left_shoulder", "right_shoulder", "left_hip", "right_hip", "left_elbow", "right_elbow",

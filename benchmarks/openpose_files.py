@@ -38,7 +38,7 @@ def read(folder: Path) -> dict[str, float]:
     from posefuse.cli.console import Bars
     from posefuse.io.keypoints.read import read_keypoints
     from posefuse.io.keypoints.request import Request
-    from posefuse.model.skeletons import find_skeleton
+    from posefuse.skeleton.skeletons import find_skeleton
 
     found = read_keypoints(folder, Request(find_skeleton("body_25"), 30.0, progress=Bars()))
     return {"frames": found.n_frames, "files": int(found.recorded.sum())}

@@ -17,19 +17,19 @@ from functools import partial
 import numpy as np
 
 from benchmarks.speed import median_cpu_s
+from posefuse.left_right.pairs import enumerated, population_search
+from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
-from posefuse.model.pair_options import PairOptions
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.pairs import PairOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.rigs import build_rig, look_at
 from posefuse.triangulation import consensus
 from posefuse.triangulation.observations import Observations
-from posefuse.triangulation.pairs import enumerated, sds
-from posefuse.triangulation.pairs.results import SolvedPairs
 
 TRIALS = 5000
 FAR_MM = 100.0
@@ -243,7 +243,7 @@ def table(trials: int) -> None:
         options = PairOptions(prior_m=PRIOR_M) if drawn.get("walk") else PairOptions()
         floor = Score.of(best, data, judged)
         ours = Score.of(solved(data, enumerated.solve, options).points_m[:, 0], data, judged)
-        searched = Score.of(solved(data, sds.solve).points_m[:, 0], data, judged)
+        searched = Score.of(solved(data, population_search.solve).points_m[:, 0], data, judged)
         labels = Score.of(believed(data), data, judged)
         print(
             f"{name:24}{floor}{ours}{ours.median / floor.median:7.3f}{ours.p95 / floor.p95:7.3f}"
@@ -303,7 +303,7 @@ def speed(trials: int) -> None:
         few = replace(data, pixels=data.pixels[: 12 * 20])
         frames, few_frames = len(data.pixels) // 12, 20
         ours = 1000 * median_cpu_s(call_of(data, enumerated.solve), 7) / frames
-        theirs = 1000 * median_cpu_s(call_of(few, sds.solve), 3) / few_frames
+        theirs = 1000 * median_cpu_s(call_of(few, population_search.solve), 3) / few_frames
         print(f"{cameras:3} cameras {ours:8.4f} (asked {asked}) {theirs:9.3f}{theirs / ours:8.1f}", flush=True)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.model.cameras import Camera, CameraRig
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 RATE_HZ = 29.97
 """Of the HD cameras."""

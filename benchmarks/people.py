@@ -25,19 +25,19 @@ from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
 from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
 from posefuse.evaluation.together import PeoplePoints
-from posefuse.following import tracker_of, usual_noise
 from posefuse.model.frames import Frame
-from posefuse.model.life import Event
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
+from posefuse.pipeline.people import tracker_of, usual_noise
 from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
-from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import People, Person
 from posefuse.tracking.smoothing import PeopleSmoother
+from posefuse.tracking.strategies import stages_of
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks import motions
 from benchmarks.trajectory import Path3D, Score, methods
 from benchmarks.walking import Walk
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 
 WAVE_FRAMES = 600
 JUMPS = 6

@@ -13,10 +13,10 @@ import numpy as np
 import posefuse
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus
+from posefuse.skeleton.skeletons import Skeleton
 
 FLY_SEED = "rng=0.csv"
 

@@ -20,10 +20,10 @@ from benchmarks.speed import median_cpu_s, run_peer
 from benchmarks.walking import SIGMA_PX, Walk, walk, with_one_wrong_view, with_swapped_sides
 from posefuse.io.calibration import anipose
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
-from posefuse.pipeline import triangulate
+from posefuse.pipeline.reconstruct import triangulate
 from posefuse.synthetic.rigs import build_rig, look_at
 
 FRAMES = 7700

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from posefuse.association.proposals import propose
-from posefuse.model.association_options import AssociationOptions, RptOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions, RptOptions
 
 ACCELERATION_M_S2 = 2.0
 _GATE_M = 0.5

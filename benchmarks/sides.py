@@ -17,24 +17,24 @@ from time import process_time
 
 import numpy as np
 
+from posefuse.left_right.online import OnlineSides, advance
+from posefuse.left_right.pairs import enumerated
+from posefuse.left_right.pairs.results import SolvedPairs
+from posefuse.left_right.registry import decide_sides
+from posefuse.left_right.results import PairsInTime
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
-from posefuse.model.side_options import SideOptions
-from posefuse.model.skeletons import find_skeleton
+from posefuse.model.options.left_right import SideOptions
+from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.detector import detect
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.options import DetectorOptions, SwapLaw
 from posefuse.synthetic.rigs import build_rig
 from posefuse.triangulation import consensus
-from posefuse.triangulation.pairs import enumerated
-from posefuse.triangulation.pairs.results import SolvedPairs
-from posefuse.triangulation.sides.online import OnlineSides, advance
-from posefuse.triangulation.sides.registry import decide_sides
-from posefuse.triangulation.sides.results import PairsInTime
 
 RATE_HZ = 30.0
 SIGMA_PX = 5.0

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from posefuse.model.options import Options, PairMethod
-from posefuse.pipeline import reconstruct
+from posefuse.model.options.options import Options, PairMethod
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.options import DetectorOptions, SceneOptions
 from posefuse.synthetic.scenes import Scene, simulate
 

@@ -22,9 +22,9 @@ import numpy as np
 
 from benchmarks.people import scene_of, tracker_for
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
-from posefuse.model.tracker_options import TrackerOptions
-from posefuse.pipeline import measure, prepare
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.pipeline.reconstruct import measure, prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene

@@ -25,10 +25,10 @@ from posefuse.evaluation.accuracy import bone_variation
 from posefuse.evaluation.motion import accelerations_m_s2
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
-from posefuse.model.skeletons import find_skeleton
-from posefuse.pipeline import triangulate
+from posefuse.pipeline.reconstruct import triangulate
+from posefuse.skeleton.skeletons import find_skeleton
 
 FRAMES = 1000
 FAR_M = 0.05
@@ -144,9 +144,9 @@ def per_frame(rig: CameraRig, detections: Detections) -> Layer:
 
 def solved(rig: CameraRig, detections: Detections) -> Layer:
     """Ours."""
-    from posefuse.model.trajectory_options import TrajectoryOptions
-    from posefuse.trajectory.laws import learn
+    from posefuse.model.options.trajectory import TrajectoryOptions
     from posefuse.trajectory.observed import Measured
+    from posefuse.trajectory.priors import learn
     from posefuse.trajectory.solve import solve
 
     result = triangulate(rig, detections, Options())

@@ -6,7 +6,7 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.options import LensKind

@@ -14,7 +14,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give all kernels one time stamp: Numba's cache looks at a kernel's own file, not at those it calls."""
     if hasattr(config, "workerinput"):
         return
-    kernels = list((ROOT / "src" / "posefuse" / "kernels").glob("*.py"))
+    kernels = list((ROOT / "src" / "posefuse" / "kernels").rglob("*.py"))
     newest = max(kernel.stat().st_mtime_ns for kernel in kernels)
     for kernel in kernels:
         if kernel.stat().st_mtime_ns != newest:

@@ -6,11 +6,11 @@ import numpy as np
 import pygltflib
 from scipy.spatial.transform import Rotation, Slerp
 
-from posefuse.model.life import Poses
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.trees import Tree
+from posefuse.model.track_events import Poses
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.trees import Tree
 from tests.scenes import ring
 
 RATE_HZ = 50.0

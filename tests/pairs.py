@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from posefuse.kernels import codes
+from posefuse.kernels import status_codes
+from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.triangulation.pairs.results import SolvedPairs
 
 BOUND = 16.0
 """No observation costs more, in squared sigmas."""
@@ -54,10 +54,10 @@ def solved(
     return SolvedPairs(
         points_m=np.where(flip[..., None], points[:, :, ::-1], points),
         covariance_m2=np.where(flip[..., None], entries[:, :, ::-1], entries),
-        status=np.where(missing, codes.POINT_TOO_FEW_VIEWS, codes.POINT_OK).astype(np.int8),
+        status=np.where(missing, status_codes.POINT_TOO_FEW_VIEWS, status_codes.POINT_OK).astype(np.int8),
         used=np.where(flip[..., None], used[..., ::-1], used),
         view_error_px=np.full(used.shape, sigma_px, dtype=np.float32),
-        view_status=np.where(there, codes.VIEW_USED, codes.VIEW_UNSEEN).astype(np.int8),
+        view_status=np.where(there, status_codes.VIEW_USED, status_codes.VIEW_UNSEEN).astype(np.int8),
         evidence=np.where(wrong[..., None], -evidence, evidence).astype(np.float32),
         cost=np.zeros(wrong.shape),
     )

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from posefuse.model.life import Event, Poses
+from posefuse.model.label_swaps import Swaps
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
-from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.swaps import Swaps
+from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.rigs import build_rig, look_at
 
 MATRIX = np.array([[1200.0, 0.0, 959.5], [0.0, 1210.0, 539.5], [0.0, 0.0, 1.0]])

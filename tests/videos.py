@@ -9,9 +9,9 @@ from posefuse.io.videos.writing import write_video
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.rigs import look_at
 
 SIZE_PX = (320, 240)

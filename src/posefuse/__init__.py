@@ -13,9 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from posefuse.calibration.options import RefineOptions as RefineOptions
     from posefuse.calibration.outcome import Refinement as Refinement
-    from posefuse.edits import apply_edits as apply_edits
+    from posefuse.editing import apply_edits as apply_edits
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
     from posefuse.io.results.read import read_points as read_points
     from posefuse.io.results.write import write as write
-    from posefuse.model.align_options import AlignOptions as AlignOptions
     from posefuse.model.alignment import Alignment as Alignment
     from posefuse.model.cameras import Camera as Camera
     from posefuse.model.cameras import CameraRig as CameraRig
@@ -39,29 +37,31 @@ if TYPE_CHECKING:
     from posefuse.model.detections import Detections as Detections
     from posefuse.model.frames import Frame as Frame
     from posefuse.model.noise import NoiseModel as NoiseModel
-    from posefuse.model.options import NoiseOptions as NoiseOptions
-    from posefuse.model.options import Options as Options
-    from posefuse.model.options import TriangulationOptions as TriangulationOptions
-    from posefuse.model.postprocess_options import PostprocessOptions as PostprocessOptions
+    from posefuse.model.options.alignment import AlignOptions as AlignOptions
+    from posefuse.model.options.options import NoiseOptions as NoiseOptions
+    from posefuse.model.options.options import Options as Options
+    from posefuse.model.options.options import TriangulationOptions as TriangulationOptions
+    from posefuse.model.options.postprocess import PostprocessOptions as PostprocessOptions
+    from posefuse.model.options.refinement import RefineOptions as RefineOptions
+    from posefuse.model.options.subject import SubjectOptions as SubjectOptions
+    from posefuse.model.options.tracker import TrackerOptions as TrackerOptions
+    from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
-    from posefuse.model.skeletons import Skeleton as Skeleton
-    from posefuse.model.skeletons import find_skeleton as find_skeleton
     from posefuse.model.status import PointStatus as PointStatus
     from posefuse.model.status import Source as Source
     from posefuse.model.status import ViewStatus as ViewStatus
     from posefuse.model.stored_points import StoredPoints as StoredPoints
-    from posefuse.model.subject_options import SubjectOptions as SubjectOptions
-    from posefuse.model.timeline import align_views as align_views
-    from posefuse.model.tracker_options import TrackerOptions as TrackerOptions
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
-    from posefuse.model.trajectory_options import TrajectoryOptions as TrajectoryOptions
-    from posefuse.pipeline import Tracker as Tracker
-    from posefuse.pipeline import calibrate_noise as calibrate_noise
-    from posefuse.pipeline import reconstruct as reconstruct
-    from posefuse.pipeline import triangulate as triangulate
-    from posefuse.refining import refine_calibration as refine_calibration
+    from posefuse.pipeline.reconstruct import Tracker as Tracker
+    from posefuse.pipeline.reconstruct import calibrate_noise as calibrate_noise
+    from posefuse.pipeline.reconstruct import reconstruct as reconstruct
+    from posefuse.pipeline.reconstruct import triangulate as triangulate
+    from posefuse.pipeline.refine_calibration import refine_calibration as refine_calibration
+    from posefuse.preprocess.timeline import align_views as align_views
+    from posefuse.skeleton.skeletons import Skeleton as Skeleton
+    from posefuse.skeleton.skeletons import find_skeleton as find_skeleton
     from posefuse.synthetic.crowd_options import CrowdFaults as CrowdFaults
     from posefuse.synthetic.crowd_options import CrowdOptions as CrowdOptions
     from posefuse.synthetic.crowds import crowd_of_points as crowd_of_points
@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from posefuse.tracking.records import Person as Person
 
 _PLACES = {
-    "edits": ("apply_edits",),
+    "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
     "evaluation.own_account": ("own_account",),
@@ -85,27 +85,27 @@ _PLACES = {
     "io.results.netcdf": ("read_reconstruction",),
     "io.results.read": ("read_points",),
     "io.results.write": ("write",),
-    "model.align_options": ("AlignOptions",),
+    "model.options.alignment": ("AlignOptions",),
     "model.alignment": ("Alignment",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
     "model.frames": ("Frame",),
     "model.noise": ("NoiseModel",),
-    "model.options": ("NoiseOptions", "Options", "TriangulationOptions"),
-    "model.postprocess_options": ("PostprocessOptions",),
+    "model.options.options": ("NoiseOptions", "Options", "TriangulationOptions"),
+    "model.options.postprocess": ("PostprocessOptions",),
     "model.reconstruction": ("Layer", "Reconstruction"),
-    "model.skeletons": ("Skeleton", "find_skeleton"),
+    "skeleton.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),
-    "model.subject_options": ("SubjectOptions",),
-    "model.timeline": ("align_views",),
-    "model.tracker_options": ("TrackerOptions",),
+    "model.options.subject": ("SubjectOptions",),
+    "preprocess.timeline": ("align_views",),
+    "model.options.tracker": ("TrackerOptions",),
     "model.tracks": ("TrackState", "Tracks"),
-    "model.trajectory_options": ("TrajectoryOptions",),
-    "calibration.options": ("RefineOptions",),
+    "model.options.trajectory": ("TrajectoryOptions",),
+    "model.options.refinement": ("RefineOptions",),
     "calibration.outcome": ("Refinement",),
-    "pipeline": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
-    "refining": ("refine_calibration",),
+    "pipeline.reconstruct": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
+    "pipeline.refine_calibration": ("refine_calibration",),
     "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),

@@ -13,10 +13,10 @@ from posefuse.errors import DetectionsError, ResultError, choices, suggestion
 from posefuse.evaluation.sightings import in_image, recorded
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
-from posefuse.model.life import Event
+from posefuse.model.label_swaps import SwapState
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
-from posefuse.model.swaps import SwapState
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 
 AROUND_S = 1.0

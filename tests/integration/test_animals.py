@@ -11,7 +11,7 @@ from benchmarks.animals import OF, OWN_TOML
 
 import posefuse
 from posefuse.cli.simulate import write_scene
-from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
 from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowds import CrowdScene
 

@@ -17,12 +17,12 @@ from posefuse.batch.jobs import jobs_of
 from posefuse.cli import batch_work
 from posefuse.cli.batch_work import do_job
 from posefuse.io.calibration import anipose
+from posefuse.io.checkpoints import Parts
 from posefuse.io.files import PARTS, alone_in
 from posefuse.io.keypoints import native
-from posefuse.io.parts import Parts
 from posefuse.io.results import netcdf
 from posefuse.model.batch import Job, Outcome
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from posefuse.biomechanics.animation_figures import body_of
 from posefuse.io.results import bvh, gltf, opensim
-from posefuse.tracking.figures import body_of
 from tests.figures import posed
 
 pytestmark = pytest.mark.long

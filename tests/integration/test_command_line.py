@@ -189,7 +189,7 @@ def test_views_given_other_cameras_are_noticed(run, recording, tmp_path):
 
 
 def test_the_place_of_a_skeleton_file_is_not_written(run, recording, tmp_path):
-    from posefuse.model.skeletons import find_skeleton
+    from posefuse.skeleton.skeletons import find_skeleton
 
     names = find_skeleton("halpe_26").keypoints
     (tmp_path / "own.toml").write_text(f'name = "own"\nkeypoints = {json.dumps(names)}\n')

@@ -13,7 +13,7 @@ import pytest
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.results.registry import RESULTS
-from posefuse.model.options import METHODS, Options
+from posefuse.model.options.options import METHODS, Options
 from posefuse.model.status import PointStatus, ViewStatus
 
 ROOT = Path(__file__).parents[2]

@@ -16,9 +16,9 @@ import pytest
 import posefuse
 from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
+from posefuse.io.checkpoints import Parts
 from posefuse.io.files import PARTS
 from posefuse.io.keypoints import detection_tables
-from posefuse.io.parts import Parts
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 
@@ -125,7 +125,7 @@ def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(r
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
         # Nothing is followed or triangulated again.
-        patched.setattr("posefuse.pipeline.prepare", ended)
+        patched.setattr("posefuse.pipeline.reconstruct.prepare", ended)
         code, said, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
     assert "going on from the finished parts" in " ".join(said.split())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import posefuse
-from posefuse.edits import apply_edits
+from posefuse.editing import apply_edits
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf

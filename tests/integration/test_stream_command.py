@@ -20,7 +20,7 @@ import posefuse
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.stream import lines_of
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 

@@ -13,10 +13,10 @@ from posefuse.errors import DetectionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
-from posefuse.model.life import Event
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline import Tracker
+from posefuse.pipeline.reconstruct import Tracker
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN

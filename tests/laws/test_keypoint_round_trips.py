@@ -13,8 +13,8 @@ import posefuse
 from posefuse.arrays import in_memory
 from posefuse.io.keypoints import detection_tables, native, openpose, replay, tidy
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.timeline import uneven_lengths
+from posefuse.preprocess.timeline import uneven_lengths
+from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.laws import examples
 from tests.unit.model.test_detections import ragged
 

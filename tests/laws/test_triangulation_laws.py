@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from tests.laws import examples
 from tests.scenes import LENSES, body_points, ring, seen, skeleton_of
 

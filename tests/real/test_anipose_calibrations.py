@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 def test_the_good_calibration_of_the_mouse_reprojects(shared_data):

@@ -7,8 +7,8 @@ from benchmarks import held_out, real
 
 import posefuse
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import BirthOptions
+from posefuse.model.options.tracker import BirthOptions
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 METRES_PER_UNIT = 0.72e-3
 """The recording's unit is its own; with this, the fly's front legs are as long as a fly's are."""

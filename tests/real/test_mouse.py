@@ -4,10 +4,10 @@ import numpy as np
 from benchmarks import real
 
 import posefuse
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.model.tracks import TrackState
-from posefuse.model.trees import CONE, TWIST
-from posefuse.tracking.posing import pose_from_points
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.skeleton.trees import CONE, TWIST
 
 
 def test_the_mouse_is_one_animal_all_the_time(shared_data):

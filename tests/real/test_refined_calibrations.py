@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.calibration.options import RefineOptions
 from posefuse.calibration.selection import held_out
 from posefuse.errors import CalibrationError
 from posefuse.io.boards import find_board, read_board
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton
-from posefuse.refining import refine_calibration
+from posefuse.model.options.options import Options
+from posefuse.model.options.refinement import RefineOptions
+from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.skeleton.skeletons import Skeleton
 
 ONE = Options(people="one")
 

@@ -8,11 +8,11 @@ from benchmarks import real
 
 import posefuse
 from posefuse.association import one_subject
+from posefuse.left_right import relabel
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
-from posefuse.model.swaps import SwapState
-from posefuse.triangulation import paired
+from posefuse.model.label_swaps import SwapState
+from posefuse.model.options.options import Options
 
 
 def pose2sim(shared_data) -> tuple[CameraRig, Detections]:
@@ -34,7 +34,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
         for start in range(0, detections.n_frames, spell):
             flags[start : start + spell, :, members, view] = rng.random() < 0.25
     tracks = one_subject.follow(detections, None, one_subject.longest_ids(detections))
-    return paired.relabelled(detections, tracks, flags, skeleton.pair_indices), flags
+    return relabel.relabelled(detections, tracks, flags, skeleton.pair_indices), flags
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from posefuse.kernels.articulated import State
-from posefuse.tracking.bodies import chosen, put
+from posefuse.kernels.tracking.articulated import State
+from posefuse.tracking.body_states import chosen, put
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tempering import bone_axes, next_with, what_was_said
 

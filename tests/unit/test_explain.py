@@ -8,9 +8,9 @@ import pytest
 from posefuse.errors import DetectionsError, ResultError
 from posefuse.evaluation.sightings import count_misses
 from posefuse.explain import explain
-from posefuse.model.life import Event
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.synthetic.crowds import Kind
 from tests.people import crowd, followed

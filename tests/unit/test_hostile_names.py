@@ -21,12 +21,12 @@ from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import write_folder
 from posefuse.model.batch import Job, Outcome
 from posefuse.model.detections import Detections
-from posefuse.model.life import Event
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Provenance, Reconstruction
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.track_events import Event
 from posefuse.report.batch import batch_page
 from posefuse.report.html import render_report
+from posefuse.skeleton.skeletons import Skeleton
 from tests.figures import posed
 from tests.laws import examples
 from tests.people import crowd, followed

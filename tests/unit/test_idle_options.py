@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from posefuse.errors import PosefuseWarning
-from posefuse.following import idle_options, warn_of_idle
-from posefuse.model.association_options import AssociationOptions, RptOptions
-from posefuse.model.options import Options
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.specification_options import SpecificationOptions
-from posefuse.model.tracker_options import PartOptions, TrackerOptions
-from posefuse.pipeline import Tracker
+from posefuse.model.options.association import AssociationOptions, RptOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.specification import SpecificationOptions
+from posefuse.model.options.tracker import PartOptions, TrackerOptions
+from posefuse.pipeline.people import idle_options, warn_of_idle
+from posefuse.pipeline.reconstruct import Tracker
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 
 BODY, WHOLE = shipped_skeleton("body_20"), shipped_skeleton("coco_wholebody_133")

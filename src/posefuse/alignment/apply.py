@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from posefuse.model.align_options import AlignOptions
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
-from posefuse.model.life import Poses
+from posefuse.model.options.alignment import AlignOptions
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
+from posefuse.model.track_events import Poses
 
 _PACKED = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))
 

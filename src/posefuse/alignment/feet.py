@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.errors import DetectionsError
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _SOLES = ("toe", "heel", "foot_index", "paw", "claw")
 _ANKLES = ("ankle",)

@@ -6,10 +6,10 @@ import numpy as np
 
 from posefuse.alignment.feet import Plane, floor_of_feet
 from posefuse.errors import DetectionsError, OptionsError
-from posefuse.model.align_options import PRESETS, AlignOptions
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig, UpAxis, up_vector
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.options.alignment import PRESETS, AlignOptions
+from posefuse.skeleton.skeletons import Skeleton
 
 _LEAST_AREA = 1e-3
 _ACROSS = 0.9

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.errors import DetectionsError
-from posefuse.model.align_options import AlignOptions
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.options.alignment import AlignOptions
+from posefuse.skeleton.skeletons import Skeleton
 
 _SHARES = (
     ("shoulder", "hip", 0.288),

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from posefuse.association.torso import full
+from posefuse.association.trunk import full
 
 
 def distance_squared(

@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.association.solved import solve
-from posefuse.association.torso import torso
-from posefuse.kernels import proposals as kernels
-from posefuse.kernels.agreement import Law, Sight, observe
-from posefuse.kernels.lens import FX, FY
-from posefuse.kernels.proposals import Drafts, Surroundings
-from posefuse.model.association_options import AssociationOptions
+from posefuse.association.group_points import solve
+from posefuse.association.trunk import torso
+from posefuse.kernels.association import proposals as kernels
+from posefuse.kernels.association.agreement import Law, Sight, observe
+from posefuse.kernels.association.proposals import Drafts, Surroundings
+from posefuse.kernels.cameras.lens import FX, FY
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions
 from posefuse.model.proposals import Proposals
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.arrays import ranges
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import CHUNK_FRAMES, Detections
-from posefuse.model.options import Pick
+from posefuse.model.options.options import Pick
 from posefuse.model.tracks import Tracks, TrackState
 
 PERSON = "person_1"

@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from posefuse.association import groups, rpt
+from posefuse.association import groups, pairwise_baseline
 from posefuse.errors import DetectionsError
-from posefuse.model.association_options import AssociationOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions
 from posefuse.model.proposals import Proposals
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
-_METHODS = {"groups": groups.propose, "rpt": rpt.propose}
+_METHODS = {"groups": groups.propose, "rpt": pairwise_baseline.propose}
 
 
 def propose(

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from posefuse.dividing import Do
 from posefuse.errors import StreamError
 from posefuse.model.batch import Job, Outcome
+from posefuse.pipeline.distributed import Do
 
 _CONNECT_S = 20
 _RETRIES = 3

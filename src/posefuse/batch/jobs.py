@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from posefuse.batch.marks import MARK, RESULT
+from posefuse.batch.fingerprints import MARK, RESULT
 from posefuse.errors import OptionsError, choices
 from posefuse.io.files import PARTS
 from posefuse.model.batch import Job
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 TABLE, PAGE = "batch.csv", "batch.html"
 RESERVED = (TABLE, PAGE)

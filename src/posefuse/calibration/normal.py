@@ -6,8 +6,8 @@ import numpy as np
 
 from posefuse.calibration.parameters import LENS, N_PARAMETERS, SHIFT, TURN
 from posefuse.calibration.sightings import Sightings
-from posefuse.kernels import lens
-from posefuse.kernels.bundle import LENS_PARAMETERS, bundle_rows
+from posefuse.kernels.calibration.bundle import LENS_PARAMETERS, bundle_rows
+from posefuse.kernels.cameras import lens
 from posefuse.model.cameras import CameraRig
 
 NU = 4.0

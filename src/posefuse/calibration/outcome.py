@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from posefuse.calibration.parameters import Refine
 from posefuse.model.cameras import CameraRig
+from posefuse.model.options.refinement import Refine
 
 Role = Literal["refined", "fixed", "located", "left out"]
 

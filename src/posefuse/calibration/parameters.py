@@ -6,14 +6,12 @@ only turned stays where it is: ``x_camera = exp(turn) R (x_world - centre - shif
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
 
 import numpy as np
 
 from posefuse.model.cameras import Camera, CameraRig, LensModel, rotation_from_vector
+from posefuse.model.options.refinement import Refine
 
-Refine = Literal["extrinsics", "focal", "lens"]
-REFINES: tuple[Refine, ...] = get_args(Refine)
 N_PARAMETERS = 9
 POSE = slice(0, 6)
 TURN = slice(0, 3)

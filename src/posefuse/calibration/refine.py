@@ -14,13 +14,13 @@ from posefuse.calibration.adjust import Adjusted, adjust
 from posefuse.calibration.gauge import align, gauge_of, pose_changes, reach_of, rescaled
 from posefuse.calibration.locate import locate
 from posefuse.calibration.normal import rows_of
-from posefuse.calibration.options import RefineOptions
 from posefuse.calibration.parameters import Freedom, Refine, with_distortion
 from posefuse.calibration.selection import held_out, spread_out
 from posefuse.calibration.sightings import Sightings
 from posefuse.calibration.uncertainty import Certainty, certainty
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.cameras import CameraRig
+from posefuse.model.options.refinement import RefineOptions
 from posefuse.progress import Progress
 
 _SHARES = (0.3, 0.6, 1.0, 1.0)

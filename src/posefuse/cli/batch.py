@@ -12,7 +12,7 @@ from posefuse.cli.console import Bars, complain, count, percent, say, table, war
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
 from posefuse.model.batch import Job, Outcome
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 _ENDED = "The batch was interrupted before it was done."
 

@@ -11,21 +11,21 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from posefuse.batch.marks import MARK, RESULT, kept, key_of, remove_mark, write_mark
+from posefuse.batch.fingerprints import MARK, RESULT, kept, key_of, remove_mark, write_mark
 from posefuse.cli.console import Bars, hearing
 from posefuse.cli.reading import digest, timestamps_of
-from posefuse.dividing import Do
+from posefuse.diagnostics.findings import HEALTH
 from posefuse.errors import PosefuseError, RecordingError
-from posefuse.health.findings import HEALTH
+from posefuse.io.checkpoints import remove_parts
 from posefuse.io.files import PARTS, must_exist, replacing_folder
-from posefuse.io.parts import remove_parts
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.model.batch import Job, Numbers, Outcome
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.distributed import Do
 from posefuse.progress import Silent
 
 if TYPE_CHECKING:
-    from posefuse.measuring import Plan
+    from posefuse.pipeline.measured_layer import Plan
 
 _T = TypeVar("_T")
 _ONE_AT_A_TIME = threading.Lock()
@@ -103,7 +103,7 @@ def _kept(job: Job) -> Outcome | None:
 
 def _is_long(job: Job) -> bool:
     from posefuse.cli.reading import read_inputs
-    from posefuse.dividing import is_long
+    from posefuse.pipeline.distributed import is_long
 
     inputs = read_inputs(job.folder, *_inputs(job), job.options, Silent())
     return job.window_s is not None and is_long(inputs.detections, job.options, job.window_s)
@@ -146,9 +146,9 @@ def _in_pieces(do: Do, folder: Path, job: Job, calibration: Path, keypoints: Pat
     """As :func:`reconstruct_into`, with pieces that others do; those that are done are kept until the result is."""
     from posefuse.cli.reading import must_have_rate, read_inputs
     from posefuse.cli.reconstruct import parts_of, write_beside, write_debug, write_once
-    from posefuse.diagnosis import with_health
-    from posefuse.dividing import Team, prepare_divided, reconstruct_divided
     from posefuse.io.results import netcdf
+    from posefuse.pipeline.diagnose import with_health
+    from posefuse.pipeline.distributed import Team, prepare_divided, reconstruct_divided
 
     progress, options = Bars(), job.options
     inputs = read_inputs(job.folder, calibration, keypoints, options, progress)

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, note, say, table
 from posefuse.cli.reading import read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 
 def calibrate_noise(
@@ -26,8 +26,8 @@ def calibrate_noise(
     """
     from posefuse.io.files import replacing
     from posefuse.io.options import noise_to_toml
-    from posefuse.pipeline import calibrate_noise as calibrate
-    from posefuse.pipeline import match_views
+    from posefuse.pipeline.reconstruct import calibrate_noise as calibrate
+    from posefuse.pipeline.reconstruct import match_views
 
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)

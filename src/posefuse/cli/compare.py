@@ -10,7 +10,7 @@ from posefuse.cli.console import Bars, count, note, say, table, wrote
 from posefuse.cli.reading import read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.options import METHODS, Options
+from posefuse.model.options.options import METHODS, Options
 
 if TYPE_CHECKING:
     from posefuse.evaluation.comparison import Comparison
@@ -45,8 +45,8 @@ def compare(
     from posefuse.cli.evaluate import known_of
     from posefuse.io.files import must_exist, replacing_folder
     from posefuse.io.results.comparison import write
+    from posefuse.pipeline.compare_methods import compare_methods
     from posefuse.report.comparison import comparison_picture
-    from posefuse.side_by_side import compare_methods
 
     truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()

@@ -12,8 +12,8 @@ from posefuse.io.formats import Format, by_name
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.model.cameras import UpAxis
 from posefuse.model.detections import Detections
-from posefuse.model.options import LayerName, LengthUnit, Options, ThirdChannel
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.model.options.options import LayerName, LengthUnit, Options, ThirdChannel
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 # What a name ends in tells the format, where one format is meant.
 _BY_ENDING = {

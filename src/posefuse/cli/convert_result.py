@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from posefuse.cli.console import note, wrote
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 
 
 def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | None = None) -> None:

@@ -21,7 +21,7 @@ def demo(
     from posefuse.cli.report import report
     from posefuse.cli.simulate import TRUTH, write_scene
     from posefuse.io.files import replacing_folder
-    from posefuse.model.options import Options
+    from posefuse.model.options.options import Options
     from posefuse.synthetic.options import SceneOptions
     from posefuse.synthetic.scenes import simulate
 

@@ -69,7 +69,7 @@ def edit(
 
 def write_edited(before: Reconstruction, done: Done, path: Path) -> None:
     """Write a result with its edits done and named among its inputs."""
-    from posefuse.edits import edited_chunks
+    from posefuse.editing import edited_chunks
     from posefuse.io.results import netcdf
 
     inputs = {**before.provenance.inputs, **done.digests}

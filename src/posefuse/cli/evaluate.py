@@ -13,7 +13,7 @@ from posefuse.cli.console import count, note, percent, say, table
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
 from posefuse.evaluation.heads import HeadRule
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 

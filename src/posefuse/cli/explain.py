@@ -14,7 +14,7 @@ from posefuse.errors import MatchError, choices
 from posefuse.explain import AROUND_S, FrameAccount, PersonAccount, Sighting, ViewAccount
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _MOST_NAMED = 12
 
@@ -82,7 +82,7 @@ def detections_for(
 
 def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
     """The view of each of the result's cameras."""
-    from posefuse.model.names import plain_name
+    from posefuse.model.view_names import plain_name
 
     views = detections.view_names
     if result.options.camera_order:

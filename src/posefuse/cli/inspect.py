@@ -14,7 +14,7 @@ from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.recording import Found, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 _MOST_CAMERAS = 24
 _MOST_NAMES = 4
@@ -76,7 +76,7 @@ def inspect(
 def _given(path: Path, *, calibration: bool) -> Found:
     """What the user names, with the format that it is in."""
     from posefuse.io.calibration.read import find_format as calibration_format
-    from posefuse.io.evidence import known_by
+    from posefuse.io.format_signatures import known_by
     from posefuse.io.keypoints.read import find_format as keypoint_format
 
     form = (calibration_format if calibration else keypoint_format)(path)
@@ -85,7 +85,7 @@ def _given(path: Path, *, calibration: bool) -> Found:
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
     """Say what is wrong, the worst first."""
-    from posefuse.diagnosis import inspect_health
+    from posefuse.pipeline.diagnose import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
@@ -198,7 +198,7 @@ def _missing_shares(detections: Detections) -> np.ndarray:
 
 def _say_matches(read: _Read, options: Options) -> bool:
     """Say which keypoints and calibrations belong together, of several the flags that choose them; whether any do."""
-    from posefuse.model.matching import match_views
+    from posefuse.preprocess.match_cameras import match_views
 
     single = len(read.rigs) == 1 and len(read.detections) == 1
     said, refused = [], []

@@ -5,9 +5,9 @@ from posefuse.cli.console import say, table
 
 def methods() -> None:
     """List what can be chosen: triangulation methods, and how left and right are told apart."""
-    from posefuse.model.options import METHODS, Options
-    from posefuse.model.pair_options import PAIR_METHODS
-    from posefuse.model.side_options import SIDE_METHODS
+    from posefuse.model.options.left_right import SIDE_METHODS
+    from posefuse.model.options.options import METHODS, Options
+    from posefuse.model.options.pairs import PAIR_METHODS
 
     options = Options()
     lists = (

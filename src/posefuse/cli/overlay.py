@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, warn
 from posefuse.cli.videos import Offsets, Videos
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 
 
 def overlay(
@@ -38,8 +38,8 @@ def overlay(
     """
     from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in, layer_of, offsets_by_camera, videos_by_camera
-    from posefuse.overlay.options import OverlayOptions
-    from posefuse.overlay.write import write_overlays
+    from posefuse.visualize.overlay.options import OverlayOptions
+    from posefuse.visualize.overlay.write import write_overlays
 
     _, opened = open_result(result)
     chosen = OverlayOptions(

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import note, wrote
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 
 FIGURE_NAMES = ("errors", "shares", "time", "gaps", "bones", "lives", "trajectories", "angles")
 

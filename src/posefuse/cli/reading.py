@@ -13,7 +13,7 @@ from posefuse.io.recording import choose_calibration, choose_keypoints, choose_t
 from posefuse.io.timestamps import read_timestamps
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.progress import Progress
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
+from posefuse.checkpoint import NOTHING, Keeper
 from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
@@ -29,14 +30,13 @@ from posefuse.cli.types import (
     TimestampsPath,
 )
 from posefuse.errors import PosefuseWarning
-from posefuse.keeping import NOTHING, Keeper
-from posefuse.model.options import LayerName, Options
+from posefuse.model.options.options import LayerName, Options
+from posefuse.model.options.tracker import Smoother
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.tracker_options import Smoother
 
 if TYPE_CHECKING:
-    from posefuse.io.parts import Parts
-    from posefuse.measuring import Plan
+    from posefuse.io.checkpoints import Parts
+    from posefuse.pipeline.measured_layer import Plan
 
 FILTER_FIGURE = "debug/percentile_filter.png"
 
@@ -152,9 +152,9 @@ def reconstruct_into(
         options = replace(options, skeleton=inputs.detections.skeleton.name)
 
     from posefuse.cli.edit import Done, write_edited
-    from posefuse.diagnosis import with_health
     from posefuse.io.results import netcdf
-    from posefuse.pipeline import prepare
+    from posefuse.pipeline.diagnose import with_health
+    from posefuse.pipeline.reconstruct import prepare
 
     done = None if edits is None else Done.read(edits)
     keeper, forget = keeper_of(parts, inputs, options)
@@ -210,7 +210,7 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
 
 def partial_remark(result: Reconstruction) -> str:
     """What a result says that is not of the whole recording; empty where it is."""
-    from posefuse.measuring import PARTIAL
+    from posefuse.pipeline.measured_layer import PARTIAL
 
     return next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
 
@@ -218,7 +218,7 @@ def partial_remark(result: Reconstruction) -> str:
 def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> None:
     """Write the reconstruction; if that is interrupted and chunks are kept, those that are done."""
     from posefuse.io.results import netcdf
-    from posefuse.measuring import finished_chunks, reconstruct_chunks
+    from posefuse.pipeline.measured_layer import finished_chunks, reconstruct_chunks
 
     try:
         netcdf.write(reconstruct_chunks(plan, progress, keeper), path)
@@ -251,8 +251,8 @@ def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | No
         options: of the reconstruction.
         window_s: of the windows that the recording is divided into, if it is.
     """
+    from posefuse.io.checkpoints import Parts, digest_of
     from posefuse.io.netcdf import skeleton_text
-    from posefuse.io.parts import Parts, digest_of
 
     told = {
         "inputs": inputs.digests,
@@ -276,7 +276,7 @@ def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[
     Returns:
         The names of what was written, and the layer that TRC and C3D hold.
     """
-    from posefuse.derived import angles_of, tables_of
+    from posefuse.biomechanics.tables import angles_of, tables_of
     from posefuse.io.results.figures import write_figures
     from posefuse.io.results.write import people_with_frames, write_folder
     from posefuse.report.html import render_report
@@ -299,8 +299,8 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     if not has_debug(plan):
         return []
     from posefuse.evaluation.filtering import error_profile
-    from posefuse.measuring import reconstruct_chunks
-    from posefuse.pipeline import settle
+    from posefuse.pipeline.measured_layer import reconstruct_chunks
+    from posefuse.pipeline.reconstruct import settle
     from posefuse.report.percentile_filter import filter_picture
 
     before = error_profile(reconstruct_chunks(settle(plan, "simple"), progress))

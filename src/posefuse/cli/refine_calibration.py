@@ -6,16 +6,15 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from posefuse.calibration.options import RefineOptions
 from posefuse.calibration.outcome import CameraOutcome, Refinement
-from posefuse.calibration.parameters import Refine
 from posefuse.cli.console import Bars, count, note, percent, say, table
 from posefuse.cli.reading import digest
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
 from posefuse.errors import FileError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.refinement import Refine, RefineOptions
 from posefuse.progress import Progress
 
 Source = Literal["keypoints", "board"]
@@ -51,7 +50,7 @@ def refine_calibration(
     The calibration that is read stays as it is. Cameras that cannot be helped are left out by name.
     """
     from posefuse.io.calibration.write import must_be_named, write_like
-    from posefuse.refining import refine_calibration as refined
+    from posefuse.pipeline.refine_calibration import refine_calibration as refined
 
     progress = Bars()
     chosen = RefineOptions(refine, fix, relocate, seed=seed, rigid=source == "board")

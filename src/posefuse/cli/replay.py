@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 
 def replay(
@@ -26,8 +26,8 @@ def replay(
     from posefuse.cli.reading import must_have_rate, read_inputs
     from posefuse.errors import OptionsError
     from posefuse.io.stream import lines_of
-    from posefuse.model.matching import match_views
-    from posefuse.settled import cut_time
+    from posefuse.pipeline.defaults import cut_time
+    from posefuse.preprocess.match_cameras import match_views
 
     if not 0.0 <= pace < float("inf"):
         raise OptionsError(f"--pace is 0 or more, got {pace}.")

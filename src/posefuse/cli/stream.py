@@ -16,8 +16,8 @@ from rich.text import Text
 from posefuse.cli.console import count, err, warn
 from posefuse.cli.types import OptionFlags
 from posefuse.errors import OptionsError, choices
-from posefuse.model.options import Options
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
 
 if TYPE_CHECKING:
     from posefuse.live.addresses import Address
@@ -47,7 +47,7 @@ def stream(
     from posefuse.live.inbox import Inbox
     from posefuse.live.run import run_stream
     from posefuse.live.sources import Source
-    from posefuse.live.warm import warm_up
+    from posefuse.live.warm_up import warm_up
 
     address = parse_address(input)
     # Where messages tell the time, the same lines are to give the same bytes: none is dropped for being many.
@@ -85,7 +85,7 @@ def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Ses
     from posefuse.io.calibration.read import read_cameras
     from posefuse.io.files import must_exist
     from posefuse.live.session import Session
-    from posefuse.model.skeletons import shipped_skeletons
+    from posefuse.skeleton.skeletons import shipped_skeletons
 
     if options.skeleton is None:
         raise OptionsError(

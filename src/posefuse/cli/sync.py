@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, note, say, table
 from posefuse.cli.reading import must_have_rate, read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 
 def sync(
@@ -28,9 +28,9 @@ def sync(
     The views tell of each other's clocks by how well they agree about people who move. Nothing in the recording is
     changed: reconstruct without --sync is as before.
     """
-    from posefuse.diagnosis import measure_sync
     from posefuse.io.files import replacing
     from posefuse.io.options import sync_to_toml
+    from posefuse.pipeline.diagnose import measure_sync
 
     progress = Bars()
     inputs = read_inputs(recording, calibration, keypoints, options, progress)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 OptionFlags = Annotated[Options, Parameter(name="*", group=Group("Options", sort_key=2))]
 Recording = Annotated[Path, Parameter(help="The recording's folder.")]

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from posefuse.errors import FileError, MatchError, OptionsError, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 
 _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
@@ -48,7 +48,7 @@ def videos_by_camera(rig: CameraRig, given: Sequence[str]) -> dict[str, Path]:
 
 
 def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
-    from posefuse.model.names import plain_name
+    from posefuse.model.view_names import plain_name
 
     if not folder.is_dir():
         raise OptionsError(

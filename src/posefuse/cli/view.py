@@ -11,7 +11,7 @@ from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from posefuse.viewer.scene import Footage
+    from posefuse.visualize.viewer.scene import Footage
 
 
 def view(
@@ -38,9 +38,9 @@ def view(
     from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
-    from posefuse.viewer.clock import frames_between
-    from posefuse.viewer.library import rerun
-    from posefuse.viewer.show import must_have_display, open_scene, save_scene
+    from posefuse.visualize.clock import frames_between
+    from posefuse.visualize.viewer.library import rerun
+    from posefuse.visualize.viewer.show import must_have_display, open_scene, save_scene
 
     rerun()
     if save is None:
@@ -62,8 +62,8 @@ def _footage(
     result: Reconstruction, video: tuple[str, ...], offset_s: tuple[str, ...], match: Literal["time", "frame"]
 ) -> Mapping[str, "Footage"]:
     from posefuse.cli.videos import offsets_by_camera, videos_by_camera
-    from posefuse.overlay.footage import footage_of
-    from posefuse.overlay.options import OverlayOptions
+    from posefuse.visualize.overlay.footage import footage_of
+    from posefuse.visualize.overlay.options import OverlayOptions
 
     videos = videos_by_camera(result.rig, video)
     options = OverlayOptions(match=match, offset_s=offsets_by_camera(offset_s), blank=not videos)

@@ -11,7 +11,7 @@ import numpy as np
 
 from posefuse.errors import ResultError, suggestion
 from posefuse.model.cameras import UpAxis
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 HeadRule = Literal["shelf", "campus", "none"]
 HEAD_RULES: tuple[HeadRule, ...] = get_args(HeadRule)

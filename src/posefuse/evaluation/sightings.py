@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import Skeleton
 
 _SEEN_SHARE = 0.5
 

@@ -10,9 +10,9 @@ from posefuse.evaluation.accuracy import Truth, interpolated
 from posefuse.evaluation.matching import is_here
 from posefuse.model.cameras import UpAxis
 from posefuse.model.reconstruction import Reconstruction, unpack_covariance
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source
 from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from posefuse.errors import FileError, RecordingError, choices
 from posefuse.io.files import must_exist, natural_key, reading
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _COLUMNS = ("sync_index", "port", "point_id", "img_loc_x", "img_loc_y", "obj_loc_x", "obj_loc_y")
 _PATTERNS = ("*.metadata.h5", "*/*.metadata.h5", "xy.csv", "calibration/extrinsic/xy.csv", "extrinsic/xy.csv")

@@ -284,7 +284,7 @@ RESULT_FILES = (
 
 
 PARTS = ".parts"
-"""The folder, in that of a result, of the finished parts of a long reconstruction; see :mod:`posefuse.io.parts`."""
+"""The folder, in that of a result, of the finished parts of a long reconstruction; see :mod:`posefuse.io.checkpoints`."""
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ import h5py
 
 from posefuse.errors import FileError
 from posefuse.io.files import most_unfolded, must_unfold, reading
-from posefuse.io.heaps import check_heaps
+from posefuse.io.hdf5_heaps import check_heaps
 
 _DEFLATE = 1
 _MOST_DEFLATED = 1032

@@ -14,9 +14,9 @@ from posefuse.arrays import frozen
 from posefuse.errors import FileError
 from posefuse.io.files import must_be_texts, reading
 from posefuse.io.hdf5 import check_ranged
-from posefuse.model.parts import Part
-from posefuse.model.skeletons import Skeleton
-from posefuse.model.trees import ADULT_M, Limit, Node, Tree
+from posefuse.skeleton.parts import Part
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.skeleton.trees import ADULT_M, Limit, Node, Tree
 
 CHUNK_FRAMES = 256
 """Frames that are compressed together."""

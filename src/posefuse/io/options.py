@@ -13,8 +13,8 @@ from docstring_parser import parse
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.io.files import must_exist, read_toml
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import Options
-from posefuse.model.sync_options import SyncOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.sync import SyncOptions
 
 T = TypeVar("T")
 

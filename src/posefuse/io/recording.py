@@ -11,10 +11,10 @@ from posefuse.errors import FileError, PosefuseError, RecordingError
 from posefuse.io import timestamps
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.calibration.read import read_cameras
-from posefuse.io.evidence import known_by
 from posefuse.io.files import files_at, must_exist, natural_key, read_npz
+from posefuse.io.format_signatures import known_by
 from posefuse.io.formats import Format, by_name
-from posefuse.io.ignored import Ignored, find_ignored
+from posefuse.io.ignored_files import Ignored, find_ignored
 from posefuse.io.keypoints import deepfly, openpose
 from posefuse.io.keypoints.names import recordings_in, view_names
 from posefuse.io.keypoints.openpose import camera_folders

@@ -11,7 +11,7 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, suggestion
 from posefuse.model.detections import Detections
-from posefuse.model.seen import SeenView
+from posefuse.model.view_message import SeenView
 
 PROTOCOL = 1
 MOST_SECONDS = 1e11

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from posefuse.live.counts import ViewCounts
+from posefuse.live.statistics import ViewCounts
 
 EVERY_S = 1.0
 """How often to look."""

@@ -11,7 +11,7 @@ from posefuse.errors import StreamError
 from posefuse.live.addresses import Address
 from posefuse.live.inbox import Inbox
 from posefuse.live.lines import Sender
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.stream import StreamOptions
 
 _LOOK_MS = 100
 _MOST_HELD = 256

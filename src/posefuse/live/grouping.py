@@ -13,9 +13,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Literal
 
-from posefuse.live.counts import ViewCounts
-from posefuse.model.seen import SeenView
-from posefuse.model.stream_options import StreamOptions
+from posefuse.live.statistics import ViewCounts
+from posefuse.model.options.stream import StreamOptions
+from posefuse.model.view_message import SeenView
 
 Reason = Literal["complete", "overtaken", "waited", "crowded", "ended"]
 """Why a frame went on: all cameras that are heard have it; a later one is complete; its time was up; too many wait;

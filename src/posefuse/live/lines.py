@@ -3,7 +3,7 @@
 from codecs import BOM_UTF8
 
 from posefuse.live.inbox import Inbox
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.stream import StreamOptions
 
 TOO_LONG, TOO_FAST = "longer than max_line_bytes", "more than max_messages_hz"
 

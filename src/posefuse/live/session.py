@@ -10,16 +10,16 @@ import numpy as np
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, Reader, Refusal, encoded
 from posefuse.live.alarms import Alarms
-from posefuse.live.counts import Latencies, StreamCounts, ViewCounts
 from posefuse.live.grouping import Group, Grouper
-from posefuse.live.measuring import Measuring
-from posefuse.live.telling import told_events, told_person
+from posefuse.live.measured_points import Measuring
+from posefuse.live.messages import told_events, told_person
+from posefuse.live.statistics import Latencies, StreamCounts, ViewCounts
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, find_skeleton
-from posefuse.model.stream_options import StreamOptions
-from posefuse.pipeline import Tracker
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
+from posefuse.pipeline.reconstruct import Tracker
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.tracking.records import People
 
 _TOLD_FAULTS = 5

@@ -16,7 +16,7 @@ from posefuse.errors import PosefuseError, StreamError
 from posefuse.live.addresses import Address
 from posefuse.live.inbox import Inbox
 from posefuse.live.lines import Sender
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.stream import StreamOptions
 
 _BLOCK = 1 << 16
 _LOOK_S = 0.1

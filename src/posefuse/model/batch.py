@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 
 State = Literal["done", "kept", "failed", "not done"]
 """Reconstructed now; as it was, for nothing has changed; not reconstructed; not come to before the batch was ended."""

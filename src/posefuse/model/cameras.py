@@ -29,7 +29,7 @@ _ROTATION_TOLERANCE = 1e-5
 
 
 class LensModel(StrEnum):
-    """How a lens bends rays; see :mod:`posefuse.kernels.lens` for the formulas."""
+    """How a lens bends rays; see :mod:`posefuse.kernels.cameras.lens` for the formulas."""
 
     PINHOLE = "pinhole"
     BROWN = "brown"
@@ -146,9 +146,9 @@ class Camera(Rebuilt):
 
         Returns:
             Pixels, shape (..., 2), NaN where there is none, and lens codes, shape (...): 0 where there is one, else
-            MISSING, BEHIND or BEYOND of :mod:`posefuse.kernels.lens`.
+            MISSING, BEHIND or BEYOND of :mod:`posefuse.kernels.cameras.lens`.
         """
-        from posefuse.kernels.lens import project_batch  # kernels start the compiler: only when called
+        from posefuse.kernels.cameras.lens import project_batch  # kernels start the compiler: only when called
 
         points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
         pixels = np.empty((len(points), 2))
@@ -166,7 +166,7 @@ class Camera(Rebuilt):
         Returns:
             Directions, shape (..., 3), NaN where there is none, and lens codes as in :meth:`project`.
         """
-        from posefuse.kernels.lens import rays_batch
+        from posefuse.kernels.cameras.lens import rays_batch
 
         flat = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 2)
         directions = np.empty((len(flat), 3))
@@ -178,7 +178,7 @@ class Camera(Rebuilt):
     @cached_property
     def packed(self) -> np.ndarray:
         """The camera as kernels see it, shape (COLUMNS,)."""
-        from posefuse.kernels import lens as columns
+        from posefuse.kernels.cameras import lens as columns
 
         row = np.zeros(columns.COLUMNS)
         row[columns.LENS] = _LENS_CODES[self.lens]

@@ -9,8 +9,8 @@ import numpy as np
 
 from posefuse.arrays import ArraySource, check_shape, frozen, in_memory, ranges, same
 from posefuse.errors import DetectionsError, MatchError, choices, suggestion
-from posefuse.model.chosen_rows import chosen_rows
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.lazy_rows import chosen_rows
+from posefuse.skeleton.skeletons import Skeleton
 
 CHUNK_FRAMES = 2048
 """How many frames a stage works on at once when nobody says otherwise."""

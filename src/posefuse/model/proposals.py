@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from posefuse.arrays import same
-from posefuse.kernels import codes
+from posefuse.kernels import status_codes
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Proposals:
             differ (``sigma_factor``).
         status: shape (proposal, keypoint), int8, point codes.
         used: shape (proposal, keypoint, view), bool: the views each point rests on.
-        torso_m: shape (proposal, 3): the middle of the trunk, see :mod:`posefuse.association.torso`.
+        torso_m: shape (proposal, 3): the middle of the trunk, see :mod:`posefuse.association.trunk`.
         torso_covariance_m2: shape (proposal, 6).
         log_odds: shape (proposal,): natural logarithm of the odds that these detections show one person and not several
             things that happen to fit; the baseline, which knows no odds, has the logit of its score here.
@@ -87,7 +87,7 @@ class Proposals:
     @property
     def has_point(self) -> np.ndarray:
         """Shape (proposal, keypoint), bool."""
-        return self.status < codes.POINT_MISSING
+        return self.status < status_codes.POINT_MISSING
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Proposals) and all(

@@ -11,13 +11,13 @@ from posefuse.errors import ResultError, choices
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
-from posefuse.model.life import Event, Poses
+from posefuse.model.label_swaps import Swaps
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import LayerName, Options
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.options.options import LayerName, Options
 from posefuse.model.status import PointStatus, is_used
-from posefuse.model.swaps import Swaps
+from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks
+from posefuse.skeleton.skeletons import Skeleton
 
 LAYERS: tuple[LayerName, ...] = ("measured", "solved", "model")
 """From the rawest to the most processed; exports take the last one present unless told otherwise."""

@@ -4,29 +4,29 @@ from enum import IntEnum
 
 import numpy as np
 
-from posefuse.kernels import codes
+from posefuse.kernels import status_codes
 
 
 class PointStatus(IntEnum):
     """Why a point has coordinates, or why it has none."""
 
-    OK = codes.POINT_OK
-    TWO_VIEWS = codes.POINT_TWO_VIEWS
-    WEAK_GEOMETRY = codes.POINT_WEAK_GEOMETRY
-    AMBIGUOUS = codes.POINT_AMBIGUOUS
-    SINGLE_VIEW = codes.POINT_SINGLE_VIEW
-    HELD = codes.POINT_HELD
-    FILLED = codes.POINT_FILLED
-    NOT_SEEN = codes.POINT_NOT_SEEN
-    TOO_FEW_VIEWS = codes.POINT_TOO_FEW_VIEWS
-    DEGENERATE = codes.POINT_DEGENERATE
-    BEHIND_CAMERA = codes.POINT_BEHIND_CAMERA
-    NO_CONVERGENCE = codes.POINT_NO_CONVERGENCE
-    OUTLIER = codes.POINT_OUTLIER
-    ABSENT = codes.POINT_ABSENT
-    UNDECIDED = codes.POINT_UNDECIDED
-    NOT_FOLLOWED = codes.POINT_NOT_FOLLOWED
-    UNCERTAIN = codes.POINT_UNCERTAIN
+    OK = status_codes.POINT_OK
+    TWO_VIEWS = status_codes.POINT_TWO_VIEWS
+    WEAK_GEOMETRY = status_codes.POINT_WEAK_GEOMETRY
+    AMBIGUOUS = status_codes.POINT_AMBIGUOUS
+    SINGLE_VIEW = status_codes.POINT_SINGLE_VIEW
+    HELD = status_codes.POINT_HELD
+    FILLED = status_codes.POINT_FILLED
+    NOT_SEEN = status_codes.POINT_NOT_SEEN
+    TOO_FEW_VIEWS = status_codes.POINT_TOO_FEW_VIEWS
+    DEGENERATE = status_codes.POINT_DEGENERATE
+    BEHIND_CAMERA = status_codes.POINT_BEHIND_CAMERA
+    NO_CONVERGENCE = status_codes.POINT_NO_CONVERGENCE
+    OUTLIER = status_codes.POINT_OUTLIER
+    ABSENT = status_codes.POINT_ABSENT
+    UNDECIDED = status_codes.POINT_UNDECIDED
+    NOT_FOLLOWED = status_codes.POINT_NOT_FOLLOWED
+    UNCERTAIN = status_codes.POINT_UNCERTAIN
 
     @property
     def label(self) -> str:
@@ -36,7 +36,7 @@ class PointStatus(IntEnum):
     @property
     def has_point(self) -> bool:
         """Whether the point has coordinates."""
-        return self < codes.POINT_MISSING
+        return self < status_codes.POINT_MISSING
 
     @property
     def sentence(self) -> str:
@@ -47,15 +47,15 @@ class PointStatus(IntEnum):
 class ViewStatus(IntEnum):
     """What a view contributed to a point, or why nothing."""
 
-    USED = codes.VIEW_USED
-    UNSEEN = codes.VIEW_UNSEEN
-    LOW_CONFIDENCE = codes.VIEW_LOW_CONFIDENCE
-    BEYOND_LENS = codes.VIEW_BEYOND_LENS
-    OUTLIER = codes.VIEW_OUTLIER
-    BEHIND_CAMERA = codes.VIEW_BEHIND_CAMERA
-    NOT_RECORDED = codes.VIEW_NOT_RECORDED
-    NOT_USED = codes.VIEW_NOT_USED
-    USED_SWAPPED = codes.VIEW_USED_SWAPPED
+    USED = status_codes.VIEW_USED
+    UNSEEN = status_codes.VIEW_UNSEEN
+    LOW_CONFIDENCE = status_codes.VIEW_LOW_CONFIDENCE
+    BEYOND_LENS = status_codes.VIEW_BEYOND_LENS
+    OUTLIER = status_codes.VIEW_OUTLIER
+    BEHIND_CAMERA = status_codes.VIEW_BEHIND_CAMERA
+    NOT_RECORDED = status_codes.VIEW_NOT_RECORDED
+    NOT_USED = status_codes.VIEW_NOT_USED
+    USED_SWAPPED = status_codes.VIEW_USED_SWAPPED
 
     @property
     def label(self) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import check_shape, frozen, same
 from posefuse.errors import ResultError
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 
 

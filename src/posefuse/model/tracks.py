@@ -8,7 +8,7 @@ import numpy as np
 
 from posefuse.arrays import ArraySource, check_shape, same
 from posefuse.errors import ResultError
-from posefuse.kernels import codes
+from posefuse.kernels import status_codes
 from posefuse.model.detections import Detections
 
 
@@ -55,7 +55,7 @@ class Tracks:
         """Shape (frame, person, view), int64: rows of the detections' arrays, NO_DETECTION or NOT_RECORDED."""
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         index = np.asarray(self.detection[:]).astype(np.int64)
-        missing = np.where(detections.recorded, codes.NO_DETECTION, codes.NOT_RECORDED)[:, None, :]
+        missing = np.where(detections.recorded, status_codes.NO_DETECTION, status_codes.NOT_RECORDED)[:, None, :]
         return np.where(index >= 0, starts + index, missing)
 
     @classmethod

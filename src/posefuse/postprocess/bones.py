@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _ROOTS = ("mid_hip", "pelvis")
 

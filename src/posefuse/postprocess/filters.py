@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from posefuse.errors import OptionsError
-from posefuse.model.postprocess_options import (
+from posefuse.model.options.postprocess import (
     ButterworthOptions,
     Filter,
     HampelOptions,

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from posefuse.model.postprocess_options import PostprocessOptions
+from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.status import Source
 from posefuse.postprocess.kalman import smoothed
 from posefuse.postprocess.points import Clock, Points

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.model.postprocess_options import KalmanOptions
+from posefuse.model.options.postprocess import KalmanOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.postprocess.points import Clock, Points
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import butter, sos2zpk
 
-from posefuse.model.postprocess_options import PostprocessOptions
+from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import Source
 from posefuse.postprocess.bones import Bones, make_rigid

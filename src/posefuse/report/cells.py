@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.thinned import Thinned
+from posefuse.model.thinned_samples import Thinned
 from posefuse.model.tracks import TrackState
 from posefuse.report.packing import view_codes
 

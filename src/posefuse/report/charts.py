@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus
 from posefuse.report.summary import Summary
+from posefuse.skeleton.skeletons import Skeleton
 
 _VIEW_CODES = (
     ViewStatus.USED,

@@ -17,13 +17,13 @@ from posefuse.progress import Progress, Silent, watched
 from posefuse.report import tables
 from posefuse.report.cells import cell_data, cells_of
 from posefuse.report.charts import chart_data
-from posefuse.report.look import look_section
+from posefuse.report.highlights import look_section
 from posefuse.report.people import life_lines, lives, people_section
 from posefuse.report.scene import scene_data, stride_of
 from posefuse.report.series import gaps_of, series_data, series_of
 from posefuse.report.summary import summarise
+from posefuse.report.summary_text import in_words, scene_in_words
 from posefuse.report.swaps import swap_table, time_line
-from posefuse.report.words import in_words, scene_in_words
 
 _SCRIPTS = ("scene.js", "lens.js", "player.js", "heat.js", "time.js", "charts.js")
 """Parts of one script, in this order."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from posefuse.evaluation.sightings import Misses
-from posefuse.model.life import HAPPENINGS, Event
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.track_events import HAPPENINGS, Event
 from posefuse.model.tracks import TrackState
 
 _MOST_HOVER = 400

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from posefuse.derived import angles_of
+from posefuse.biomechanics.tables import angles_of
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.report.cells import MISSING, REJECTED, USED, Cells, cells_of

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.model.cameras import Camera, LensModel
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.report.packing import (
     MARKED_VIEWS,
@@ -157,7 +157,7 @@ def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:
 
 def _reach(camera: Camera) -> float | None:
     """How far from the axis the lens model holds: a radius on the plane at depth 1 (of a fisheye an angle), or None."""
-    from posefuse.kernels.lens import MAX_RADIUS
+    from posefuse.kernels.cameras.lens import MAX_RADIUS
 
     radius = float(camera.packed[MAX_RADIUS])
     return round(radius, 6) if np.isfinite(radius) else None

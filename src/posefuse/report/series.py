@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
 from posefuse.report.packing import point_codes
 from posefuse.report.scene import measured_in
+from posefuse.skeleton.skeletons import Skeleton
 
 COLUMNS = 600
 """A longer recording is shown in about this many stretches of time."""

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.model.options import LayerName
+from posefuse.model.label_swaps import SwapState
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
-from posefuse.model.swaps import SwapState
-from posefuse.model.thinned import Thinned
+from posefuse.model.thinned_samples import Thinned
 from posefuse.model.tracks import TrackState
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.model.label_swaps import SwapState
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.swaps import SwapState
 from posefuse.report.summary import Summary
 
 _COLUMNS = 600

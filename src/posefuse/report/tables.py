@@ -8,10 +8,10 @@ import numpy as np
 
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.cells import MISSING, REJECTED, USED, Cells
-from posefuse.report.look import jump, span
+from posefuse.report.highlights import jump, span
 from posefuse.report.series import Gap, Series
 from posefuse.report.summary import Summary
 

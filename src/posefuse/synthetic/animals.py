@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError, SkeletonError, suggestion
 from posefuse.model.cameras import Camera, CameraRig
-from posefuse.model.skeletons import Skeleton, find_skeleton
-from posefuse.model.trees import Tree
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.trees import Tree
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import CrowdScene, crowd_of_points
 from posefuse.synthetic.motions import smooth_step

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from posefuse.model.cameras import CameraRig
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _TORSO_M, _HEAD_M, _ARM_M, _LEG_M, _OTHER_M = 0.15, 0.11, 0.05, 0.07, 0.03
 _NEAR_M = 0.05
@@ -78,7 +78,9 @@ def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, s
         capsules: what is there, bodies too.
         scale: how large bodies are next to an adult human: what is this much nearer hides nothing.
     """
-    from posefuse.kernels.occlusion import hide_behind_capsules  # kernels start the compiler: only when called
+    from posefuse.kernels.synthetic.occlusion import (
+        hide_behind_capsules,  # kernels start the compiler: only when called
+    )
 
     n_frames, n_people, n_keypoints, _ = points_m.shape
     hidden = np.zeros((len(rig), n_frames, n_people, n_keypoints), dtype=bool)

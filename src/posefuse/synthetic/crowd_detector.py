@@ -13,7 +13,7 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections, frame_times
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.bodies import Capsules, bodies_of, hidden_keypoints
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.detector import Hidden, lasting, spells, spoil

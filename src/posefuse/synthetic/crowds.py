@@ -10,7 +10,7 @@ from posefuse.errors import OptionsError, SkeletonError
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.bodies import Capsules
 from posefuse.synthetic.crowd_detector import Kind, Staging, detect_crowd
 from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions, Scenario

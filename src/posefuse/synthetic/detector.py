@@ -14,7 +14,7 @@ from scipy.special import gammaincinv, ndtr
 from posefuse.errors import OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.options import DetectorOptions
 
 _SCALE_PX_AT_1000 = 4.5

@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.errors import OptionsError, suggestion
 from posefuse.model.cameras import Camera, CameraRig, LensModel, rotation_from_vector
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.detector import spells, spoil
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from posefuse.kernels.chains import forward_kinematics
-from posefuse.model.skeletons import Skeleton
+from posefuse.kernels.synthetic.forward_kinematics import forward_kinematics
+from posefuse.skeleton.skeletons import Skeleton
 
 _STATURE_M = 1.75
 

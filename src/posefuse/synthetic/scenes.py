@@ -8,8 +8,8 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
-from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.detector import clock_offsets, detect
 from posefuse.synthetic.figures import creature, human
 from posefuse.synthetic.motions import CreatureMotion, HumanMotion

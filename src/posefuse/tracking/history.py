@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from posefuse.checkpoint import Spool
 from posefuse.errors import DetectionsError
-from posefuse.keeping import Spool
-from posefuse.kernels.articulated import State, predict_people
+from posefuse.kernels.tracking.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.bodies import chosen
-from posefuse.tracking.entries import Entries
+from posefuse.tracking.body_states import chosen
+from posefuse.tracking.history_entries import Entries
 from posefuse.tracking.parts import PartFollower
 from posefuse.tracking.records import People, Person, Remembered, Track
 from posefuse.tracking.settings import Settings
@@ -92,7 +92,7 @@ class _Block:
 
 
 class _TemporarySpool:
-    """A temporary file without a name, which is gone when this is; see :class:`posefuse.keeping.Spool`."""
+    """A temporary file without a name, which is gone when this is; see :class:`posefuse.checkpoint.Spool`."""
 
     def __init__(self) -> None:
         self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)

@@ -6,9 +6,9 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import OptionsError, suggestion
-from posefuse.model.skeletons import Skeleton
-from posefuse.model.tracker_options import TrackerOptions
-from posefuse.model.trees import Tree
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.skeleton.trees import Tree
 
 _STATURE_SD = 0.03
 """By how much of their sum the lengths of bodies of one stature differ."""

@@ -5,16 +5,16 @@ from typing import NamedTuple
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.articulated import State
-from posefuse.kernels.tally import foretell_views
-from posefuse.model.life import Happening
+from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.counts import foretell_views
+from posefuse.kinematics.initial_pose import aim, bones_shown
+from posefuse.kinematics.segment_lengths import told_of_lengths
+from posefuse.model.track_events import Happening
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.anew import forget
-from posefuse.tracking.bodies import Sight, chosen, put
-from posefuse.tracking.clock import SAME_S
-from posefuse.tracking.lengths import told_of_lengths
-from posefuse.tracking.posing import aim, bones_shown
+from posefuse.tracking.body_states import Sight, chosen, put
+from posefuse.tracking.frame_clock import SAME_S
 from posefuse.tracking.records import Track
+from posefuse.tracking.reinitialize import forget
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tempering import see_lengths
 

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels import codes
-from posefuse.kernels.anchors import tell_anchors
-from posefuse.kernels.articulated import USED, State, foresee_people, predict_people, update_people
-from posefuse.kernels.points import triangulate_views
+from posefuse.kernels import status_codes
+from posefuse.kernels.cameras.points import triangulate_views
+from posefuse.kernels.tracking.anchors import tell_anchors
+from posefuse.kernels.tracking.articulated import USED, State, foresee_people, predict_people, update_people
 from posefuse.model.frames import Frame
-from posefuse.model.parts import Part
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.tracks import TrackState
-from posefuse.model.trees import Tree
-from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight, chosen, joined, nobody
-from posefuse.tracking.clock import SAME_S, moments
+from posefuse.skeleton.parts import Part
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.skeleton.trees import Tree
+from posefuse.tracking.body_states import Sight, chosen, joined, nobody
+from posefuse.tracking.frame_clock import SAME_S, moments
 from posefuse.tracking.records import Evidence, Person
 from posefuse.tracking.settings import Settings, memory_s, tempering
+from posefuse.tracking.state_initiation import begin
 
 _VARIANCES = np.array([0, 3, 5])
 _SURE_SHARE = 0.35
@@ -246,7 +246,7 @@ class PartFollower:
             np.empty((1, points, views), dtype=np.int8), np.empty((1, points, views), dtype=np.float32),
             np.empty((1, points)),
         )  # fmt: skip
-        whose = np.where(rows >= 0, np.arange(views), codes.NO_DETECTION)[None]
+        whose = np.where(rows >= 0, np.arange(views), status_codes.NO_DETECTION)[None]
         # Frozen as a recording's are: the kernel is compiled for these already.
         seen = frozen(pixels), frozen(trust)
         triangulate_views(

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.articulated import State
-from posefuse.model.life import Event
+from posefuse.kernels.tracking.articulated import State
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 
 

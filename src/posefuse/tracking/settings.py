@@ -6,14 +6,14 @@ import numpy as np
 
 from posefuse.arrays import Rebuilt, frozen
 from posefuse.errors import SkeletonError
-from posefuse.kernels.articulated import Body, Law
+from posefuse.kernels.tracking.articulated import Body, Law
+from posefuse.kinematics.initial_pose import motion_laws, widest
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
-from posefuse.model.skeletons import Skeleton
-from posefuse.model.tracker_options import TrackerOptions
-from posefuse.model.trees import Tree
-from posefuse.tracking.bodies import body_of
-from posefuse.tracking.posing import motion_laws, widest
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.skeleton.trees import Tree
+from posefuse.tracking.body_states import body_of
 
 # The filter's memory of errors is the first of these longer with all views, and by the second, shared among them.
 _MANY, _FEW = 0.62, 1.9

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.articulated import State, foresee_people, predict_people
-from posefuse.kernels.smoothing import add_information, carry_back, gains_back
+from posefuse.kernels.tracking.articulated import State, foresee_people, predict_people
+from posefuse.kernels.tracking.smoothing import add_information, carry_back, gains_back
+from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.model.cameras import up_vector
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.angle_sds import axes_covariance, joint_angle_sds
-from posefuse.tracking.bodies import Sight, chosen, joined, uncertain
+from posefuse.tracking.body_states import Sight, chosen, joined, uncertain
 from posefuse.tracking.history import History, Run
 from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again

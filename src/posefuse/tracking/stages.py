@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from posefuse.kernels.articulated import Law, State
+from posefuse.kernels.tracking.articulated import Law, State
 from posefuse.model.frames import Frame
-from posefuse.tracking.bodies import Sight
+from posefuse.tracking.body_states import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
 from posefuse.tracking.settings import Settings
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.articulated import State, predict_people
-from posefuse.kernels.smoothing import apply_changes, compare_states
-from posefuse.kernels.tempering import ROUNDING, filter_again
-from posefuse.tracking.bodies import chosen, put, uncertain
-from posefuse.tracking.posing import newborn_covariance
+from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
+from posefuse.kernels.tracking.tempering import ROUNDING, filter_again
+from posefuse.kinematics.initial_pose import newborn_covariance
+from posefuse.tracking.body_states import chosen, put, uncertain
 from posefuse.tracking.settings import Settings
 
 

@@ -7,32 +7,32 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import USED, State, predict_people, update_people
-from posefuse.kernels.matching import match_views
-from posefuse.kernels.tally import believe_most_labels, label_keypoints, note_matches, note_off
+from posefuse.kernels.tracking.articulated import USED, State, predict_people, update_people
+from posefuse.kernels.tracking.counts import believe_most_labels, label_keypoints, note_matches, note_off
+from posefuse.kernels.tracking.matching import match_views
 from posefuse.model.frames import Frame
-from posefuse.model.life import Event
 from posefuse.model.proposals import Proposals
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.tracking import anew, audits, leaps, lifecycle
-from posefuse.tracking.audits import Contact
-from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight, Uses, chosen, joined, nobody, put
-from posefuse.tracking.clock import SAME_S, Clock, moments
+from posefuse.tracking import fast_motion, identity_audit, lifecycle, reinitialize
+from posefuse.tracking.body_states import Sight, Uses, chosen, joined, nobody, put
+from posefuse.tracking.camera_fit import Watch, look_at
+from posefuse.tracking.frame_clock import SAME_S, Clock, moments
+from posefuse.tracking.identity_audit import Contact
 from posefuse.tracking.lifecycle import Bounds
+from posefuse.tracking.missed_views import is_covered, silent_views
+from posefuse.tracking.partial_detections import forget_swaps, hold_back, joined_pieces
 from posefuse.tracking.parts import Bodies, PartFollower, sides_of, swap_sides
-from posefuse.tracking.pieces import forget_swaps, hold_back, joined_pieces
-from posefuse.tracking.posture import keep_posture, note_posture
-from posefuse.tracking.presets import stages_of
 from posefuse.tracking.records import Evidence, Lately, People, Person, Remembered, Tentative, Track
-from posefuse.tracking.returns import all_are_known
+from posefuse.tracking.reidentification import all_are_known
 from posefuse.tracking.settings import Settings
-from posefuse.tracking.silence import Silence, listen
+from posefuse.tracking.silent_cameras import Silence, listen
+from posefuse.tracking.single_view_height import keep_floor, note_floor
+from posefuse.tracking.single_view_posture import keep_posture, note_posture
 from posefuse.tracking.stages import Likeness, Seen, Stages
-from posefuse.tracking.standing import keep_floor, note_floor
-from posefuse.tracking.tentative import continue_with, evidence_of, is_believable, is_over
-from posefuse.tracking.unseen import is_covered, silent_views
-from posefuse.tracking.watch import Watch, look_at
+from posefuse.tracking.state_initiation import begin
+from posefuse.tracking.strategies import stages_of
+from posefuse.tracking.track_initiation import continue_with, evidence_of, is_believable, is_over
 
 _LEAPT_ODDS = 2.0
 """Log odds that the sides of one who leapt are as a proposal has them."""
@@ -169,13 +169,13 @@ class ArticulatedTracker:
 
     def _begin_anew(self, frame: Frame, rows: np.ndarray, before: State | None, dt_s: float) -> None:
         """Begin where views show them with segments and bones of which nothing is known any more."""
-        if not anew.are_rare(dt_s, self.settings):
+        if not reinitialize.are_rare(dt_s, self.settings):
             return
-        which = anew.unknown(self.state, self.settings)
+        which = reinitialize.unknown(self.state, self.settings)
         for p in np.flatnonzero(which.any(axis=1) & ((rows >= 0).sum(axis=1) > 1)):
             points = self._points_shown(frame, rows[p])
             for state in (self.state,) if before is None else (self.state, before):
-                anew.begin_anew(state, int(p), which[p], points, self.settings)
+                reinitialize.begin_anew(state, int(p), which[p], points, self.settings)
 
     def _put_right(
         self, frame: Frame, rows: np.ndarray, labels: np.ndarray, before: State | None, dt_s: float
@@ -266,22 +266,22 @@ class ArticulatedTracker:
             return
         of_view = np.bincount(frame.view[nobodys], minlength=len(s.rig)) > 0
         active = np.array([track.state == TrackState.ACTIVE for track in self.tracks], dtype=bool)
-        who = leaps.may_have(rows, of_view, active)
+        who = fast_motion.may_have(rows, of_view, active)
         if not len(who):
             return
         nobodys[rows[who][rows[who] >= 0]] = True
         proposals = self.propose(frame, nobodys)
         gone_s = np.array([self.time_s - self.tracks[p].firm_s for p in who])
-        for leap in leaps.leaps(who, rows, self.sight.points_m, gone_s, proposals, s):
+        for leap in fast_motion.leaps(who, rows, self.sight.points_m, gone_s, proposals, s):
             p = leap.place
             rows[p] = proposals.rows[leap.proposal]
             for v in np.flatnonzero(rows[p] >= 0):
                 sides = proposals.swapped[leap.proposal, v]
                 found.swapped[p, rows[p, v]] = sides
                 found.swap_odds[p, rows[p, v]] = _LEAPT_ODDS if sides else -_LEAPT_ODDS
-            put(self.state, p, leaps.leapt(self.state, leap, dt_s, s))
+            put(self.state, p, fast_motion.leapt(self.state, leap, dt_s, s))
             if before is not None:
-                put(before, p, leaps.leapt(before, leap, 0.0, s))
+                put(before, p, fast_motion.leapt(before, leap, 0.0, s))
 
     def _labels(self, rows: np.ndarray, swapped: np.ndarray) -> np.ndarray:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
@@ -378,14 +378,14 @@ class ArticulatedTracker:
             self.events.append(Event(number, self.time_s, self.settings.rig.names[v], what, why))
         self._listen(frame, dt_s)
         scale = self.settings.tree.scale
-        audits.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
+        identity_audit.contacts(self.contacts, self.tracks, self.state, supported, expected, self.time_s, dt_s, scale)
         if self.contacts:
             sight = self._foreseen(self.settings.cameras[:0])
             for p, track in enumerate(self.tracks):
                 if supported[p].sum() > 1:
-                    audits.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p, sight))
+                    identity_audit.remember(self.contacts, track.name, self._shown(frame, rows[keep][p], p, sight))
             renamed: set[str] = set()
-            for finding in audits.audit(self.contacts, self.tracks, self.state, self.time_s, self.settings):
+            for finding in identity_audit.audit(self.contacts, self.tracks, self.state, self.time_s, self.settings):
                 if not renamed & set(finding.names):
                     self._conclude(finding, number)
                     renamed |= set(finding.names) if finding.exchange else set()
@@ -409,13 +409,13 @@ class ArticulatedTracker:
             self.time_s, frame.number, pixels, trust, rows, points, covariance, self.state.root[p].copy(), 0.0, 1.0
         )
 
-    def _conclude(self, finding: audits.Finding, number: int) -> None:
+    def _conclude(self, finding: identity_audit.Finding, number: int) -> None:
         place = {track.name: p for p, track in enumerate(self.tracks)}
         p, q = (place[name] for name in finding.names)
         other = finding.names
         if finding.exchange:
             lifecycle.exchange(self.tracks, self.state, p, q)
-            audits.forget(self.contacts, finding.names)
+            identity_audit.forget(self.contacts, finding.names)
             self.exchanged.append(((self.tracks[p].number, self.tracks[q].number), finding.since_s))
             why = f"its bones are those of {other[1]}, log odds {-finding.odds:.1f}"
             self.events.append(Event(number, self.time_s, other[0], "identities exchanged", why))

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from posefuse.errors import SkeletonError
-from posefuse.model.skeletons import Skeleton
-from posefuse.model.tree_of_edges import spanning_tree
-from posefuse.model.trees import Tree
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.skeleton.trees import Tree
+from posefuse.skeleton.trees_from_edges import spanning_tree
 
 _FEWEST = 5
 """So many bodies must show a distance for it to be measured."""

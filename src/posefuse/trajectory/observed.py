@@ -5,15 +5,15 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.linear import linearise
+from posefuse.kernels.cameras.linearize import linearise
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import ViewStatus, is_used
-from posefuse.model.swaps import Swaps, SwapState
 from posefuse.model.tracks import Tracks
+from posefuse.skeleton.skeletons import Skeleton
 
 _FRAMES_PER_S = 30.0
 """Where nobody says when frames were taken."""

@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
-from posefuse.kernels.trajectory_band import REACH, factor_paths, invert_paths
-from posefuse.kernels.trajectory_terms import (
+from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
+from posefuse.kernels.trajectory.terms import (
     add_to_diagonal,
     assemble,
     direct_bones,
@@ -24,7 +24,7 @@ from posefuse.kernels.trajectory_terms import (
     square_differences,
     weigh,
 )
-from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.observed import Observed
 from posefuse.trajectory.roughness import Roughness

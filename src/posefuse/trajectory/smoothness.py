@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from posefuse.kernels.trajectory_band import REACH
-from posefuse.model.trajectory_options import SmoothnessPrior
+from posefuse.kernels.trajectory.band import REACH
+from posefuse.model.options.trajectory import SmoothnessPrior
 
 ORDERS: dict[SmoothnessPrior, int] = {"acceleration": 2, "jerk": 3}
 """The derivative of the path that is white noise."""

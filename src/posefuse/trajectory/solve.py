@@ -10,18 +10,18 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.label_swaps import Swaps
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.swaps import Swaps
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.model.trajectory_options import TrajectoryOptions
 from posefuse.trajectory.ambiguity import ambiguous
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.laws import Laws
-from posefuse.trajectory.laws import margin_s as margin_s
 from posefuse.trajectory.observed import Measured, Observed, swapped_pairs
 from posefuse.trajectory.paths import Paths, Solver
+from posefuse.trajectory.priors import Laws
+from posefuse.trajectory.priors import margin_s as margin_s
 from posefuse.trajectory.roughness import Roughness
 from posefuse.trajectory.smoothness import Smoothness
 

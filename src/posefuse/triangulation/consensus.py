@@ -11,12 +11,12 @@ from functools import cache
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.consensus import triangulate_consensus
-from posefuse.kernels.tries import brief_tries, enough_tries, pairs_to_try
+from posefuse.kernels.triangulation.consensus import triangulate_consensus
+from posefuse.kernels.triangulation.pair_order import brief_tries, enough_tries, pairs_to_try
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
+from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import EmptyLayer, rows_by_person_frame

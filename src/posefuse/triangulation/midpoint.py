@@ -6,12 +6,12 @@ Correspondences". Weighted by confidence where ``confidence_exponent`` says so.
 
 import numpy as np
 
-from posefuse.kernels import points as kernel_codes
-from posefuse.kernels.rays import intersect_rays
+from posefuse.kernels.cameras import points as kernel_codes
+from posefuse.kernels.cameras.rays import intersect_rays
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
+from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks

@@ -6,8 +6,8 @@ from typing import Self
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels import codes
-from posefuse.kernels.points import triangulate_views
+from posefuse.kernels import status_codes
+from posefuse.kernels.cameras.points import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -74,7 +74,7 @@ class Observations:
             *self.rig.packed,
             frozen(np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2)),
             frozen(np.ascontiguousarray(self.confidence).reshape(n * views, 1)),
-            np.where(kept, rows, codes.NO_DETECTION),
+            np.where(kept, rows, status_codes.NO_DETECTION),
             self.noise.scale_px,
             self.noise.exponent,
             0.0,

@@ -6,11 +6,11 @@ See docs/methods.md.
 """
 
 from posefuse.arrays import frozen
-from posefuse.kernels.points import triangulate_views
+from posefuse.kernels.cameras.points import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
+from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import EmptyLayer, rows_by_person_frame

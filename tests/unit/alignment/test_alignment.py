@@ -8,17 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import posefuse
-from posefuse import survey
 from posefuse.alignment.apply import aligned, in_calibration_world, scaled_rig
 from posefuse.alignment.feet import floor_of_feet
 from posefuse.alignment.lay import lay
 from posefuse.alignment.size import height_of, scale_of
+from posefuse.diagnostics.floor import floor_findings
 from posefuse.errors import DetectionsError, OptionsError, ResultError
-from posefuse.health.floor import floor_findings
-from posefuse.model.align_options import PRESETS, AlignOptions
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import up_vector
-from posefuse.model.options import Options
+from posefuse.model.options.alignment import PRESETS, AlignOptions
+from posefuse.model.options.options import Options
+from posefuse.noise import survey
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.people import crowd, followed

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from posefuse.association.clusters import cluster, distance_squared
-from posefuse.association.torso import full, six, torso
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.association.trunk import full, six, torso
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 COCO = find_skeleton("coco_17")

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from posefuse.association.proposals import propose
 from posefuse.errors import DetectionsError, OptionsError
-from posefuse.model.association_options import AssociationOptions, RptOptions
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions, RptOptions
 from posefuse.model.proposals import Proposals
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.rigs import build_rig

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from posefuse.batch.cluster import on_cluster
+from posefuse.batch.fingerprints import kept, key_of, remove_mark, write_mark
 from posefuse.batch.jobs import jobs_of
-from posefuse.batch.marks import kept, key_of, remove_mark, write_mark
 from posefuse.batch.pool import in_processes
 from posefuse.errors import OptionsError, StreamError
 from posefuse.model.batch import Job, Numbers, Outcome
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.report.batch import batch_csv, batch_page
 from tests.unit.batch.works import do
 

@@ -9,16 +9,16 @@ from posefuse.calibration.adjust import adjust
 from posefuse.calibration.gauge import align, directions, pose_changes, transformed
 from posefuse.calibration.locate import locate
 from posefuse.calibration.normal import rows_of
-from posefuse.calibration.options import RefineOptions
 from posefuse.calibration.parameters import N_PARAMETERS, Freedom, changed
 from posefuse.calibration.selection import held_out, spread_out
 from posefuse.calibration.sightings import Sightings
 from posefuse.errors import CalibrationError, MatchError, OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton
-from posefuse.refining import refine_calibration
+from posefuse.model.options.options import Options
+from posefuse.model.options.refinement import RefineOptions
+from posefuse.pipeline.refine_calibration import refine_calibration
+from posefuse.skeleton.skeletons import Skeleton
 from tests.scenes import LENSES, ring
 
 NOISE_PX = 1.0

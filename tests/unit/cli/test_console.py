@@ -4,7 +4,7 @@ import pytest
 
 from posefuse.cli import console
 from posefuse.cli.explain import _in_short
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 
 @pytest.mark.parametrize("folder", ["out", "a/" * 50])

@@ -13,9 +13,9 @@ from posefuse.evaluation.accuracy import (
     truth_from_result,
     truth_from_trajectories,
 )
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate, truth_of
 from tests.scenes import ring, skeleton_of

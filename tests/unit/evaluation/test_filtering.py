@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.filtering import error_profile
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from tests.scenes import body_points, ring, seen
 
 

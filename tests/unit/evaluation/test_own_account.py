@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.own_account import own_account
-from posefuse.model.options import Options
-from posefuse.model.tracker_options import TrackerOptions
-from posefuse.pipeline import reconstruct
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from tests.people import crowd, followed

@@ -6,7 +6,7 @@ import pytest
 from posefuse.errors import ResultError
 from posefuse.evaluation.heads import JOINTS, joints_14
 from posefuse.evaluation.parts import PARTS, part_scores, pck
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 BODY = {
     "nose": (0.1, 0.0, 1.6), "left_ear": (0.0, 0.08, 1.6), "right_ear": (0.0, -0.08, 1.6),

@@ -12,8 +12,8 @@ from posefuse.evaluation.heads import HEAD_RULES, JOINTS, joints_14
 from posefuse.evaluation.people import ScoringOptions, score_people
 from posefuse.evaluation.together import PeoplePoints, only_in_states, people_points
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton, find_skeleton
 from posefuse.model.tracks import Tracks, TrackState
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.scenes import truth_of
 from tests.scenes import body_points, ring
 

@@ -11,9 +11,9 @@ from posefuse.io.boards import find_board, read_board
 from posefuse.io.calibration import anipose
 from posefuse.io.calibration.read import read_cameras
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton
-from posefuse.pipeline import match_views
+from posefuse.model.options.options import Options
+from posefuse.pipeline.reconstruct import match_views
+from posefuse.skeleton.skeletons import Skeleton
 from tests.scenes import ring
 
 

@@ -6,7 +6,7 @@ import pytest
 import posefuse
 from posefuse.errors import PosefuseError
 from posefuse.io.results import trc
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.broken import broken

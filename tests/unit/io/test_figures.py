@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import posefuse
+from posefuse.biomechanics.animation_figures import body_of
 from posefuse.errors import ResultError
 from posefuse.io.results import bvh, clips, gltf
 from posefuse.io.results.axes import least_y_up_from_world
 from posefuse.io.results.figures import write_figures
 from posefuse.model.cameras import UP_AXES, up_vector
-from posefuse.tracking.figures import body_of
 from tests.figures import RATE_HZ, Bvh, Gltf, model_layer, places, posed
 from tests.laws import examples
 

@@ -10,7 +10,7 @@ import pytest
 from posefuse import read_detections
 from posefuse.errors import FileError, PosefuseError
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 from tests import keypoint_files
 from tests.broken import broken
 from tests.keypoint_files import WRITERS

@@ -13,7 +13,7 @@ from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.netcdf import StoredArray
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.files import openpose_person, write_openpose, write_openpose_frame

@@ -13,8 +13,8 @@ from posefuse.io.calibration import anipose
 from posefuse.io.files import read_npz
 from posefuse.io.keypoints.names import recordings_in
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording, ignored_in
-from posefuse.model.matching import match_views
-from posefuse.model.names import has_name
+from posefuse.model.view_names import has_name
+from posefuse.preprocess.match_cameras import match_views
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests import calibrations, keypoint_files

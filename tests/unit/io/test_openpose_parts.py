@@ -12,7 +12,7 @@ from posefuse.io.keypoints import openpose
 from posefuse.io.keypoints.openpose_parts import PARTS
 from posefuse.io.results import openpose as overlays
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 

@@ -14,9 +14,9 @@ from posefuse.io.results import openpose, opensim, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import Options
-from posefuse.model.skeletons import shipped_skeleton, shipped_skeletons
-from posefuse.model.subject_options import SubjectOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.subject import SubjectOptions
+from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
 from tests.figures import model_layer, posed
 
 HUMANS = [name for name in shipped_skeletons() if name not in ("mouse_22", "fly_38")]

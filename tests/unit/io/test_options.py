@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.errors import FileError, OptionsError
 from posefuse.io.options import options_from_dict, options_template, options_to_toml, read_options
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 
 
 def test_the_template_is_the_defaults(tmp_path):

@@ -17,9 +17,9 @@ from posefuse.io.results import netcdf, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.csv import columns
 from posefuse.io.results.write import write_folder
-from posefuse.model.life import Event
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.model.track_events import Event
+from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.people import crowd, followed, nobody
 
 

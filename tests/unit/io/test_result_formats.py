@@ -20,10 +20,10 @@ from posefuse.io.results.read import READABLE
 from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import ALSO, write_folder
 from posefuse.model.alignment import Alignment
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import is_used
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from tests.broken import broken
 from tests.laws.test_result_files import FILES, some_result
 from tests.scenes import body_points, ring, seen

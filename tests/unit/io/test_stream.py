@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.io.stream import Reader, Refusal, line_of
-from posefuse.model.seen import SeenView
+from posefuse.model.view_message import SeenView
 from tests.laws import examples
 
 CAMERAS = ("left", "right\n", "mitte ü")

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels import articulated, bodies, rotations, symmetric
-from posefuse.kernels.articulated import Body, Law, State
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.trees import Tree
+from posefuse.kernels.linear_algebra import rotations, symmetric
+from posefuse.kernels.tracking import articulated, bodies
+from posefuse.kernels.tracking.articulated import Body, Law, State
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.skeleton.trees import Tree
 from posefuse.synthetic.rigs import build_rig
 from tests.kernels import from_python
 

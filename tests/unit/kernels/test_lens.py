@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from posefuse.kernels import lens as kernels
-from posefuse.kernels.rows import BLOCK
-from posefuse.kernels.rows import rows_block as rows_step
+from posefuse.kernels.cameras import lens as kernels
+from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.cameras.observation_rows import rows_block as rows_step
 from posefuse.model.cameras import Camera, LensModel
 from tests.kernels import from_python
 from tests.reference import lens as naive

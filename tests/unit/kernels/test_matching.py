@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.kernels.matching import evidence, match_views
+from posefuse.kernels.tracking.matching import evidence, match_views
 from tests.kernels import from_python
 from tests.laws import examples
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.kernels.occlusion import hide_behind_capsules
+from posefuse.kernels.synthetic.occlusion import hide_behind_capsules
 from tests.laws import examples
 
 EYE = np.zeros(3)

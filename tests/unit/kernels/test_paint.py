@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.paint import COLUMNS, paint
+from posefuse.kernels.visualize.paint import COLUMNS, paint
 from tests.reference.paint import paint as paint_slowly
 
 

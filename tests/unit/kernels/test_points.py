@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels import codes, points
-from posefuse.kernels.rows import BLOCK
+from posefuse.kernels import status_codes
+from posefuse.kernels.cameras import points
+from posefuse.kernels.cameras.observation_rows import BLOCK
 from posefuse.model.cameras import CameraRig
 from tests.kernels import from_python
 from tests.reference import points as naive
@@ -66,7 +67,7 @@ def test_points_are_the_maximum_likelihood_points(lens, rng):
     truth = body_points(rng, 3, 7)
     pixels = noisy(rig, truth, rng)
     out = triangulate(rig, pixels)
-    assert (out["status"] == codes.POINT_OK).all()
+    assert (out["status"] == status_codes.POINT_OK).all()
     for f in range(3):
         for k in range(7):
             expected, covariance = naive.maximum_likelihood_point(
@@ -134,19 +135,24 @@ class TestStatus:
         pixels[0, 2:, 1] = np.nan
         pixels[0, :, 2] = np.nan
         out = triangulate(rig, pixels, min_views=3)
-        expected = [codes.POINT_TOO_FEW_VIEWS, codes.POINT_TOO_FEW_VIEWS, codes.POINT_NOT_SEEN, codes.POINT_OK]
+        expected = [
+            status_codes.POINT_TOO_FEW_VIEWS,
+            status_codes.POINT_TOO_FEW_VIEWS,
+            status_codes.POINT_NOT_SEEN,
+            status_codes.POINT_OK,
+        ]
         assert out["status"][0].tolist() == expected
         assert np.isnan(out["points"][0, :3]).all()
         assert np.isnan(out["covariance"][0, :3]).all()
         assert np.isnan(out["view_errors"][0, :3]).all()
-        assert out["view_codes"][0, 0].tolist() == [codes.VIEW_NOT_USED] + [codes.VIEW_UNSEEN] * 4
+        assert out["view_codes"][0, 0].tolist() == [status_codes.VIEW_NOT_USED] + [status_codes.VIEW_UNSEEN] * 4
 
     def test_two_views_are_said(self, scene):
         rig, pixels = scene
         pixels[0, 2:, 1] = np.nan
         out = triangulate(rig, pixels, min_views=2)
-        assert out["status"][0, 1] == codes.POINT_TWO_VIEWS
-        assert out["status"][0, 0] == codes.POINT_OK
+        assert out["status"][0, 1] == status_codes.POINT_TWO_VIEWS
+        assert out["status"][0, 0] == status_codes.POINT_OK
 
     def test_low_confidence_is_not_used_but_its_error_is_known(self, scene):
         rig, pixels = scene
@@ -157,7 +163,7 @@ class TestStatus:
         without = pixels.copy()
         without[0, 3, 0] = np.nan
         np.testing.assert_allclose(out["points"], triangulate(rig, without)["points"], atol=1e-12)
-        assert out["view_codes"][0, 0, 3] == codes.VIEW_LOW_CONFIDENCE
+        assert out["view_codes"][0, 0, 3] == status_codes.VIEW_LOW_CONFIDENCE
         assert out["view_errors"][0, 0, 3] == pytest.approx(141.4, abs=10)
 
     def test_unknown_confidence_counts_as_full(self, scene):
@@ -171,7 +177,7 @@ class TestStatus:
         rig, pixels = scene
         pixels[0, 0, 0, 1] = np.nan
         out = triangulate(rig, pixels)
-        assert out["view_codes"][0, 0, 0] == codes.VIEW_UNSEEN
+        assert out["view_codes"][0, 0, 0] == status_codes.VIEW_UNSEEN
 
     def test_rays_that_diverge_meet_behind(self):
         poses = np.eye(4), np.eye(4)
@@ -180,24 +186,24 @@ class TestStatus:
         # The left camera sees the point further left than the right one does.
         pixels = np.array([[[[900.0, 540.0]], [[1000.0, 540.0]]]])
         out = triangulate(rig, pixels)
-        assert out["status"][0, 0] == codes.POINT_BEHIND_CAMERA
+        assert out["status"][0, 0] == status_codes.POINT_BEHIND_CAMERA
         assert np.isnan(out["points"]).all()
 
     def test_one_centre_fixes_no_point(self, rng):
         one = ring(2).cameras[0]
         rig = CameraRig((one, type(one)("twin", one.size_px, one.matrix, one.camera_from_world)))
         pixels = np.full((1, 2, 1, 2), 700.0)
-        assert triangulate(rig, pixels)["status"][0, 0] == codes.POINT_DEGENERATE
+        assert triangulate(rig, pixels)["status"][0, 0] == status_codes.POINT_DEGENERATE
 
     def test_one_centre_fixes_no_point_however_noisy(self, rng):
         one = ring(2).cameras[0]
         twins = [type(one)(f"twin_{i}", one.size_px, one.matrix, one.camera_from_world) for i in range(3)]
         rig = CameraRig(tuple(twins))
         out = triangulate(rig, noisy(rig, body_points(rng, 50, 4), rng))
-        assert (out["status"] >= codes.POINT_MISSING).all()
+        assert (out["status"] >= status_codes.POINT_MISSING).all()
 
     @pytest.mark.parametrize(
-        ("apart_m", "expected"), [(0.02, codes.POINT_DEGENERATE), (0.1, codes.POINT_WEAK_GEOMETRY)]
+        ("apart_m", "expected"), [(0.02, status_codes.POINT_DEGENERATE), (0.1, status_codes.POINT_WEAK_GEOMETRY)]
     )
     def test_nearly_parallel_rays_are_said(self, apart_m, expected, rng):
         poses = np.stack([np.eye(4)] * 2)
@@ -206,15 +212,15 @@ class TestStatus:
         truth = rng.uniform([-1, -1, 4.5], [1, 1, 5.5], (200, 1, 3))
         out = triangulate(rig, noisy(rig, truth, rng, 2.0))
         assert (out["status"] == expected).mean() > 0.75
-        assert (out["status"] >= codes.POINT_TWO_VIEWS).mean() > 0.99
+        assert (out["status"] >= status_codes.POINT_TWO_VIEWS).mean() > 0.99
 
     def test_a_point_just_past_a_fold_has_errors_all_the_same(self):
         rig = build_rig("ring", 4, "barrel")
         pixels = np.array([[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]])
         out = triangulate(rig, pixels.reshape(1, 4, 1, 2))
-        assert out["status"][0, 0] == codes.POINT_OK
+        assert out["status"][0, 0] == status_codes.POINT_OK
         assert np.isnan(rig.project(out["points"])).any()
-        assert (out["view_codes"] == codes.VIEW_USED).all()
+        assert (out["view_codes"] == status_codes.VIEW_USED).all()
         assert np.isfinite(out["view_errors"]).all()
         assert np.isfinite(out["mean_errors"]).all()
 
@@ -223,20 +229,20 @@ class TestStatus:
         confidence = np.full(pixels.shape[:-1], 0.8)
         confidence[0, :2, 0] = 0.0
         out = triangulate(rig, pixels, confidence, exponent=1.0)
-        assert out["view_codes"][0, 0].tolist() == [codes.VIEW_LOW_CONFIDENCE] * 2 + [codes.VIEW_USED] * 3
+        assert out["view_codes"][0, 0].tolist() == [status_codes.VIEW_LOW_CONFIDENCE] * 2 + [status_codes.VIEW_USED] * 3
 
     def test_beyond_the_lens(self, rng):
         rig = ring(4, "barrel")
         pixels = noisy(rig, body_points(rng, 1, 1), rng)
         pixels[0, 2, 0] = [3000.0, 500.0]
         out = triangulate(rig, pixels)
-        assert out["view_codes"][0, 0].tolist() == [0, 0, codes.VIEW_BEYOND_LENS, 0]
+        assert out["view_codes"][0, 0].tolist() == [0, 0, status_codes.VIEW_BEYOND_LENS, 0]
 
     def test_views_without_the_frame_or_the_person(self, scene):
         rig, pixels = scene
-        rows = np.array([[0, codes.NO_DETECTION, 2, codes.NOT_RECORDED, 4]])
+        rows = np.array([[0, status_codes.NO_DETECTION, 2, status_codes.NOT_RECORDED, 4]])
         out = triangulate(rig, pixels, rows=rows)
-        assert out["view_codes"][0, 0].tolist() == [0, codes.VIEW_UNSEEN, 0, codes.VIEW_NOT_RECORDED, 0]
+        assert out["view_codes"][0, 0].tolist() == [0, status_codes.VIEW_UNSEEN, 0, status_codes.VIEW_NOT_RECORDED, 0]
 
 
 def test_confidence_weighs_views(rng):
@@ -298,8 +304,8 @@ def test_weak_geometry_does_not_hide_a_graver_doubt():
     state, sums = np.zeros((points.STATE_ROWS, BLOCK)), np.zeros((points.SUM_ROWS, BLOCK))
     state[[points.INFORMATION, points.INFORMATION + 3, points.INFORMATION + 5]] = 100.0
     sums[points.DEPTH] = 1.0
-    status = np.full(BLOCK, codes.POINT_OK)
-    status[1:4] = codes.POINT_TWO_VIEWS, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN
+    status = np.full(BLOCK, status_codes.POINT_OK)
+    status[1:4] = status_codes.POINT_TWO_VIEWS, status_codes.POINT_AMBIGUOUS, status_codes.POINT_NOT_SEEN
     judge_geometry(state, sums, status)
-    weak = codes.POINT_WEAK_GEOMETRY
-    assert status[:4].tolist() == [weak, weak, codes.POINT_AMBIGUOUS, codes.POINT_NOT_SEEN]
+    weak = status_codes.POINT_WEAK_GEOMETRY
+    assert status[:4].tolist() == [weak, weak, status_codes.POINT_AMBIGUOUS, status_codes.POINT_NOT_SEEN]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels import points, rays
+from posefuse.kernels.cameras import points, rays
 from tests.kernels import from_python
 from tests.reference import points as naive
 from tests.scenes import body_points, ring

@@ -1,7 +1,7 @@
 """What is told of cameras while a stream runs: once when it goes wrong, once when it is over."""
 
 from posefuse.live.alarms import Alarms
-from posefuse.live.counts import ViewCounts
+from posefuse.live.statistics import ViewCounts
 
 GOOD = [False, False]
 

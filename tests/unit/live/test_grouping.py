@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.live.grouping import Group, Grouper
-from posefuse.model.seen import SeenView
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.stream import StreamOptions
+from posefuse.model.view_message import SeenView
 from tests.laws import examples
 
 OPTIONS = StreamOptions()

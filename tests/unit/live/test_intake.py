@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from posefuse.errors import OptionsError
 from posefuse.live.addresses import parse_address
-from posefuse.live.counts import Latencies
 from posefuse.live.inbox import Inbox
 from posefuse.live.lines import Allowance, LineSplitter, Sender
-from posefuse.model.stream_options import StreamOptions
+from posefuse.live.statistics import Latencies
+from posefuse.model.options.stream import StreamOptions
 from tests.laws import examples
 
 

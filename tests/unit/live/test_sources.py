@@ -18,7 +18,7 @@ from posefuse.errors import StreamError
 from posefuse.live.addresses import Address, parse_address
 from posefuse.live.inbox import Inbox
 from posefuse.live.sources import Source
-from posefuse.model.stream_options import StreamOptions
+from posefuse.model.options.stream import StreamOptions
 
 OPTIONS = StreamOptions(when_behind="drop", max_line_bytes=1000)
 PATIENCE_S = 20.0

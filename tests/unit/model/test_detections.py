@@ -7,7 +7,7 @@ import pytest
 
 from posefuse.errors import DetectionsError, MatchError
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 from tests.scenes import skeleton_of
 
 

@@ -6,7 +6,7 @@ import pytest
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 
 def test_a_frame_of_a_recording_holds_its_people(rng):

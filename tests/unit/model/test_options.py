@@ -3,7 +3,7 @@
 import pytest
 
 from posefuse.errors import OptionsError
-from posefuse.model.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options, TriangulationOptions
 
 
 @pytest.mark.parametrize(

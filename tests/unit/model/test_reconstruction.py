@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError, ResultError
-from posefuse.model.gathering import gathered
+from posefuse.model.concatenate import gathered
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.reconstruct import reconstruct
 from tests.people import crowd, followed
 from tests.scenes import body_points, ring, seen
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from posefuse.model.skeletons import find_skeleton, shipped_skeletons
 from posefuse.postprocess.bones import Bones, hierarchy, make_rigid, usual_bones
+from posefuse.skeleton.skeletons import find_skeleton, shipped_skeletons
 
 
 def breathing(rng, frames=30, people=2):

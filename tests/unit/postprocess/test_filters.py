@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from posefuse.errors import DetectionsError, OptionsError
-from posefuse.model.postprocess_options import (
+from posefuse.model.options.postprocess import (
     ButterworthOptions,
     Filter,
     HampelOptions,

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import TrackState
 from posefuse.report.cells import cells_of
 from posefuse.report.packing import box_of, packed_marks, packed_points, packed_spreads, view_codes
 from posefuse.report.series import FILLED, MEASURED, MISSING, Series, gaps_of, mostly, series_of, shown_bones, stretched
+from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.laws import examples
 from tests.people import crowd, followed
 

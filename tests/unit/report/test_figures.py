@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.filtering import error_profile
-from posefuse.model.options import METHODS, Options, TriangulationOptions
-from posefuse.pipeline import reconstruct
+from posefuse.model.options.options import METHODS, Options, TriangulationOptions
+from posefuse.pipeline.compare_methods import compare_methods
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report.comparison import comparison_picture
 from posefuse.report.numbers import three_digits
 from posefuse.report.percentile_filter import filter_picture
-from posefuse.side_by_side import compare_methods
 from tests.scenes import body_points, ring, seen
 
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.accuracy import evaluate, truth_from_result
-from posefuse.model.life import Event
 from posefuse.model.reconstruction import Provenance
-from posefuse.model.skeletons import shipped_skeleton
 from posefuse.model.status import PointStatus, ViewStatus
-from posefuse.pipeline import reconstruct
+from posefuse.model.track_events import Event
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report import html
 from posefuse.report import scene as scene_module
 from posefuse.report.charts import keypoint_groups
 from posefuse.report.html import render_report
-from posefuse.report.words import scene_in_words
+from posefuse.report.summary_text import scene_in_words
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.scenes import body_points, ring, seen

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.sightings import count_misses
-from posefuse.model.life import Event
 from posefuse.model.status import PointStatus
+from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.report.html import render_report
 from posefuse.report.people import events_in_words, life_lines, lives
@@ -116,7 +116,7 @@ def test_nobody(scene):
 
 
 def test_one_person_to_whom_nothing_happens_is_shown_as_before(result):
-    from posefuse.edits import apply_edits
+    from posefuse.editing import apply_edits
     from posefuse.model.edits import Drop
 
     alone = replace(apply_edits(result, [Drop(name) for name in result.person_ids[1:]]), events=())

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.model.swaps import Swaps, SwapState
-from posefuse.pipeline import reconstruct
+from posefuse.model.label_swaps import Swaps, SwapState
+from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report.html import render_report
 from posefuse.report.summary import summarise
 from posefuse.report.swaps import swap_table, time_line

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError, SkeletonError
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowds import CrowdScene
 from posefuse.synthetic.options import CLEAN

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import kstest, t
 
 from posefuse.errors import OptionsError
-from posefuse.model.skeletons import shipped_skeletons
+from posefuse.skeleton.skeletons import shipped_skeletons
 from posefuse.synthetic.detector import detect, spells
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import CreatureMotion, HumanMotion

@@ -3,8 +3,8 @@
 import numpy as np
 
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.audits import Contact, forget, pair_of
-from posefuse.tracking.bodies import joined
+from posefuse.tracking.body_states import joined
+from posefuse.tracking.identity_audit import Contact, forget, pair_of
 from posefuse.tracking.lifecycle import exchange, settle_shape
 from posefuse.tracking.settings import Settings
 from tests.unit.tracking.test_forgetting import somebody

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError
-from posefuse.kernels.articulated import State, foresee_people
+from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import PartOptions, TrackerOptions
+from posefuse.model.options.tracker import PartOptions, TrackerOptions
 from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.bodies import Sight
+from posefuse.tracking.body_states import Sight
 from posefuse.tracking.lifecycle import Bounds, forgotten, newcomer, note_inside
-from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import Settings
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.following import tracker_of, usual_noise
-from posefuse.kernels.articulated import foresee_people
+from posefuse.kernels.tracking.articulated import foresee_people
+from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
+from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.bodies import Sight
-from posefuse.tracking.posing import newborn
+from posefuse.tracking.body_states import Sight
+from posefuse.tracking.missed_views import is_covered
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
-from posefuse.tracking.unseen import is_covered
 
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 5)

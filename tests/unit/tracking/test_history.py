@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import DetectionsError
-from posefuse.kernels.articulated import State
+from posefuse.kernels.tracking.articulated import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking import history as history_module
-from posefuse.tracking.bodies import chosen, joined, nobody
+from posefuse.tracking.body_states import chosen, joined, nobody
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person, Remembered
 from posefuse.tracking.settings import Settings

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.tracking.known_lengths import with_known_lengths
 
 SKELETON = shipped_skeleton("body_20")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels.articulated import State, foresee_people
-from posefuse.tracking.births import begin
-from posefuse.tracking.bodies import Sight
-from posefuse.tracking.posing import aim, bones_shown
+from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kinematics.initial_pose import aim, bones_shown
+from posefuse.tracking.body_states import Sight
+from posefuse.tracking.state_initiation import begin
 from tests.unit.tracking.test_births import SKELETON, settings_with, standing
 
 

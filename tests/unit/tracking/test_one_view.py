@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from posefuse.following import tracker_of, usual_noise
-from posefuse.kernels.articulated import foresee_people
+from posefuse.kernels.tracking.articulated import foresee_people
+from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.bodies import Sight
-from posefuse.tracking.posing import newborn
+from posefuse.tracking.body_states import Sight
 from posefuse.tracking.records import Person
 from posefuse.tracking.settings import memory_s, tempering
 from posefuse.tracking.tracker import ArticulatedTracker

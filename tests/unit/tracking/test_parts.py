@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.derived import angles_of
-from posefuse.following import tracker_of, usual_noise
-from posefuse.kernels.anchors import tell_anchors
-from posefuse.kernels.smoothing import apply_changes
+from posefuse.biomechanics.tables import angles_of
+from posefuse.kernels.tracking.anchors import tell_anchors
+from posefuse.kernels.tracking.smoothing import apply_changes
+from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.status import PointStatus
-from posefuse.model.tracker_options import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.reconstruct import reconstruct
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
-from posefuse.tracking.bodies import chosen
+from posefuse.tracking.body_states import chosen
 from posefuse.tracking.parts import sure_directions
-from posefuse.tracking.posing import newborn
 from posefuse.tracking.records import People, Person
 
 WHOLE = shipped_skeleton("coco_wholebody_133")

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels.articulated import State
-from posefuse.kernels.smoothing import add_information, apply_changes, compare_states
+from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.smoothing import add_information, apply_changes, compare_states
+from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel
-from posefuse.model.skeletons import shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.bodies import chosen, joined, nobody, uncertain
+from posefuse.tracking.body_states import chosen, joined, nobody, uncertain
 from posefuse.tracking.history import Run
-from posefuse.tracking.posing import newborn
 from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.smoothing import smooth_run, smooth_states
 from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again

@@ -7,19 +7,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
-from posefuse.following import tracker_of, usual_noise
-from posefuse.kernels import bodies
+from posefuse.kernels.tracking import bodies
+from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import Options
-from posefuse.model.skeletons import Skeleton, parse_skeleton, shipped_skeleton
-from posefuse.model.tracker_options import TrackerOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline import reconstruct
+from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.reconstruct import reconstruct
+from posefuse.skeleton.skeletons import Skeleton, parse_skeleton, shipped_skeleton
 from posefuse.synthetic.crowds import crowd_of_points
 from posefuse.synthetic.figures import creature
 from posefuse.synthetic.motions import CreatureMotion
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.posing import pose_from_points
 from posefuse.tracking.unknown_bodies import measured_tree
 from tests.kernels import from_python
 

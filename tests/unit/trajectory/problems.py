@@ -8,12 +8,12 @@ from posefuse.association.one_subject import OneSubject
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options import TriangulationOptions
+from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
-from posefuse.model.skeletons import Skeleton
-from posefuse.model.trajectory_options import TrajectoryOptions
-from posefuse.trajectory.laws import Laws, learn
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.observed import Measured
+from posefuse.trajectory.priors import Laws, learn
 from posefuse.trajectory.solve import solve
 from posefuse.triangulation import consensus
 from tests.scenes import ring

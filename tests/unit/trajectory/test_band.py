@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.trajectory_band import REACH, factor_paths, invert_paths, solve_paths
+from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths, solve_paths
 
 
 def band_of(dense: np.ndarray) -> np.ndarray:

@@ -7,15 +7,15 @@ import pytest
 from scipy.optimize import least_squares
 
 from posefuse.model.cameras import CameraRig
+from posefuse.model.label_swaps import Swaps, SwapState
+from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
-from posefuse.model.skeletons import Skeleton
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.swaps import Swaps, SwapState
-from posefuse.model.trajectory_options import TrajectoryOptions
+from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.laws import Laws, learn, margin_s
 from posefuse.trajectory.observed import Measured, Observed
 from posefuse.trajectory.paths import _BONE_S, _STIFFEST, STEADIEST
+from posefuse.trajectory.priors import Laws, learn, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
 from tests.unit.trajectory.problems import (

@@ -8,7 +8,7 @@ from benchmarks.walking import Walk, walk
 
 from posefuse.errors import OptionsError
 from posefuse.model.detections import Detections
-from posefuse.model.options import (
+from posefuse.model.options.options import (
     METHODS,
     ConsensusOptions,
     Options,
@@ -19,7 +19,7 @@ from posefuse.model.options import (
 )
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
-from posefuse.pipeline import triangulate
+from posefuse.pipeline.reconstruct import triangulate
 from posefuse.triangulation.consensus import reweighting_loss
 from tests.reference import rejection
 from tests.scenes import ring, skeleton_of

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from posefuse.io.calibration.building import Found, build_rig, dict_list, json_matches, read_json
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:

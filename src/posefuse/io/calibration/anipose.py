@@ -23,7 +23,7 @@ from posefuse.io.calibration.tables import (
 )
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 ENDINGS = (".toml",)
 """What the names of files written here end in."""

@@ -13,7 +13,7 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, build_rig
 from posefuse.io.files import read_npz
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _PLACES = ("t", "tvec", "T")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, json_matches, read_json
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:

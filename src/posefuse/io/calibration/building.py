@@ -13,7 +13,7 @@ from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.calibration.tables import BEYOND_REASON, METRES, guessed_unit
 from posefuse.io.files import read_text
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 LARGEST_BYTES = 8_000_000
 """No calibration is larger; what is, is something else, or a trap."""

@@ -11,7 +11,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, build_rig
 from posefuse.io.files import natural_key, read_toml
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:

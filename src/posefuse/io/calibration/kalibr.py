@@ -15,7 +15,7 @@ from posefuse.io.calibration.building import Found, as_numbers, build_rig
 from posefuse.io.calibration.storage import read_yaml, yaml_matches
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _LENSES = ("radtan", "plumb_bob", "equidistant", "none")
 

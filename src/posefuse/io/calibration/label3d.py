@@ -14,7 +14,7 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig
 from posefuse.io.matlab import read_mat, variable_names
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _FIELDS = ("K", "RDistort", "TDistort", "r", "t")
 

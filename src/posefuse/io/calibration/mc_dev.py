@@ -10,7 +10,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _COUNT = 32
 

@@ -11,7 +11,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _LENS = ("focallength", "principalpoint", "imagesize")
 

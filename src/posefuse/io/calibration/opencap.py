@@ -18,7 +18,7 @@ from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, b
 from posefuse.io.files import natural_key
 from posefuse.io.pickles import must_be_small
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 NAME = "cameraIntrinsicsExtrinsics.pickle"
 _NEEDED = ("intrinsicMat", "distortion", "imageSize", "rotation", "translation")

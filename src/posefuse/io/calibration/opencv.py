@@ -22,7 +22,7 @@ from posefuse.io.calibration.building import Found, build_rig
 from posefuse.io.calibration.storage import YAML_SUFFIXES, read_storage
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _SUFFIXES = (*YAML_SUFFIXES, ".xml")
 _MOST_FILES = 500

@@ -12,7 +12,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, build_rig
 from posefuse.io.parquet_files import check_parquet
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _NAMES = {
     "name": ("name", "camera", "camera_name", "port"),

@@ -14,7 +14,7 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, table_from_camera, texts, told
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import Camera, CameraRig, LensModel
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 ENDINGS = (".toml",)
 """What the names of files written here end in."""

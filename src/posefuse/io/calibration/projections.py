@@ -13,7 +13,7 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig, small_text
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _LARGEST_CONDITION = 1e12
 

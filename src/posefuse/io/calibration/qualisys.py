@@ -21,7 +21,7 @@ from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.calibration.tables import BEYOND_REASON, METRES
 from posefuse.io.files import parse_xml, read_text, replacing
 from posefuse.model.cameras import Camera, CameraRig, LensModel
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 _SUBPIXELS = 64.0
 _FULL_LINES = 1080.0

@@ -8,7 +8,7 @@ from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.files import must_exist
 from posefuse.io.formats import Format
 from posefuse.model.cameras import CameraRig, UpAxis
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 
 def find_format(path: Path) -> Format | None:

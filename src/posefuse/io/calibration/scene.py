@@ -15,7 +15,7 @@ import numpy as np
 from posefuse.errors import FileError, suggestion
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
 from posefuse.model.cameras import CameraRig, rotation_from_vector
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 FORMATS = ("opencv_world_to_camera", "rpt_camera_pose")
 

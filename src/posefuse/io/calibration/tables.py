@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.errors import CameraError, FileError, choices
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import Camera, CameraRig, rotation_from_vector, vector_from_rotation
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 METRES: dict[LengthUnit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 

@@ -15,7 +15,7 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
 from posefuse.io.files import parse_xml
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options import LengthUnit
+from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:

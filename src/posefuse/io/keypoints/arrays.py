@@ -13,11 +13,11 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, FileError, choices
 from posefuse.io.files import read_npy, read_npz
-from posefuse.io.keypoints.guess import guess_skeleton
+from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.options import ThirdChannel
-from posefuse.model.skeletons import Skeleton
+from posefuse.model.options.options import ThirdChannel
+from posefuse.skeleton.skeletons import Skeleton
 
 
 def matches(path: Path) -> bool:

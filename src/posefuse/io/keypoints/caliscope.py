@@ -18,7 +18,7 @@ from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble, counted_from_start
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import find_skeleton
+from posefuse.skeleton.skeletons import find_skeleton
 
 _COLUMNS = ("sync_index", "port", "frame_index", "frame_time", "point_id", "img_loc_x", "img_loc_y")
 _NEWER = {"port": "cam_id", "point_id": "keypoint_id"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, FileError
 from posefuse.model.detections import Detections, frame_times
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from posefuse.io.files import read_npz
 from posefuse.io.keypoints.arrays import from_array
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 _NAMES = ("points2d_px", "points2d")
 _POINTS = 38

@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import reading
-from posefuse.io.keypoints.stored import RowsByRange
+from posefuse.io.keypoints.lazy_columns import RowsByRange
 from posefuse.io.parquet_files import check_row_groups
 
 

@@ -29,11 +29,11 @@ from posefuse.errors import FileError, choices
 from posefuse.io.files import file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
 from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
-from posefuse.io.keypoints.guess import guess_skeleton
-from posefuse.io.keypoints.parquet_about import About, about_of, column_names, metadata_of
+from posefuse.io.keypoints.infer_skeleton import guess_skeleton
+from posefuse.io.keypoints.parquet_metadata import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.model.detections import Detections, frame_times
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _NAMES = {
     "frame": ("frame_index", "frame", "frame_id"),

@@ -14,7 +14,7 @@ from posefuse.io.files import read_npy
 from posefuse.io.keypoints.arrays import from_array
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.options import ThirdChannel
+from posefuse.model.options.options import ThirdChannel
 
 _THIRD: tuple[tuple[str, ThirdChannel], ...] = (("mediapipe", "depth"), ("openpose", "confidence"))
 """What the third channel is, by how the array's name begins."""

@@ -16,7 +16,7 @@ from posefuse.io.keypoints.people import Person, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.io.matlab import read_mat, variable_names
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton, shipped_skeletons
+from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
 
 
 def matches(path: Path) -> bool:

@@ -16,10 +16,10 @@ import numpy as np
 from posefuse.errors import DetectionsError, FileError
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
-from posefuse.io.keypoints.guess import guess_skeleton
-from posefuse.io.keypoints.stored import RowsByRange
+from posefuse.io.keypoints.infer_skeleton import guess_skeleton
+from posefuse.io.keypoints.lazy_columns import RowsByRange
 from posefuse.model.detections import Detections, frame_times
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 Decode = Callable[[bytes, Path, str], dict[str, np.ndarray]]
 """Makes of a record, its file, and what to call it in messages each camera's people: (person, keypoint, channel)."""

@@ -30,7 +30,7 @@ from posefuse.io.keypoints.names import view_names
 from posefuse.io.keypoints.people import beginning, decode, whole
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 
 _BODY, _HAND, _FACE, _FACE_WITH_IRISES = 33, 21, 468, 478
 _POSE = ("pose_landmarks", "poseLandmarks", "landmarks")

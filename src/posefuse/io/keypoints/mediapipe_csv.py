@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.keypoints.people import whole_number
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 _LONG = ("frame", "landmark", "x", "y")
 _FRAMES = ("frame", "frame_index", "frame_id", "frame_number")

@@ -18,7 +18,7 @@ from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 class _Instance(msgspec.Struct):

@@ -15,7 +15,7 @@ from posefuse.io.keypoints.names import skeleton_of
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import shipped_skeleton
+from posefuse.skeleton.skeletons import shipped_skeleton
 
 _DATA = "camma_mvor_2018.json"
 

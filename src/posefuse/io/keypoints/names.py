@@ -8,8 +8,8 @@ from pathlib import Path
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import natural_key
-from posefuse.model.names import plain_name
-from posefuse.model.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
+from posefuse.model.view_names import plain_name
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
 _SEPARATORS = "_. "
 

@@ -21,11 +21,10 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.ahead import contents
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
-from posefuse.io.keypoints.guess import guess_skeleton
+from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.openpose_parts import (
     BODY,
     N_BODY,
@@ -40,8 +39,9 @@ from posefuse.io.keypoints.openpose_parts import (
 from posefuse.io.keypoints.people import beginning
 from posefuse.io.keypoints.pose2sim_config import find_settings
 from posefuse.io.keypoints.request import Request
+from posefuse.io.read_ahead import contents
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 class _Person(msgspec.Struct):

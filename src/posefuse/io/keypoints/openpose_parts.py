@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 
 WHOLE = "openpose_137"
 BODY = "body_25"

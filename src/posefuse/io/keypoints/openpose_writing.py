@@ -10,7 +10,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
 _MARKER = "posefuse_openpose.txt"
 _ABOUT = "2D keypoints in OpenPose's layout, written by posefuse convert.\n"

@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.keypoints.columns import ViewColumns, assemble
-from posefuse.io.keypoints.guess import guess_skeleton
+from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from posefuse.io.files import read_toml
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 
 _MODELS = {
     "body_with_feet": "halpe_26",

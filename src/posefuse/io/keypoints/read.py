@@ -9,7 +9,7 @@ from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import on_one_line
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
 def find_format(path: Path) -> Format | None:

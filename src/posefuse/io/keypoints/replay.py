@@ -40,7 +40,7 @@ from posefuse.io.keypoints.people import whole
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, shipped_skeleton
+from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 
 _VERSION = 1
 _CHANNELS = 5

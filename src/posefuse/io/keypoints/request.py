@@ -7,9 +7,9 @@ from pathlib import Path
 from posefuse.errors import choices
 from posefuse.io.timestamps import Timestamps
 from posefuse.model.detections import Detections
-from posefuse.model.options import Options, ThirdChannel
-from posefuse.model.skeletons import Skeleton, find_skeleton
+from posefuse.model.options.options import Options, ThirdChannel
 from posefuse.progress import Progress, Silent
+from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
 @dataclass(frozen=True)

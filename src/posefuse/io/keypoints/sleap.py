@@ -19,7 +19,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 
 def matches(path: Path) -> bool:

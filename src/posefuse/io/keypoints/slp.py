@@ -21,7 +21,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_named, skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 _MOST_FRAMES = 10_000_000
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"

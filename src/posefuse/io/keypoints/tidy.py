@@ -16,7 +16,7 @@ from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
 from posefuse.io.keypoints.columns import far_apart
 from posefuse.io.keypoints.names import skeleton_named
-from posefuse.io.keypoints.parquet_about import column_names
+from posefuse.io.keypoints.parquet_metadata import column_names
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.tidy_columns import NEEDED, detections_of_table, table_of
 from posefuse.model.detections import Detections

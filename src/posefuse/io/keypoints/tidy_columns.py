@@ -27,7 +27,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton
+from posefuse.skeleton.skeletons import Skeleton
 
 NEEDED = ("camera", "frame", "keypoint", "x_px", "y_px")
 NUMBERS = ("x_px", "y_px", "confidence", "sigma_px", "depth")

@@ -11,9 +11,9 @@ from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import line_of_frames
-from posefuse.io.keypoints.parquet_about import About, about_of, column_names, metadata_of
+from posefuse.io.keypoints.lazy_columns import RowsByRange
+from posefuse.io.keypoints.parquet_metadata import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
-from posefuse.io.keypoints.stored import RowsByRange
 from posefuse.io.keypoints.tidy_columns import detections_of_table, table_of
 from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.model.detections import Detections

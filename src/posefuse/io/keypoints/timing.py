@@ -10,8 +10,8 @@ from posefuse.errors import DetectionsError, MatchError, choices, suggestion
 from posefuse.io.keypoints.request import Request
 from posefuse.io.timestamps import Timestamps, ViewTimes
 from posefuse.model.detections import Detections
-from posefuse.model.names import plain_name
-from posefuse.model.timeline import align_views, nominal_rate_hz, uneven_lengths
+from posefuse.model.view_names import plain_name
+from posefuse.preprocess.timeline import align_views, nominal_rate_hz, uneven_lengths
 
 
 def on_one_line(detections: Detections, request: Request) -> Detections:

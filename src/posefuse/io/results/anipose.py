@@ -16,7 +16,7 @@ from posefuse.errors import FileError, ResultError, choices
 from posefuse.io.files import must_exist, reading
 from posefuse.io.results import csv, tables
 from posefuse.io.results.rows import blocks, rows_of
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import is_used
 from posefuse.model.stored_points import StoredPoints

@@ -15,7 +15,7 @@ import numpy as np
 from posefuse.io.files import replacing
 from posefuse.io.results.clips import BODY_TO_Y_UP, Clip, clip_of, in_file_axes, kept, motions, must_be_there, notes_on
 from posefuse.io.results.timing import export_rate, regular_rows
-from posefuse.model.figures import Figure, Motion
+from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 

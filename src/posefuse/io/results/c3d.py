@@ -23,7 +23,7 @@ from posefuse.io.results.c3d_reading import matches as matches
 from posefuse.io.results.c3d_reading import read_points as read_points
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import Source, is_used
 from posefuse.progress import Progress, Silent, watched

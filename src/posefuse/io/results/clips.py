@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import ranges
+from posefuse.biomechanics.animation_figures import Body, body_of, motion_of
 from posefuse.errors import ResultError
 from posefuse.io.results.axes import least_y_up_from_world
+from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.detections import CHUNK_FRAMES
-from posefuse.model.figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, watched
-from posefuse.tracking.figures import Body, body_of, motion_of
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """From forward, left, up to x left, y up, z forward, as glTF has it."""

@@ -13,11 +13,11 @@ from pyarrow import csv
 
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.results import tables, tidy
-from posefuse.model.life import Event
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
 from posefuse.model.stored_points import StoredPoints
+from posefuse.model.track_events import Event
 
 FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solved.csv", "model": "model.csv"}
 EVENTS, ANGLES = "events.csv", "angles.csv"

@@ -19,7 +19,7 @@ from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.pandas_tables import Frame, read_frame, write_frame
 from posefuse.io.results import hdf5, tables
 from posefuse.io.results.rows import blocks, rows_of
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
 from posefuse.model.stored_points import StoredPoints
 

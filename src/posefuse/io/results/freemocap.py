@@ -24,7 +24,7 @@ from posefuse.io.files import must_exist, read_text, reading, replacing_folder
 from posefuse.io.results import csv
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.rows import blocks, rows_of
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.stored_points import StoredPoints

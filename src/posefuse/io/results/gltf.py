@@ -32,7 +32,7 @@ from posefuse.io.results.clips import (
 )
 from posefuse.io.results.sticks import Sticks, sticks_of
 from posefuse.io.results.timing import export_rate
-from posefuse.model.figures import Figure, Motion
+from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 

@@ -16,7 +16,7 @@ import numpy as np
 from posefuse.arrays import ArraySource, ranges
 from posefuse.errors import FileError, choices
 from posefuse.model.detections import CHUNK_FRAMES
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.stored_points import StoredPoints

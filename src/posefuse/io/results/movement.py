@@ -18,7 +18,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.netcdf import add_variable, strings
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.stored_points import StoredPoints

@@ -35,11 +35,11 @@ from posefuse.io.netcdf import (
 from posefuse.io.options import options_from_dict, options_to_toml
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
-from posefuse.model.life import Event, Poses
+from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.swaps import Swaps, SwapState
+from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
 
 KIND = "reconstruction"

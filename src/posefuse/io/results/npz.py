@@ -11,7 +11,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import must_exist, must_unfold, reading, replacing
 from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
 

@@ -31,7 +31,7 @@ from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.model.stored_points import StoredPoints, stored_points

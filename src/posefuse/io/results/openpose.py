@@ -17,7 +17,7 @@ from posefuse.errors import ResultError
 from posefuse.io.files import file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.cameras import Camera
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
 from posefuse.progress import Progress, Silent, watched

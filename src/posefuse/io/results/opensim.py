@@ -20,10 +20,10 @@ from posefuse.io.results.names import safe_names
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS, NAMES, Measurement
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.detections import CHUNK_FRAMES
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.skeletons import Skeleton
 from posefuse.progress import Progress
+from posefuse.skeleton.skeletons import Skeleton
 
 MARKER_FILE = "markers.xml"
 MODEL = "Rajagopal2016.osim"

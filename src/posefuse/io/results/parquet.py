@@ -22,7 +22,7 @@ from posefuse.io.options import options_to_toml
 from posefuse.io.parquet_files import check_parquet
 from posefuse.io.results import csv, tables, tidy
 from posefuse.io.results.labels import VIEW_STATUSES, codes_of
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Reconstruction
 from posefuse.model.status import is_used
 from posefuse.model.stored_points import StoredPoints

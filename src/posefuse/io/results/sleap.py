@@ -15,7 +15,7 @@ from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results import hdf5
 from posefuse.io.results.rows import blocks, rows_of
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
 

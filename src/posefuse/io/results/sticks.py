@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.io.results.clips import BODY_TO_Y_UP, standing_m
-from posefuse.model.figures import Figure
+from posefuse.model.animation_figures import Figure
 
 _RING, _THICK, _DOT = 0.15, 0.08, 0.06
 """Of a stick's length: how far on it is thickest, and by how much; of a dot's, where a stick would be one of many."""

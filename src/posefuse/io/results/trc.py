@@ -17,7 +17,7 @@ from posefuse.io.files import read_text, replacing
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.detections import CHUNK_FRAMES
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
 from posefuse.model.stored_points import StoredPoints

@@ -12,7 +12,7 @@ from posefuse.io.formats import Format, by_name
 from posefuse.io.results import c3d, csv, figures, netcdf, openpose, opensim, trc
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.registry import RESULTS
-from posefuse.model.options import LayerName
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, watched

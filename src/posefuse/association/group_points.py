@@ -1,0 +1,131 @@
+"""Points of the people proposed: what every group's detections agree on, keypoint by keypoint."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from posefuse.arrays import frozen
+from posefuse.kernels import status_codes
+from posefuse.kernels.triangulation.consensus import triangulate_consensus
+from posefuse.kernels.triangulation.pair_order import brief_tries, enough_tries, pairs_to_try
+from posefuse.model.cameras import CameraRig
+from posefuse.model.frames import Frame
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.association import AssociationOptions
+from posefuse.skeleton.skeletons import Skeleton
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of several people.
+
+    Attributes:
+        points_m: shape (person, keypoint, 3), NaN where missing.
+        covariance_m2: shape (person, keypoint, 6).
+        status: shape (person, keypoint), int8, point codes.
+        used: shape (person, keypoint, view), bool.
+        error_sigma: shape (person,): median over used observations, in sigmas of the noise model.
+    """
+
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    status: np.ndarray
+    used: np.ndarray
+    error_sigma: np.ndarray
+
+
+def solve(
+    rig: CameraRig,
+    frame: Frame,
+    noise: NoiseModel,
+    skeleton: Skeleton,
+    rows: np.ndarray,
+    swapped: np.ndarray,
+    options: AssociationOptions,
+) -> Points:
+    """The points that most views of each person agree on.
+
+    Args:
+        rig: the cameras.
+        frame: the detections.
+        noise: of a detection.
+        skeleton: of the keypoints.
+        rows: shape (person, view), int64, -1 where none.
+        swapped: shape (person, view), bool: detections whose left and right are to be exchanged.
+        options: how much views may differ.
+    """
+    n, views = rows.shape
+    k = frame.keypoints_px.shape[1]
+    pixels, confidence, rows = _unswapped(frame, skeleton, rows, swapped)
+    points, covariance = np.empty((n, k, 3)), np.empty((n, k, 6))
+    status, view_status = np.empty((n, k), dtype=np.int8), np.empty((n, k, views), dtype=np.int8)
+    view_error_px, error_px = np.empty((n, k, views), dtype=np.float32), np.empty((n, k))
+    triangulate_consensus(
+        *rig.packed,
+        frozen(pixels),
+        frozen(confidence),
+        rows,
+        frozen(noise.scale_px * options.sigma_factor),
+        noise.exponent,
+        options.min_confidence,
+        2,
+        pairs_to_try(views),
+        enough_tries(views),
+        brief_tries(views),
+        options.bound_sigma,
+        options.full_sigma,
+        options.none_sigma,
+        points,
+        covariance,
+        status,
+        view_status,
+        view_error_px,
+        error_px,
+    )
+    used = (view_status == status_codes.VIEW_USED) & (status < status_codes.POINT_MISSING)[..., None]
+    return Points(points, covariance, status, used, median_error_sigma(view_error_px, used, confidence, rows, noise))
+
+
+def median_error_sigma(
+    error_px: np.ndarray, used: np.ndarray, confidence: np.ndarray, rows: np.ndarray, noise: NoiseModel
+) -> np.ndarray:
+    """Median reprojection error of each person in sigmas of the noise model.
+
+    Args:
+        error_px: shape (person, keypoint, view).
+        used: shape (person, keypoint, view), bool: which count.
+        confidence: shape (row, keypoint), NaN where the detector gives none.
+        rows: shape (person, view), int64.
+        noise: of a detection.
+    """
+    trust = np.moveaxis(confidence[rows], 1, 2)
+    trust = np.where(np.isnan(trust), 1.0, trust)
+    relative = np.where(used, error_px * trust**noise.exponent / noise.scale_px, np.nan)
+    return _medians(relative.reshape(len(rows), -1))
+
+
+def _unswapped(
+    frame: Frame, skeleton: Skeleton, rows: np.ndarray, swapped: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The detections with copies, sides exchanged, of those that are swapped; and the rows that mean them."""
+    pixels, confidence = frame.keypoints_px, frame.confidence
+    if not swapped.any():
+        return pixels, confidence, rows
+    wrong = rows[swapped]
+    rows = rows.copy()
+    rows[swapped] = len(pixels) + np.arange(len(wrong))
+    mirror = skeleton.mirror
+    return (
+        np.concatenate([pixels, pixels[wrong][:, mirror]]),
+        np.concatenate([confidence, confidence[wrong][:, mirror]]),
+        rows,
+    )
+
+
+def _medians(values: np.ndarray) -> np.ndarray:
+    """Median of every row without its NaNs; NaN where there is nothing else."""
+    ordered = np.sort(values, axis=1)
+    count = np.isfinite(ordered).sum(axis=1)
+    each = np.arange(len(values))
+    low, high = ordered[each, np.maximum(count - 1, 0) // 2], ordered[each, count // 2 - (count == values.shape[1])]
+    return np.where(count > 0, 0.5 * (low + np.where(count % 2 == 1, low, high)), np.nan)

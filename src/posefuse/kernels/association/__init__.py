@@ -1,0 +1,1 @@
+"""Cross-view agreement, proposals and trunks."""

@@ -1,0 +1,1 @@
+"""Lens models, observation rows, rays and multi-view points."""

@@ -1,0 +1,1 @@
+"""Epipolar residuals."""

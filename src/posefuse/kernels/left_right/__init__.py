@@ -1,0 +1,1 @@
+"""Left/right pairs and side assignment."""

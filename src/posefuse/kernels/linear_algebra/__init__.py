@@ -1,0 +1,1 @@
+"""Rotations, small symmetric systems and packed triangles."""

@@ -1,0 +1,1 @@
+"""Occlusion and forward kinematics of simulated bodies."""

@@ -1,0 +1,1 @@
+"""Articulated prediction, update, matching and smoothing."""

@@ -1,0 +1,1 @@
+"""Banded solve of trajectories."""

@@ -1,0 +1,1 @@
+"""Poses, joint angles and their standard deviations, and twist."""

@@ -1,0 +1,212 @@
+"""A first pose of a body from triangulated keypoints; the filter goes on from there."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from posefuse.kernels.tracking.articulated import State
+from posefuse.model.options.tracker import MotionOptions
+from posefuse.skeleton.trees import Tree
+
+_NEIGHBOUR_WEIGHT = 0.1
+_REST_WEIGHT = 1e-3
+"""Of the pose at rest, m^2 of a human."""
+# How far a first pose may be off, of a human.
+_ROOT_SD_M, _TURN_SD, _LIMB_SD = 0.3, 0.7, 0.7
+_ROOT_MOST_M = 5.0
+
+
+def pose_from_points(
+    tree: Tree, points_m: np.ndarray, shape_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A pose that puts a body's points near given ones: segments by least squares (Kabsch), bones by their ends.
+
+    Args:
+        tree: of the body.
+        points_m: shape (keypoint, 3), NaN where unknown.
+        shape_m: shape (shape,).
+
+    Returns:
+        The root, shape (3,), turns of segments (segment, 3, 3) and frames of bones (bone, 3, 3).
+    """
+    known = np.full((len(tree.nodes), 3), np.nan)
+    has = tree.keypoint_nodes >= 0
+    known[tree.keypoint_nodes[has]] = points_m[has]
+    places = places_of(tree, shape_m)
+    turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
+    bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
+    found = np.full_like(known, np.nan)
+    found[0], turns[:1] = _root(tree, known, places)
+    holder = np.zeros(len(tree.nodes), dtype=int)
+    turned = {0}
+    for n, node in enumerate(tree.nodes):
+        if node.parent < 0:
+            continue
+        holder[n] = holder[node.parent] if node.is_bone else node.mover
+        start = found[node.parent]
+        if node.is_bone:
+            rest = turns[holder[n]] @ tree.rest[node.mover] if tree.segments else tree.rest[node.mover]
+            near = known[node.parent] if np.isfinite(known[node.parent, 0]) else start
+            direction = known[n] - near if np.isfinite(known[n] + near).all() else rest
+            length = float(np.linalg.norm(direction))
+            bones[node.mover] = _frame_along(direction / length if length > 1e-9 else rest)
+            found[n] = start + places[n, 2] * bones[node.mover][:, 2]
+        else:
+            if node.mover not in turned:
+                turned.add(node.mover)
+                turns[node.mover] = _turn(tree, node.mover, known, places, start, turns[holder[node.parent]])
+            found[n] = start + turns[node.mover] @ places[n]
+    return found[0], turns, bones
+
+
+def places_of(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
+    """Shape (node, 3): places in the axes of what carries them, for this shape."""
+    _, _, _, places, shape_of, signs, _, _ = tree.packed
+    own = signs * np.append(shape_m, 0.0)[shape_of]
+    return np.where(shape_of >= 0, own, places)
+
+
+def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the root is and how it is turned, from all points that ride on segments at it."""
+    seen = [
+        n
+        for n, node in enumerate(tree.nodes)
+        if np.isfinite(known[n, 0]) and (n == 0 or (node.parent == 0 and not node.is_bone))
+    ]
+    if not tree.segments or len(seen) < 2:
+        there = known[0] if np.isfinite(known[0, 0]) else np.nanmedian(known, axis=0)
+        return there, np.eye(3)
+    own = np.array([n == 0 or tree.nodes[n].mover == 0 for n in seen])
+    weights = np.where(own, 1.0, _NEIGHBOUR_WEIGHT)
+    middle_of, middle = (np.average(each[seen], axis=0, weights=weights) for each in (places, known))
+    turn = _polar(
+        _moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * tree.scale**2 * np.eye(3)
+    )
+    return known[0] if np.isfinite(known[0, 0]) else middle - turn @ middle_of, turn
+
+
+def _turn(
+    tree: Tree, segment: int, known: np.ndarray, places: np.ndarray, origin: np.ndarray, parent: np.ndarray
+) -> np.ndarray:
+    riding = [n for n, node in enumerate(tree.nodes) if node.parent >= 0 and not node.is_bone and node.mover == segment]
+    # Points beside points of the segment are not placed from where it turns.
+    mine = [n for n in riding if tree.nodes[n].parent == tree.nodes[riding[0]].parent and np.isfinite(known[n, 0])]
+    start = known[tree.nodes[mine[0]].parent] if mine else origin
+    start = start if np.isfinite(start[0]) else origin
+    moments = _moments(known[mine] - start, places[mine], np.ones(len(mine))) if mine else np.zeros((3, 3))
+    return _polar(moments + max(_REST_WEIGHT * tree.scale**2, 0.02 * np.linalg.norm(moments)) * parent)
+
+
+def _moments(there: np.ndarray, here: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.einsum("n,ni,nj->ij", weights, there, here)
+
+
+def _polar(moments: np.ndarray) -> np.ndarray:
+    """The rotation nearest to a matrix."""
+    left, _, right = np.linalg.svd(moments)
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    return left @ right
+
+
+def _frame_along(direction: np.ndarray) -> np.ndarray:
+    across = np.eye(3)[np.argmin(np.abs(direction))]
+    first = across - direction * (direction @ across)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first), direction], axis=1)
+
+
+def bones_shown(tree: Tree, points_m: np.ndarray) -> np.ndarray:
+    """Shape (bone, 3): from end to end of bones by a body's points, shape (keypoint, 3); NaN where one is not there."""
+    known = np.full((len(tree.nodes), 3), np.nan)
+    has = tree.keypoint_nodes >= 0
+    known[tree.keypoint_nodes[has]] = points_m[has]
+    shown = np.full((len(tree.bones), 3), np.nan)
+    for n, node in enumerate(tree.nodes):
+        if node.is_bone:
+            shown[node.mover] = known[n] - known[node.parent]
+    return shown
+
+
+def aim(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
+    """Turn bones, by the least rotation, to where they are shown; those of which nothing is shown stay.
+
+    A direction that is far off is not found by small steps from where it is thought to be.
+
+    Args:
+        frames: shape (bone, 3, 3), in and out.
+        shown: shape (bone, 3), from :func:`bones_shown`.
+        bones: which.
+    """
+    for b in bones:
+        length = float(np.linalg.norm(shown[b]))
+        if not length > 1e-9:
+            continue
+        old, new = frames[b][:, 2], shown[b] / length
+        across = np.cross(old, new)
+        sine = float(np.linalg.norm(across))
+        axis = across / sine if sine > 1e-9 else frames[b][:, 0]
+        turn = Rotation.from_rotvec(axis * np.arctan2(sine, float(old @ new)))
+        frames[b] = turn.as_matrix() @ frames[b]
+
+
+def newborn(
+    tree: Tree, points_m: np.ndarray, shape_m: np.ndarray, shape_covariance: np.ndarray, motion: MotionOptions
+) -> State:
+    """One person about there, of whom little is known.
+
+    Args:
+        tree: of the body.
+        points_m: shape (keypoint, 3), NaN where unknown.
+        shape_m: shape (shape,): to begin with.
+        shape_covariance: shape (shape, shape).
+        motion: how fast people move.
+    """
+    root, turns, bones = pose_from_points(tree, points_m, shape_m)
+    covariance = newborn_covariance(tree, shape_covariance, motion)
+    return State(
+        root[None].copy(),
+        turns[None].copy(),
+        bones[None].copy(),
+        np.array(shape_m)[None].copy(),
+        np.zeros((1, tree.n_pose)),
+        covariance[None].copy(),
+        np.ones(1, dtype=np.int64),
+    )
+
+
+def newborn_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionOptions) -> np.ndarray:
+    """What is known of somebody of whom nothing has been seen but about where they are: shape (all, all)."""
+    n, h = tree.n_pose, tree.n_shape
+    spread = np.concatenate(
+        [
+            np.full(3, _ROOT_SD_M * tree.scale),
+            np.full(3 * len(tree.segments), _TURN_SD),
+            np.full(2 * len(tree.bones), _LIMB_SD),
+        ]
+    )
+    covariance = np.zeros((2 * n + h, 2 * n + h))
+    covariance[:n, :n] = np.diag(spread**2)
+    covariance[n : n + h, n : n + h] = shape_covariance
+    decay, power = motion_laws(tree, motion)
+    covariance[n + h :, n + h :] = np.diag(0.5 * power * decay)
+    return covariance
+
+
+def motion_laws(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Of each number of the pose: in what time velocities fade, and the spectral density of accelerations."""
+    kinds = [3, 3 * len(tree.segments), 2 * len(tree.bones)]
+    decay = np.repeat([motion.root_decay_s, motion.turn_decay_s, motion.limb_decay_s], kinds)
+    power = np.repeat([motion.root_acceleration, motion.turn_acceleration, motion.limb_acceleration], kinds)
+    return decay, power
+
+
+def widest(tree: Tree) -> np.ndarray:
+    """The largest variance of each number of the pose: past it a direction is as good as unknown."""
+    return np.concatenate(
+        [
+            np.full(3, (_ROOT_MOST_M * tree.scale) ** 2),
+            np.full(3 * len(tree.segments), 0.6),
+            np.full(2 * len(tree.bones), 0.8),
+        ]
+    )

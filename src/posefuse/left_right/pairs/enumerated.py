@@ -1,0 +1,78 @@
+"""Two points from rays whose labels are not believed, each view in the state that explains it best.
+
+Every two observations of two views propose a point; couples of proposals that rest on different rays are scored by a
+bounded reprojection cost, every view being as labelled, swapped, in part or not at all of use, whichever costs least.
+The best few are refined by reweighted Gauss-Newton over all views. See docs/methods.md, "Pairs".
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from posefuse.arrays import frozen
+from posefuse.kernels.left_right.pairs import solve_pairs
+from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.left_right.pairs.results import SolvedPairs
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.pairs import PairOptions
+from posefuse.model.tracks import Tracks
+from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
+from posefuse.triangulation.results import rows_by_person_frame
+
+
+def solve(
+    rig: CameraRig,
+    detections: Detections,
+    tracks: Tracks,
+    noise: NoiseModel,
+    options: TriangulationOptions,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    pair_options: PairOptions | None = None,
+    previous_m: np.ndarray | None = None,
+) -> SolvedPairs:
+    """Solve every pair of keypoints of every person in a range of frames.
+
+    Args:
+        rig: the cameras, in the order of the detections' views.
+        detections: in memory.
+        tracks: whose detection is whose, of the same frames.
+        noise: the standard deviation of a detection, in whose units views agree or not.
+        options: ``min_views``, ``min_confidence`` and ``consensus`` are used.
+        pairs: shape (pair, 2): keypoints, left and right, by number.
+        pair_options: ``prior_m`` is used.
+        previous_m: shape (person, pair, 2, 3): where the points were in the frame before the first, NaN where unknown;
+            in the end, where they are in the last.
+    """
+    chosen = options.consensus
+    table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
+    rows = rows_by_person_frame(tracks, detections)
+    people = len(tracks.person_ids)
+    before = np.full((people, len(table), 2, 3), np.nan) if previous_m is None else previous_m
+    previous = np.array(before, dtype=np.float64).reshape(people, len(table), 6)
+    out = SolvedPairs.empty(len(rows), len(table), len(rig))
+    solve_pairs(
+        *rig.packed,
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
+        rows,
+        frozen(table, np.int64),
+        noise.scale_px,
+        noise.exponent,
+        options.min_confidence,
+        options.min_views or DEFAULT_MIN_VIEWS,
+        pairs_to_try(len(rig)),
+        chosen.full_sigma,
+        chosen.none_sigma,
+        (pair_options or PairOptions()).prior_m,
+        previous,
+        np.empty((0, len(table), 6)),
+        *out.arrays,
+    )
+    if previous_m is not None:
+        previous_m[:] = previous.reshape(previous_m.shape)
+    lost = reweighting_loss(chosen.full_sigma, chosen.none_sigma)
+    return replace(out, covariance_m2=out.covariance_m2 * lost).finish(tracks)

@@ -1,0 +1,114 @@
+"""The specification's own two-point solve: an objective of four terms, minimised by a small population search.
+
+Centre = the intersection of all rays, made robust; e0 pushes the points apart, e1 pulls them to the rays, at most one
+ray of a view each, e2 makes them equally far from the centre, e3 puts the centre between them. Nothing is rejected,
+and with fewer than four rays there are no points. Source: the specification "Sparse Pose Fusion".
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from posefuse.arrays import frozen
+from posefuse.kernels.cameras.lens import OK
+from posefuse.kernels.left_right.pairs import solve_pairs
+from posefuse.kernels.left_right.population_search import search_pairs
+from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.left_right.pairs.results import SolvedPairs
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.pairs import PairOptions
+from posefuse.model.status import PointStatus
+from posefuse.model.tracks import Tracks
+from posefuse.triangulation.results import rows_by_person_frame
+
+_MM = 1000.0
+# Every ray belongs to a point, however far it passes.
+_REACH_SIGMA = 1e6
+
+
+def solve(
+    rig: CameraRig,
+    detections: Detections,
+    tracks: Tracks,
+    noise: NoiseModel,
+    options: TriangulationOptions,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    pair_options: PairOptions | None = None,
+) -> SolvedPairs:
+    """Solve every pair of keypoints of every person in a range of frames.
+
+    Args:
+        rig: the cameras, in the order of the detections' views.
+        detections: in memory. Draws depend on the frame's number, not on where a range begins.
+        tracks: whose detection is whose, of the same frames.
+        noise: the standard deviation of a detection; of the points' covariances, which are those of the rays each
+            point rests on. The search does not use it.
+        options: ``min_confidence`` and ``consensus`` (for the evidence) are used.
+        pairs: shape (pair, 2): keypoints, left and right, by number.
+        pair_options: ``seed`` and ``sds`` are used.
+    """
+    table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
+    rows = rows_by_person_frame(tracks, detections)
+    directions = rays_of(rig, detections, rows, table, options.min_confidence)
+    given = pair_options or PairOptions()
+    terms = given.sds
+    couples = np.empty((directions.shape[0] * len(table), 6))
+    costs = np.empty(len(couples))
+    search_pairs(
+        _MM * np.stack([camera.centre_m for camera in rig.cameras]),
+        directions.reshape(len(couples), len(rig), 2, 3),
+        np.array([terms.apart_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),
+        terms.separation_mm,
+        terms.jitter_mm,
+        terms.tolerance_mm,
+        terms.max_iterations,
+        terms.agents,
+        given.seed,
+        int(detections.frame_numbers[0]) * len(tracks.person_ids) * len(table),
+        couples,
+        costs,
+    )
+    out = SolvedPairs.empty(len(rows), len(table), len(rig))
+    solve_pairs(
+        *rig.packed,
+        frozen(detections.keypoints_px),
+        frozen(detections.confidence),
+        rows,
+        frozen(table, np.int64),
+        noise.scale_px,
+        noise.exponent,
+        options.min_confidence,
+        2,
+        pairs_to_try(len(rig)),
+        options.consensus.full_sigma,
+        _REACH_SIGMA,
+        np.inf,
+        np.full((len(tracks.person_ids), len(table), 6), np.nan),
+        couples.reshape(len(rows), len(table), 6) / _MM,
+        *out.arrays,
+    )
+    rays = np.isfinite(directions).all(axis=-1).sum(axis=(-1, -2))
+    out.status[(rays > 0) & (rays < 4)] = PointStatus.TOO_FEW_VIEWS
+    most = 2.0 * (options.consensus.none_sigma**2 + 2.0 * options.consensus.full_sigma**2) / 3.0
+    np.clip(out.evidence, -most, most, out=out.evidence)
+    return replace(out, cost=costs.reshape(out.cost.shape)).finish(tracks)
+
+
+def rays_of(
+    rig: CameraRig, detections: Detections, rows: np.ndarray, pairs: np.ndarray, min_confidence: float
+) -> np.ndarray:
+    """Shape (person_frame, pair, view, 2, 3): unit vectors of both labels' rays; NaN where none is valid."""
+    out = np.full((len(rows), len(pairs), len(rig), 2, 3), np.nan)
+    keypoints, confidence = frozen(detections.keypoints_px), frozen(detections.confidence)
+    for v, camera in enumerate(rig.cameras):
+        there = np.flatnonzero(rows[:, v] >= 0)
+        pixels = keypoints[rows[there, v]][:, pairs]
+        directions, codes = camera.rays(pixels)
+        # NaN is no low confidence: the detector gives none.
+        valid = (codes == OK) & ~(confidence[rows[there, v]][:, pairs] < min_confidence)
+        out[there, :, v] = np.where(valid[..., None], directions @ camera.rotation, np.nan)
+    return out

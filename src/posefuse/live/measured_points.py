@@ -1,0 +1,97 @@
+"""Keypoints of who is followed, each triangulated from the detections of its own frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.errors import OptionsError
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import Options
+from posefuse.model.tracks import Tracks
+from posefuse.pipeline.defaults import settle_min_views
+from posefuse.pipeline.people import usual_noise
+from posefuse.skeleton.skeletons import Skeleton
+from posefuse.tracking.records import People
+from posefuse.triangulation.registry import Method, load_method
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Keypoints of the people of one frame.
+
+    Attributes:
+        points_m: shape (person, keypoint, 3), NaN where not measured.
+        covariance_m2: shape (person, keypoint, 6): xx xy xz yy yz zz.
+        status: shape (person, keypoint), :class:`posefuse.PointStatus`.
+    """
+
+    points_m: np.ndarray
+    covariance_m2: np.ndarray
+    status: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Measuring:
+    """How keypoints are measured: as ``reconstruct --pairs labels`` does, labels of left and right believed.
+
+    Attributes:
+        rig: the cameras.
+        skeleton: of the keypoints.
+        noise: of the detections.
+        options: of the method, settled.
+        method: that measures.
+    """
+
+    rig: CameraRig
+    skeleton: Skeleton
+    noise: NoiseModel
+    options: Options
+    method: Method
+
+    @classmethod
+    def of(cls, rig: CameraRig, skeleton: Skeleton, options: Options) -> "Measuring":
+        """With what is known before the first frame.
+
+        Raises:
+            OptionsError: if the options fix the noise for other cameras, or the method has to see the whole recording.
+        """
+        settled, _ = settle_min_views(options, len(rig))
+        method = load_method(options.triangulation.method)
+        if hasattr(method, "settle"):
+            raise OptionsError(
+                f"triangulation.method {options.triangulation.method!r} looks at the whole recording first, and a "
+                "stream has none. Choose another: posefuse methods lists them."
+            )
+        return cls(rig, skeleton, usual_noise(rig, options), settled, method)
+
+    def points(self, frame: Frame, people: People) -> Measured:
+        """Of everybody in a frame, in the order they are told in."""
+        n_people, keypoints = len(people.people), len(self.skeleton)
+        if not n_people:
+            return Measured(np.empty((0, keypoints, 3)), np.empty((0, keypoints, 6)), np.empty((0, keypoints), int))
+        detections = self._detections(frame)
+        rows = np.stack([person.rows for person in people.people])[None]
+        index = np.where(rows >= 0, rows - detections.offsets[:-1], -1).astype(np.int32)
+        names = tuple(person.name for person in people.people)
+        tracks = Tracks(names, index, np.array([[person.state for person in people.people]], dtype=np.int8))
+        layer = self.method.solve(self.rig, detections, tracks, self.noise, self.options.triangulation)
+        layer = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * self.noise.spread**2)
+        return Measured(np.asarray(layer.points_m)[0], np.asarray(layer.covariance_m2)[0], np.asarray(layer.status)[0])
+
+    def _detections(self, frame: Frame) -> Detections:
+        counts = np.bincount(frame.view, minlength=len(self.rig))
+        keypoints = len(self.skeleton)
+        return Detections(
+            skeleton=self.skeleton,
+            view_names=self.rig.names,
+            frame_numbers=np.array([frame.number]),
+            time_s=frame.time_s[None],
+            offsets=np.concatenate([[0], np.cumsum(counts)]),
+            keypoints_px=np.reshape(frame.keypoints_px, (-1, keypoints, 2)),
+            confidence=np.reshape(frame.confidence, (-1, keypoints)),
+            recorded=frame.recorded[None],
+            track_ids=frame.track_ids,
+        )

@@ -1,0 +1,38 @@
+"""Everything compiled and loaded before the first frame: that takes seconds, which nobody has who is live."""
+
+import time
+from dataclasses import replace
+
+from posefuse.errors import PosefuseError
+from posefuse.io.stream import lines_of
+from posefuse.live.session import Session
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
+
+_SCENE = CrowdOptions("crowd", people=2, cameras=4, duration_s=1.0, seed=0)
+
+
+def warm_up(session: Session, options: Options) -> None:
+    """Follow two simulated people for a second, by the same kernels as whoever is to come.
+
+    Args:
+        session: that is to come; nothing is done to it.
+        options: of it.
+    """
+    _, distorted, fisheye = session.rig.packed
+    lens = "fisheye" if fisheye else "pinhole" if distorted is None else "barrel"
+    try:
+        scene = simulate_crowd(replace(_SCENE, lens=lens, skeleton=options.skeleton or _SCENE.skeleton))
+    except PosefuseError:
+        # No human: the kernels are the same.
+        scene = simulate_crowd(replace(_SCENE, lens=lens))
+    # What was warned of is not warned of again, and what is of one rig or body is left out.
+    tracker = replace(options.tracker, known_m=(), stature_m=None)
+    options = Options(triangulation=options.triangulation, association=options.association, tracker=tracker)
+    trial = Session(scene.rig, scene.detections.skeleton, options, StreamOptions(clock="messages"))
+    for _, line in lines_of(scene.detections):
+        trial.take(line, 0.0)
+        while trial.waiting:
+            trial.follow(time.monotonic)

@@ -1,0 +1,77 @@
+"""One reconstruction in memory from ranges of it, each put in its place as it comes: none is held twice."""
+
+from collections.abc import Iterable
+from dataclasses import fields, replace
+
+import numpy as np
+
+from posefuse.errors import ResultError
+from posefuse.model.label_swaps import Swaps
+from posefuse.model.reconstruction import Layer, Reconstruction
+from posefuse.model.track_events import OVER_TIME
+from posefuse.model.tracks import Tracks
+
+_LAYER = tuple(field.name for field in fields(Layer))
+
+
+def gathered(parts: Iterable[Reconstruction], n_frames: int) -> Reconstruction:
+    """Consecutive ranges of frames as one.
+
+    Args:
+        parts: at least one; what does not depend on the frame is taken from the first.
+        n_frames: of all of them.
+
+    Raises:
+        ResultError: if they have more frames or fewer.
+    """
+    first: Reconstruction | None = None
+    whole: dict[str, np.ndarray] = {}
+    events: dict[object, None] = {}
+    at = 0
+    for part in parts:
+        first = first or part
+        stop = at + part.n_frames
+        for name, piece in _over_time(part).items():
+            if name not in whole:
+                whole[name] = np.empty((n_frames, *piece.shape[1:]), piece.dtype)
+            if stop <= n_frames:
+                whole[name][at:stop] = piece
+        # A maker of ranges may know of events before it comes to them, and say them twice.
+        events |= dict.fromkeys(part.events)
+        at = stop
+    if first is None or at != n_frames:
+        raise ResultError(f"A reconstruction of {n_frames} frames came in ranges of {at} in all.")
+    return _made(first, whole, tuple(events))
+
+
+def _over_time(part: Reconstruction) -> dict[str, np.ndarray]:
+    """Every array whose first axis is the frame, by a name of its own."""
+    found = {"frame_numbers": part.frame_numbers, "time_s": part.time_s}
+    for layer, arrays in part.layers.items():
+        found |= {f"{layer}.{name}": getattr(arrays, name)[:] for name in _LAYER}
+    if part.tracks is not None:
+        found |= {"tracks.detection": part.tracks.detection[:], "tracks.state": part.tracks.state[:]}
+    if part.swaps is not None:
+        found["swaps.state"] = part.swaps.state[:]
+    if part.poses is not None:
+        found |= {f"poses.{name}": getattr(part.poses, name)[:] for name in OVER_TIME}
+    return {name: np.asarray(array) for name, array in found.items()}
+
+
+def _made(first: Reconstruction, whole: dict[str, np.ndarray], events: tuple) -> Reconstruction:
+    layers = {layer: Layer(*(whole[f"{layer}.{name}"] for name in _LAYER)) for layer in first.layers}
+    poses = first.poses
+    if poses is not None:
+        poses = replace(poses, **{name: whole[f"poses.{name}"] for name in OVER_TIME})
+    return replace(
+        first,
+        frame_numbers=whole["frame_numbers"],
+        time_s=whole["time_s"],
+        layers=layers,
+        tracks=None
+        if first.tracks is None
+        else Tracks(first.person_ids, whole["tracks.detection"], whole["tracks.state"]),
+        swaps=None if first.swaps is None else Swaps(first.swaps.chains, whole["swaps.state"]),
+        poses=poses,
+        events=events,
+    )

@@ -1,0 +1,1 @@
+"""Requested options: one frozen record per stage."""

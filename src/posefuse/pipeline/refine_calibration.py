@@ -1,0 +1,241 @@
+"""The wiring of a refinement: a recording's detections, triangulated, as evidence of where its cameras stand."""
+
+import warnings
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from posefuse.arrays import ranges
+from posefuse.calibration.checks import spreads
+from posefuse.calibration.gauge import pose_changes
+from posefuse.calibration.outcome import CameraOutcome, Refinement, Role
+from posefuse.calibration.refine import Gathered, Progressed, refine
+from posefuse.calibration.selection import held_out
+from posefuse.calibration.sightings import Sightings
+from posefuse.calibration.uncertainty import Certainty
+from posefuse.errors import CalibrationError, PosefuseWarning, choices
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import CHUNK_FRAMES, Detections
+from posefuse.model.options.options import Options
+from posefuse.model.options.postprocess import PostprocessOptions
+from posefuse.model.options.refinement import RefineOptions
+from posefuse.model.status import ViewStatus
+from posefuse.pipeline.defaults import cut_time
+from posefuse.pipeline.reconstruct import Plan, examine, measure, settle
+from posefuse.preprocess.match_cameras import match_views
+from posefuse.progress import Progress, Silent
+
+_MOST_KEYPOINTS = 60_000
+_FEWEST_FRAMES = 300
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording as evidence; implements the protocol of :mod:`posefuse.calibration.refine`.
+
+    Attributes:
+        detections: of all views that have a camera, cut to the frames that are looked at.
+        options: of triangulation.
+    """
+
+    detections: Detections
+    options: Options
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames are looked at."""
+        return self.detections.n_frames
+
+    def gather(self, rig: CameraRig) -> Gathered:
+        """Triangulate with some cameras; labels are believed, views that contradict others are not."""
+        options = replace(self.options, cameras=rig.names, exclude_camera=(), camera_order=())
+        with warnings.catch_warnings():
+            # That views do not agree is why we are here.
+            warnings.simplefilter("ignore", PosefuseWarning)
+            plan = settle(examine(rig, self.detections.views(rig.names), options, Silent()))
+            parts = [_gathered(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
+        return _joined(parts)
+
+    def seen_by(self, name: str, sightings: Sightings) -> np.ndarray:
+        """What one more camera saw of points: shape (point, 2), NaN where nothing.
+
+        Raises:
+            CalibrationError: if the view shows several people: which of them is whose cannot be told without a pose.
+        """
+        if self.several:
+            raise CalibrationError(
+                f"Camera {name!r} cannot be located from scratch by keypoints of several people: which of them it sees "
+                "cannot be told before its place is known. Take a part of the recording with one person (--start-s, "
+                "--end-s), or a board (--from board)."
+            )
+        one = self.detections.views([name])
+        pixels = np.full((self.n_frames, len(one.skeleton), 2), np.nan)
+        pixels[one.people_counts[:, 0] == 1] = np.asarray(one.keypoints_px)[
+            one.offsets[:-1][one.people_counts[:, 0] == 1]
+        ]
+        return pixels[sightings.frame, sightings.keypoint % len(one.skeleton)]
+
+    @cached_property
+    def several(self) -> bool:
+        """Whether a view ever shows several people."""
+        return bool((self.detections.people_counts > 1).any())
+
+
+def _gathered(plan: Plan, start: int, stop: int) -> Gathered:
+    """The observations of a range of frames."""
+    result = measure(plan, start, stop)
+    layer, detections = result.layers["measured"], plan.detections.frames(start, stop)
+    points, status = np.asarray(layer.points_m), np.asarray(layer.view_status)
+    assert result.tracks is not None
+    rows = result.tracks.rows(detections)
+    n_keypoints = points.shape[2]
+    there = rows >= 0
+    shape = (*rows.shape, n_keypoints)
+    pixels = np.full((*shape, 2), np.nan)
+    trust = np.full(shape, np.nan)
+    pixels[there] = np.asarray(detections.keypoints_px)[rows[there]]
+    trust[there] = np.asarray(detections.confidence)[rows[there]]
+    # (frame, person, keypoint, view)
+    pixels, trust = np.moveaxis(pixels, 2, 3), np.moveaxis(trust, 2, 3)
+    projected = np.moveaxis(plan.rig.project(points), 0, 3)
+    error = np.linalg.norm(projected - pixels, axis=-1)
+    seen = np.isfinite(error) & ~(trust < plan.options.triangulation.min_confidence)
+    seen &= seen.sum(axis=-1, keepdims=True) >= 2
+    chosen = seen.any(axis=-1)
+    frame, person, keypoint = np.nonzero(chosen)
+    point, view = np.nonzero(seen[chosen])
+    at = (frame[point], person[point], keypoint[point], view)
+    noise = plan.noise
+    sigma = noise.scale_px[view] / np.maximum(np.where(np.isnan(trust[at]), 1.0, trust[at]), 0.05) ** noise.exponent
+    sightings = Sightings(
+        view, point, pixels[at], sigma, points[chosen], frame + start, person * n_keypoints + keypoint
+    )
+    return Gathered(sightings, status[at] == ViewStatus.USED, error[at])
+
+
+def _joined(parts: list[Gathered]) -> Gathered:
+    """Consecutive ranges of frames as one."""
+    sightings = [part.sightings for part in parts]
+    first = np.cumsum([0] + [each.n_points for each in sightings[:-1]])
+    return Gathered(
+        Sightings(
+            np.concatenate([each.view for each in sightings]),
+            np.concatenate([each.point + start for each, start in zip(sightings, first, strict=True)]),
+            np.concatenate([each.pixels for each in sightings]),
+            np.concatenate([each.sigma_px for each in sightings]),
+            np.concatenate([each.points_m for each in sightings]),
+            np.concatenate([each.frame for each in sightings]),
+            np.concatenate([each.keypoint for each in sightings]),
+        ),
+        np.concatenate([part.used for part in parts]),
+        np.concatenate([part.error_px for part in parts]),
+    )
+
+
+def refine_calibration(
+    rig: CameraRig,
+    detections: Detections,
+    options: Options | None = None,
+    refining: RefineOptions | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Refine a calibration from what its cameras saw, see docs/calibration.md.
+
+    Args:
+        rig: the calibration.
+        detections: 2D keypoints of a recording, or a board's corners.
+        options: which views and frames, and how these are triangulated.
+        refining: what may change.
+        progress: told how far the work is.
+
+    Returns:
+        The refined cameras in the world of the original ones, and what can be said of each.
+
+    Raises:
+        CalibrationError: if what was seen does not determine the cameras.
+        MatchError: if views and cameras do not belong together.
+    """
+    options = replace(
+        options or Options(), solve="frame", postprocess=PostprocessOptions(), pairs="labels", bodies="none"
+    )
+    refining = refining or RefineOptions()
+    progress = progress or Silent()
+    matched, detections, _ = match_views(rig, detections, options)
+    detections = replace(detections, view_names=matched.names)
+    detections = cut_time(detections, options)
+    options = replace(options, start_s=None, end_s=None)
+    if len(matched) < 2:
+        raise CalibrationError(f"One camera, {choices(matched.names)}, has nothing to be refined by.")
+    evidence = Recorded(_thinned(detections, options), options)
+    state, known = refine(matched, evidence, refining, progress)
+    return _outcome(matched, evidence, refining, state, known)
+
+
+def _thinned(detections: Detections, options: Options) -> Detections:
+    """Frames spread over the recording, as many as are worth looking at; all of people who have to be followed."""
+    several = options.people != "one" and options.pick is None and bool((detections.people_counts > 1).any())
+    most = max(_MOST_KEYPOINTS // len(detections.skeleton), _FEWEST_FRAMES)
+    if several or detections.n_frames <= most:
+        return detections
+    frames = np.linspace(0, detections.n_frames - 1, most).astype(int)
+    return detections.pieces([(int(f), int(f) + 1) for f in frames])
+
+
+def _outcome(
+    matched: CameraRig, evidence: Recorded, refining: RefineOptions, state: Progressed, known: Certainty
+) -> Refinement:
+    """What is to be said, judged by the frames that were kept back."""
+    judged = held_out(evidence.n_frames)
+    kept = state.rig.names
+    old, new = evidence.gather(matched), evidence.gather(state.rig)
+    n_old, n = len(matched), len(kept)
+    before_px, before_used = old.medians(n_old, judged), old.shares(n_old, judged)
+    after_px, after_used = new.medians(n, judged), new.shares(n, judged)
+    moved = pose_changes(matched.select(kept), state.rig)
+    rows = []
+    for u, camera in enumerate(matched.cameras):
+        name = camera.name
+        if name not in kept:
+            rows.append(_left_out(name, state, before_px[u], before_used[u]))
+            continue
+        v = state.rig.index(name)
+        turn_sd, shift_sd, focal_sd = spreads(known.block(v))
+        rows.append(
+            CameraOutcome(
+                name, _role(name, refining, state), "", before_px[u], after_px[v], before_used[u], after_used[v],
+                float(np.degrees(np.linalg.norm(moved[v, :3]))), turn_sd, float(np.linalg.norm(moved[v, 3:])), shift_sd,
+                float(state.rig[name].matrix[0, 0] / camera.matrix[0, 0] - 1.0), focal_sd,
+            )
+        )  # fmt: skip
+    assert state.sightings is not None
+    return Refinement(
+        before=matched,
+        rig=state.rig,
+        cameras=tuple(rows),
+        refine=refining.refine,
+        n_points=state.sightings.n_points,
+        n_frames=len(np.unique(state.sightings.frame)),
+        n_held_out=int(judged.sum()),
+        before_px=_median_of(old, judged),
+        after_px=_median_of(new, judged),
+    )
+
+
+def _median_of(gathered: Gathered, judged: np.ndarray) -> float:
+    seen = gathered.sightings
+    errors = gathered.error_px[judged[seen.frame][seen.point]]
+    return float(np.median(errors)) if len(errors) else float("nan")
+
+
+def _role(name: str, refining: RefineOptions, state: Progressed) -> Role:
+    if name in state.located:
+        return "located"
+    return "fixed" if name in refining.fix else "refined"
+
+
+def _left_out(name: str, state: Progressed, before_px: float, used: float) -> CameraOutcome:
+    nan = float("nan")
+    why = state.left_out.get(name, "")
+    return CameraOutcome(name, "left out", why, before_px, nan, used, nan, nan, nan, nan, nan, nan, nan)

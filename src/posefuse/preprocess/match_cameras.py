@@ -1,0 +1,91 @@
+"""Which camera each view belongs to."""
+
+from dataclasses import replace
+
+from posefuse.errors import MatchError, choices
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
+from posefuse.model.view_names import has_name, plain_name
+
+
+def match_views(
+    rig: CameraRig, detections: Detections, options: Options
+) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+    """Give every view its camera: by name, or by ``options.camera_order``; never silently by position.
+
+    Names match when they are equal, or equal once case, punctuation and the endings that keypoint folders add
+    (``_json``, ``_keypoints``) are left out, and no other name is; or when a camera's name is a word of the view's,
+    with or without ``cam`` before it, and no other camera's is (``trial1-camA`` is camera A's).
+
+    Returns:
+        The cameras in the views' order, the chosen views, and what is worth saying.
+
+    Raises:
+        MatchError: if a view has no camera, or two might be its.
+    """
+    order = options.camera_order
+    rig, detections, left_out = _without_left_out(rig, detections, options)
+    names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
+    wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
+    for name in (*options.cameras, *options.exclude_camera):
+        rig.index(name)
+        if name not in names:
+            raise MatchError(f"Camera {name!r} is calibrated but has no view; the views are of {choices(names)}.")
+    if not wanted:
+        raise MatchError(f"No camera is left: exclude_camera names all of {choices(names)}.")
+    notes = [*left_out]
+    idle = [name for name in rig.names if name not in names]
+    if idle:
+        notes.append(f"{len(idle)} calibrated cameras have no view and are left out: {choices(idle)}.")
+    renamed = [(view, name) for view, name in zip(detections.view_names, names, strict=True) if view != name]
+    if renamed:
+        notes.append("Views matched to cameras: " + ", ".join(f"{view} = {name}" for view, name in renamed) + ".")
+    if wanted != names:
+        views = [detections.view_names[names.index(name)] for name in wanted]
+        detections = detections.views(views)
+    return rig.select(wanted), detections, tuple(notes)
+
+
+def _without_left_out(
+    rig: CameraRig, detections: Detections, options: Options
+) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+    """The views but for those of cameras that the calibration does not hold for, and what is to be said of them."""
+    left_out = {plain_name(name) for name in rig.left_out}
+    rig = replace(rig, left_out=())
+    kept = [view for view in detections.view_names if plain_name(view) not in left_out]
+    if options.camera_order or not kept or len(kept) == detections.n_views:
+        return rig, detections, ()
+    gone = [view for view in detections.view_names if view not in kept]
+    note = f"Views not used, whose cameras were left out when the calibration was refined: {choices(gone)}."
+    return rig, detections.views(kept), (note,)
+
+
+def _by_order(rig: CameraRig, detections: Detections, order: tuple[str, ...]) -> tuple[str, ...]:
+    if len(order) != detections.n_views or len(set(order)) != len(order):
+        raise MatchError(
+            f"camera_order must name one camera for each of the {detections.n_views} views "
+            f"({choices(detections.view_names)}), each once; got {len(order)}: {choices(order)}."
+        )
+    return tuple(rig.cameras[rig.index(name)].name for name in order)
+
+
+def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
+    names = []
+    for view in detections.view_names:
+        exact = [name for name in rig.names if name == view]
+        near = [name for name in rig.names if plain_name(name) == plain_name(view)]
+        found = exact or near or [name for name in rig.names if has_name(view, name)]
+        if len(found) != 1:
+            problem = "has no camera of its name" if not found else f"could be any of {choices(found)}"
+            raise MatchError(
+                f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
+                "If they belong together in another way, say so: --camera-order takes one camera name for each view, "
+                "in the views' order above."
+            )
+        names.append(found[0])
+    if len(set(names)) != len(names):
+        repeated = next(name for name in names if names.count(name) > 1)
+        views = [view for view, name in zip(detections.view_names, names, strict=True) if name == repeated]
+        raise MatchError(f"Views {choices(views)} all match camera {repeated!r}. Rename them, or use --camera-order.")
+    return tuple(names)

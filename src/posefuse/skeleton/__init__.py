@@ -1,0 +1,1 @@
+"""Skeletons, kinematic trees, separately tracked parts and segment masses."""

@@ -1,0 +1,100 @@
+"""What a history keeps of somebody: little memory a frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+import numpy as np
+
+from posefuse.kernels.linear_algebra.triangles import pack_triangle, unpack_triangles
+from posefuse.kernels.tracking.articulated import State
+from posefuse.model.tracks import TrackState
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """One person in some frames, in order.
+
+    Attributes:
+        places: shape (frame,), int64: which frames of the history, counted from 0.
+        fresh: shape (frame,), bool: whether the filter began anew.
+        rows: shape (frame, view), int64: the detections that are theirs, -1 for none.
+        used: shape (frame, view, keypoint), bool: the keypoints that counted.
+        life: shape (frame,), int8: :class:`TrackState`.
+        missing_s: shape (frame,): for how long nothing had supported them.
+        root: shape (frame, 3), as the further ones of the State.
+        turns: shape (frame, segment, 3, 3).
+        bones: shape (frame, bone, 3, 3).
+        shape: shape (frame, shape).
+        velocity: shape (frame, pose).
+        free: shape (frame,), int64.
+        triangles: shape (number,): lower triangles of the covariances, without the shape's rows where that is kept.
+    """
+
+    places: np.ndarray
+    fresh: np.ndarray
+    rows: np.ndarray
+    used: np.ndarray
+    life: np.ndarray
+    missing_s: np.ndarray
+    root: np.ndarray
+    turns: np.ndarray
+    bones: np.ndarray
+    shape: np.ndarray
+    velocity: np.ndarray
+    free: np.ndarray
+    triangles: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @classmethod
+    def one(
+        cls, place: int, fresh: bool, state: State, rows: np.ndarray, used: np.ndarray, life: TrackState,
+        missing_s: float,
+    ) -> "Entries":  # fmt: skip
+        """One frame; of the state, of one person, nothing is kept that could change."""
+        n, kept = state.velocity.shape[1], 0 if state.free[0] else state.shape.shape[1]
+        size = state.covariance.shape[1] - kept
+        triangle = np.empty(size * (size + 1) // 2)
+        pack_triangle(state.covariance[0], n, kept, triangle)
+        return cls(
+            np.array([place]), np.array([fresh]), rows[None].copy(), used[None].copy(),
+            np.array([life], dtype=np.int8), np.array([missing_s]), state.root.copy(), state.turns.copy(),
+            state.bones.copy(), state.shape.copy(), state.velocity.copy(), state.free.copy(), triangle,
+        )  # fmt: skip
+
+    @classmethod
+    def joined(cls, parts: Sequence["Entries"]) -> "Entries":
+        """Frames that follow each other, as one."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
+    def frames(self, start: int, stop: int) -> "Entries":
+        """The frames ``start`` to ``stop`` of these."""
+        n, h = self.velocity.shape[1], self.shape.shape[1]
+        size = np.where(self.free != 0, 2 * n + h, 2 * n)
+        ends = np.concatenate([[0], np.cumsum(size * (size + 1) // 2)])
+        cut = {field.name: getattr(self, field.name)[start:stop] for field in fields(self)}
+        cut["triangles"] = self.triangles[ends[start] : ends[stop]]
+        return Entries(**cut)
+
+    def within(self, start: int, stop: int) -> "Entries":
+        """The frames from ``start`` to ``stop`` of the history."""
+        first, last = np.searchsorted(self.places, (start, stop))
+        return self.frames(int(first), int(last))
+
+    def unbroken(self) -> list["Entries"]:
+        """Parts in which each frame follows the one before and goes on from it."""
+        begins = np.flatnonzero(self.fresh[1:] | (np.diff(self.places) != 1)) + 1
+        edges = [0, *begins.tolist(), len(self)]
+        return [self.frames(first, last) for first, last in pairwise(edges)]
+
+    @property
+    def state(self) -> State:
+        """A State with frames where people stand."""
+        n, h = self.velocity.shape[1], self.shape.shape[1]
+        covariance = np.empty((len(self), 2 * n + h, 2 * n + h))
+        unpack_triangles(self.triangles, self.free, n, h, covariance)
+        return State(self.root, self.turns, self.bones, self.shape, self.velocity, covariance, self.free)

@@ -1,0 +1,97 @@
+"""Where the mass is."""
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from posefuse.biomechanics.center_of_mass import centres_of_mass
+from posefuse.biomechanics.segment_lengths import segment_lengths
+from posefuse.errors import SkeletonError
+from posefuse.model.options.subject import MassTable
+from posefuse.model.status import Source
+from posefuse.skeleton.masses import mass_table
+from posefuse.skeleton.skeletons import find_skeleton
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+
+SHIFT = np.array([1.0, 2.0, 3.0])
+TABLES = [name for name in get_args(MassTable) if name != "none"]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return simulate(SceneOptions(duration_s=0.5, cameras=2, detector=CLEAN)).truth
+
+
+@pytest.fixture
+def layer(truth):
+    return truth.best_layer()[1]
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_shares_are_a_whole_body(name):
+    table = mass_table(name)
+    assert sum(segment.mass for segment in table.segments) == pytest.approx(1.0, abs=2e-3)
+    assert table.source
+    assert {s.name.replace("left_", "right_") for s in table.segments} >= {
+        s.name for s in table.segments if "right" in s.name
+    }
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("skeleton", ["halpe_26", "coco_17", "body_25", "mediapipe_33", "h36m_17"])
+def test_every_human_skeleton_has_the_segments(name, skeleton):
+    mass_table(name).check(find_skeleton(skeleton))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_standing_body_has_it_above_the_hips(name, truth, layer):
+    found = centres_of_mass(layer, truth.skeleton, mass_table(name))
+    points = np.asarray(layer.points_m)[:, 0]
+    height = np.nanmax(points[..., 2], axis=1)
+    assert found.xyz_m.shape == (15, 1, 3)
+    # 55 to 57 % of the height in the literature; in walking a little less.
+    assert ((found.xyz_m[:, 0, 2] / height > 0.5) & (found.xyz_m[:, 0, 2] / height < 0.62)).all()
+    np.testing.assert_allclose(found.known_share, 1.0)
+    np.testing.assert_allclose(found.filled_share, 0.0)
+
+
+def test_it_moves_with_the_body(truth, layer):
+    moved = replace(layer, points_m=np.asarray(layer.points_m) + SHIFT)
+    table = mass_table("winter")
+    before, after = (centres_of_mass(each, truth.skeleton, table).xyz_m for each in (layer, moved))
+    np.testing.assert_allclose(after, before + SHIFT, atol=1e-9)
+
+
+def test_too_little_known_is_no_centre_and_what_was_filled_is_told(truth, layer):
+    wrist, hip = truth.skeleton.index("left_wrist"), truth.skeleton.index("left_hip")
+    points, source = np.array(layer.points_m), np.array(layer.source)
+    points[0, 0, wrist] = np.nan
+    points[1, 0, hip] = np.nan
+    source[2, 0, wrist] = Source.FILLED
+    found = centres_of_mass(replace(layer, points_m=points, source=source), truth.skeleton, mass_table("winter"))
+    assert found.known_share[0, 0] == pytest.approx(1 - 0.022)
+    assert np.isfinite(found.xyz_m[0, 0]).all()
+    assert found.known_share[1, 0] == pytest.approx(1 - 0.497 - 0.1)
+    assert np.isnan(found.xyz_m[1, 0]).all()
+    assert found.filled_share[2, 0] == pytest.approx(0.022)
+
+
+def test_an_animal_has_none(truth, layer):
+    with pytest.raises(SkeletonError, match="needs the segment"):
+        mass_table("winter").check(find_skeleton("mouse_22"))
+
+
+def test_lengths_by_hand(truth, layer):
+    name, _ = truth.best_layer()
+    found = segment_lengths(truth.chunks(4), name)
+    shank = next(each for each in found if (each.near, each.far) == ("left_knee", "left_ankle"))
+    points = np.asarray(layer.points_m)[:, 0]
+    lengths = np.linalg.norm(
+        points[:, truth.skeleton.index("left_knee")] - points[:, truth.skeleton.index("left_ankle")], axis=-1
+    )
+    assert shank.median_m == pytest.approx(np.median(lengths), rel=1e-6)
+    assert shank.sd_m == pytest.approx(1.4826 * np.median(np.abs(lengths - np.median(lengths))), abs=1e-6)
+    assert shank.n_frames == 15

@@ -1,0 +1,312 @@
+"""Long work that is ended, however, and gone on with: the same bytes; and parts that are not its own are not used."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.errors import FileError
+from posefuse.io.checkpoints import Parts
+from posefuse.io.results import netcdf
+from posefuse.model.options.options import Options
+from posefuse.model.options.postprocess import PostprocessOptions
+from posefuse.pipeline.measured_layer import PARTIAL, finished_chunks, reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare
+from posefuse.progress import Silent
+from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
+from posefuse.synthetic.options import SceneOptions
+from posefuse.synthetic.scenes import simulate
+
+CHUNK = 16
+MANY = Options(people="many", chunk_frames=CHUNK, noise_scale_px=8.0)
+ONE = Options(people="one", solve="trajectory", chunk_frames=CHUNK, noise_scale_px=8.0)
+SMOOTHED = replace(MANY, postprocess=PostprocessOptions(smooth=("butterworth",)))
+
+
+class Ended(BaseException):
+    """Nothing catches it, and nothing is put right after it."""
+
+
+class Ending:
+    """A keeper that ends the work when it is given so many parts: before or after they are kept."""
+
+    keeps = True
+
+    def __init__(self, keeper: Keeper, left: list[int], how: type[BaseException], *, after: bool) -> None:
+        self.keeper, self.left, self.how, self.after = keeper, left, how, after
+
+    def put(self, name: str, value: Any) -> Any:
+        self.left[0] -= 1
+        if self.left[0] == 0 and not self.after:
+            raise self.how
+        kept = self.keeper.put(name, value)
+        if self.left[0] == 0:
+            raise self.how
+        return kept
+
+    def within(self, name: str) -> "Ending":
+        return Ending(self.keeper.within(name), self.left, self.how, after=self.after)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.keeper, name)
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Two people in 40 frames of four cameras."""
+    options = CrowdOptions(people=2, cameras=4, duration_s=1.6, skeleton="coco_17", faults=NO_FAULTS)
+    scene = simulate_crowd(options)
+    return scene.rig, scene.detections
+
+
+@pytest.fixture(scope="module")
+def walker():
+    """One subject in 40 frames of three cameras."""
+    scene = simulate(SceneOptions(cameras=3, duration_s=4 / 3))
+    return scene.rig, scene.detections
+
+
+def made(recording, options: Options, path: Path, keeper: Keeper = NOTHING) -> bytes:
+    plan = prepare(*recording, options, Silent(), keeper)
+    netcdf.write(reconstruct_chunks(plan, Silent(), keeper), path)
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def whole(crowd, tmp_path_factory) -> bytes:
+    """Of the crowd, in one go."""
+    return made(crowd, MANY, tmp_path_factory.mktemp("whole") / "made.nc")
+
+
+@pytest.mark.parametrize(("who", "options", "moments", "after"), [
+    ("crowd", MANY, (2, 3, 4), True), ("crowd", SMOOTHED, (2, 4, 4), False), ("walker", ONE, (2, 2), False),
+])  # fmt: skip
+def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_path, who, options, moments, after):
+    """While people are followed, chunks are measured and smoothed, and windows are solved."""
+    recording = request.getfixturevalue(who)
+    whole = request.getfixturevalue("whole") if options is MANY else made(recording, options, tmp_path / "whole.nc")
+    keeper = Parts(tmp_path / "parts", "key")
+    for moment in moments:
+        with pytest.raises(Ended):
+            made(recording, options, tmp_path / "made.nc", Ending(keeper, [moment], Ended, after=after))
+        assert not (tmp_path / "made.nc").exists()
+    assert made(recording, options, tmp_path / "made.nc", keeper) == whole
+    keeper.remove()
+    assert not (tmp_path / "parts").exists()
+
+
+def test_what_is_finished_is_not_made_again(crowd, whole, tmp_path, monkeypatch):
+    keeper = Parts(tmp_path / "parts", "key")
+    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+    monkeypatch.setattr("posefuse.pipeline.measured_layer.measure", None)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", None)
+    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+
+
+@pytest.mark.parametrize(("moment", "frames"), [(3, 32), (7, 16)])
+def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment, frames):
+    """While people are followed the recording ends there; afterwards, what is made of it is a result that says so."""
+    keeper = Parts(tmp_path / "parts", "key")
+    ending = Ending(keeper, [moment], KeyboardInterrupt, after=False)
+    if moment == 3:
+        with pytest.warns(UserWarning, match="followed through 32 of 40 frames"):
+            made(crowd, MANY, tmp_path / "part.nc", ending)
+    else:
+        plan = prepare(*crowd, MANY, Silent(), ending)
+        with pytest.raises(KeyboardInterrupt):
+            netcdf.write(reconstruct_chunks(plan, Silent(), ending), tmp_path / "part.nc")
+        netcdf.write(finished_chunks(plan, keeper), tmp_path / "part.nc")
+    part = netcdf.read_reconstruction(tmp_path / "part.nc")
+    assert part.n_frames == frames
+    assert part.provenance.notes[0].startswith(f"{PARTIAL}made of the first {frames} of 40 frames")
+    assert {event.number for event in part.events} <= set(part.frame_numbers.tolist())
+    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+
+
+def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        prepare(*crowd, MANY, Silent())
+
+
+KILLED = """
+from pathlib import Path
+import numpy as np
+from posefuse.io.checkpoints import Parts
+parts = Parts(Path({folder!r}), "key")
+parts.put("first", np.arange(3))
+while True:
+    parts.put("second", np.random.default_rng(0).random(3_000_000))
+"""
+
+
+def test_a_part_is_whole_or_not_there(tmp_path):
+    """Whenever SIGKILL comes."""
+    process = subprocess.Popen([sys.executable, "-c", KILLED.format(folder=str(tmp_path / "parts"))])
+    until = time.monotonic() + 120.0
+    while not (tmp_path / "parts" / "second.part").exists():
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    parts = Parts(tmp_path / "parts", "key")
+    np.testing.assert_array_equal(parts.get("first"), np.arange(3))
+    np.testing.assert_array_equal(parts.get("second"), np.random.default_rng(0).random(3_000_000))
+
+
+def with_parts(folder: Path) -> Parts:
+    """Parts, in a folder of their own and with a spool, and a file that is made of them."""
+    parts = Parts(folder / "parts", "key")
+    parts.spool("a.b").add([1])
+    parts.put("a", [1.0])
+    parts.within("frames_2").put("c", [2.0])
+    (folder / "made").write_bytes(b"all of it")
+    return parts
+
+
+def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
+    parts = with_parts(tmp_path)
+    assert parts.take_file(tmp_path / "nothing") is None
+    parts.keep_file(tmp_path / "made", ("a warning",))
+    assert {path.name for path in parts.folder.rglob("*")} == {"manifest.json", "whole.file", "whole.part"}
+    (tmp_path / "made").unlink()
+    again, others = Parts.opened(parts.folder, "key")
+    assert again.take_file(tmp_path / "again") == ("a warning",)
+    assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
+
+
+def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_path):
+    parts = with_parts(tmp_path)
+    parts.keep_file(tmp_path / "made")
+    assert Parts(parts.folder, "other").take_file(tmp_path / "again") is None
+    (parts.folder / "whole.file").write_bytes(b"all of 1t")
+    assert parts.take_file(tmp_path / "again") is None
+    assert not (tmp_path / "again").exists()
+
+
+def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
+    parts = with_parts(tmp_path)
+
+    def refused(*_: object) -> None:
+        raise PermissionError("no links here")
+
+    monkeypatch.setattr(os, "link", refused)
+    parts.keep_file(tmp_path / "made")
+    assert parts.get("a") == [1.0]
+    assert parts.take_file(tmp_path / "again") is None
+
+
+def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
+    scene = simulate(SceneOptions(duration_s=2.0, cameras=3, seed=2))
+    options = Options(solve="frame", pairs="labels", chunk_frames=20)
+    whole = posefuse.reconstruct(scene.rig, scene.detections, options)
+    keeper = Parts(tmp_path / "parts", "key")
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    parts = sorted((tmp_path / "parts").rglob("measured_*.part"))
+    assert len(parts) == -(-scene.detections.n_frames // 20)
+    parts[1].unlink()
+    before = {path: path.stat().st_mtime_ns for path in parts if path != parts[1]}
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+    assert parts[1].exists()
+
+
+class TestParts:
+    """What a folder of them gives back, and what it does not."""
+
+    def test_what_was_kept_comes_back(self, tmp_path):
+        parts = Parts(tmp_path / "parts", "key")
+        assert not parts.has("a")
+        assert parts.get("a") is None
+        kept = parts.put("a", {"x": np.arange(5.0)})
+        np.testing.assert_array_equal(kept["x"], np.arange(5.0))
+        np.testing.assert_array_equal(Parts(tmp_path / "parts", "key").get("a")["x"], np.arange(5.0))
+        assert parts.within("b").get("a") is None
+
+    def test_those_of_other_work_are_removed(self, tmp_path):
+        Parts(tmp_path / "parts", "key").within("sub").put("a", 1)
+        parts, others = Parts.opened(tmp_path / "parts", "key")
+        assert (parts.within("sub").get("a"), others) == (1, 0)
+        parts, others = Parts.opened(tmp_path / "parts", "another")
+        assert (parts.within("sub").get("a"), others) == (None, 1)
+        assert not (tmp_path / "parts").exists()
+
+    def test_one_of_other_work_among_them_is_not_used(self, tmp_path):
+        Parts(tmp_path / "parts", "key").put("a", 1)
+        assert Parts(tmp_path / "parts", "another").get("a") is None
+
+    @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda _: b""])
+    def test_a_damaged_one_is_not_used(self, tmp_path, change: Callable[[bytes], bytes]):
+        parts = Parts(tmp_path / "parts", "key")
+        parts.put("a", 1)
+        file = tmp_path / "parts" / "a.part"
+        file.write_bytes(change(file.read_bytes()))
+        assert parts.get("a") is None
+
+    def test_other_files_are_nobodys_to_remove(self, tmp_path):
+        (tmp_path / "parts").mkdir()
+        (tmp_path / "parts" / "thesis.txt").write_text("mine")
+        with pytest.raises(FileError, match="no parts of a reconstruction"):
+            Parts.opened(tmp_path / "parts", "key")
+        assert (tmp_path / "parts" / "thesis.txt").exists()
+
+    @pytest.mark.parametrize("evil", [os.system, eval, pickle.loads, subprocess.Popen])
+    def test_nothing_but_nouns_is_made_of_one(self, tmp_path, evil):
+        parts = Parts(tmp_path / "parts", "key")
+        with pytest.raises(pickle.UnpicklingError, match="has no"):
+            parts.put("a", evil)
+        with pytest.raises(FileError, match="Where is it from"):
+            parts.get("a")
+
+    def test_a_part_that_is_damaged_anywhere_is_none(self, tmp_path):
+        parts = Parts(tmp_path / "parts", "key")
+        parts.spool("a.b").add(np.arange(3))
+        parts.put("a", np.arange(5))
+        path = tmp_path / "parts" / "a.part"
+        whole = path.read_bytes()
+        for at in range(len(whole)):
+            path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+            assert parts.get("a") is None, at
+        path.write_bytes(whole)
+        np.testing.assert_array_equal(parts.get("a"), np.arange(5))
+
+    @pytest.mark.parametrize("at", [0, 9, 17, 40])
+    def test_a_damaged_spool_is_said(self, tmp_path, at):
+        spool = Parts(tmp_path / "parts", "key").spool("a.b")
+        place = spool.add(np.arange(3))
+        path = tmp_path / "parts" / "a.b.spool"
+        damaged = bytearray(path.read_bytes())
+        damaged[at] ^= 1
+        path.write_bytes(damaged)
+        with pytest.raises(FileError, match="damaged at byte 0. Remove .*parts"):
+            spool.read(place)
+
+    def test_a_spool_is_as_long_as_its_part_knows(self, tmp_path):
+        parts = Parts(tmp_path / "parts", "key")
+        spool = parts.spool("a.b")
+        first = spool.add(np.arange(3))
+        parts.put("a", first)
+        size = (tmp_path / "parts" / "a.b.spool").stat().st_size
+        spool.add("what no part knows of")
+        again = Parts(tmp_path / "parts", "key")
+        place = again.get("a")
+        assert (tmp_path / "parts" / "a.b.spool").stat().st_size == size
+        np.testing.assert_array_equal(again.spool("a.b").read(place), np.arange(3))
+        (tmp_path / "parts" / "a.b.spool").write_bytes(b"short")
+        assert again.get("a") is None

@@ -1,0 +1,75 @@
+"""How bodies stand by their points alone."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from posefuse.kinematics.joint_angles import joint_angles
+from posefuse.kinematics.pose_from_points import shown_pose
+from posefuse.skeleton.skeletons import find_skeleton
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+
+
+@pytest.fixture(scope="module")
+def points():
+    scene = simulate(SceneOptions(duration_s=0.4, cameras=2, detector=CLEAN))
+    assert scene.truth.skeleton.name == "halpe_26"
+    return np.asarray(scene.truth.best_layer()[1].points_m)
+
+
+def angles(points):
+    tree = find_skeleton("halpe_26").tree
+    names, degrees = joint_angles(tree, *shown_pose(tree, points))
+    return dict(zip(names, np.moveaxis(degrees, -1, 0), strict=True))
+
+
+def test_a_knee_by_hand(points):
+    skeleton = find_skeleton("halpe_26")
+    hip, knee, ankle = (points[:, 0, skeleton.index(f"left_{name}")] for name in ("hip", "knee", "ankle"))
+    thigh, shank = knee - hip, ankle - knee
+    cosine = np.einsum("fi,fi->f", thigh, shank) / np.linalg.norm(thigh, axis=1) / np.linalg.norm(shank, axis=1)
+    np.testing.assert_allclose(angles(points)["left_knee.flexion"][:, 0], np.degrees(np.arccos(cosine)), atol=1e-6)
+
+
+def test_turned_about_up_only_the_heading_changes(points):
+    turn = Rotation.from_euler("z", 40, degrees=True).as_matrix()
+    before, after = angles(points), angles(points @ turn.T)
+    for name, values in before.items():
+        change = (after[name] - values + 180) % 360 - 180
+        expected = 40.0 if name == "mid_hip.heading" else 0.0
+        np.testing.assert_allclose(change[np.isfinite(change)], expected, atol=0.5, err_msg=name)
+
+
+def test_what_is_not_seen_is_not_known(points):
+    skeleton = find_skeleton("halpe_26")
+    holed = points.copy()
+    holed[:, :, skeleton.index("left_knee")] = np.nan
+    found = angles(holed)
+    assert np.isnan(found["left_knee.flexion"]).all()
+    assert np.isnan(found["left_hip.flexion"]).all()
+    assert np.isfinite(found["right_knee.flexion"]).all()
+
+
+def test_a_body_that_was_posed_is_found(points):
+    """Of a body of average lengths, points of a known pose give that pose back."""
+    tree = find_skeleton("halpe_26").tree
+    turns, directions = shown_pose(tree, points)
+    again = np.full_like(points, np.nan)
+    places = np.zeros((len(tree.nodes), 3))
+    _, _, _, fixed, shape_of, signs, _, _ = tree.packed
+    places = np.where(shape_of >= 0, signs * np.append(tree.shape_m, 0.0)[shape_of], fixed)
+    at = np.zeros((*points.shape[:2], len(tree.nodes), 3))
+    for n, node in enumerate(tree.nodes[1:], 1):
+        if node.is_bone:
+            step = places[n, 2] * directions[..., node.mover, :]
+        else:
+            step = np.einsum("fpij,j->fpi", turns[..., node.mover, :, :], places[n])
+        at[..., n, :] = at[..., node.parent, :] + step
+    for k, n in enumerate(tree.keypoint_nodes):
+        if n >= 0:
+            again[..., k, :] = at[..., n, :]
+    found_turns, found_directions = shown_pose(tree, again)
+    # The pelvis is shown by hips and, a little, by the thorax, which bends against it.
+    np.testing.assert_allclose(found_turns[..., 1:, :, :], turns[..., 1:, :, :], atol=2e-3)
+    np.testing.assert_allclose(found_directions, directions, atol=1e-9)

@@ -1,0 +1,175 @@
+"""Lengths of bodies: what looks told of them, who they are, and how looks before and after a loss go together."""
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.tracking.articulated import State
+from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.segment_lengths import measured_lengths, told_of_lengths
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.lifecycle import Bounds, newcomer, settle_shape, take_back
+from posefuse.tracking.records import Track
+from posefuse.tracking.reidentification import same_body
+from posefuse.tracking.settings import Settings
+
+BOUNDS = Bounds(3.0, -2.0, 3.0)
+SKELETON = shipped_skeleton("body_20")
+HUMAN = SKELETON.tree
+assert HUMAN is not None
+TREE = HUMAN
+N, H = TREE.n_pose, TREE.n_shape
+SHAPE = slice(N, N + H)
+# As returns.py has them, of a body of a human's size.
+DEFINITION = (0.03 * np.abs(TREE.shape_m) + 0.01) ** 2
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    return Settings.of(build_rig("ring", 3), SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
+
+
+def posterior(measured: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of an adult's lengths, less the mean adult's, once measured."""
+    covariance = np.linalg.inv(np.linalg.inv(TREE.shape_covariance) + information)
+    return TREE.shape_m + covariance @ information @ measured, covariance
+
+
+def body(settings: Settings, mean_m: np.ndarray, covariance: np.ndarray) -> State:
+    """At rest."""
+    points = np.full((len(SKELETON), 3), np.nan)
+    points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
+    return newborn(TREE, points, mean_m, covariance, settings.options.motion)
+
+
+def random_information(rng: np.random.Generator) -> np.ndarray:
+    root = rng.normal(0.0, 20.0, (H, 2 * H))
+    return root @ root.T
+
+
+def test_the_prior_comes_off_whole(rng):
+    information, measured = random_information(rng), rng.normal(0.0, 0.05, H)
+    found, pull = told_of_lengths(TREE, *posterior(measured, information))
+    np.testing.assert_allclose(found, information, rtol=1e-6, atol=1e-6 * np.abs(information).max())
+    np.testing.assert_allclose(pull, information @ measured, rtol=1e-6)
+    back, errors = measured_lengths(TREE, *posterior(measured, information))
+    np.testing.assert_allclose(back, measured, atol=1e-7)
+    np.testing.assert_allclose(errors @ information, np.eye(H), atol=1e-5)
+
+
+def test_a_look_that_told_nothing_tells_nothing(settings):
+    information, pull = told_of_lengths(TREE, TREE.shape_m, 1.001 * TREE.shape_covariance)
+    assert np.linalg.eigvalsh(information).min() > 0.0
+    assert np.abs(information @ TREE.shape_covariance).max() < 1e-3
+    assert np.abs(pull).max() == 0.0
+    track = newcomer(1, 0.0, BOUNDS)
+    nobody = body(settings, TREE.shape_m, TREE.shape_covariance)
+    assert same_body(settings, track, nobody, 0, nobody, 0.1) == pytest.approx(0.0, abs=1e-3)
+
+
+def looks(
+    settings: Settings, lengths: np.ndarray, sd_m: float, lasting: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """A posterior of a filter to which errors are white, when they vary more, and definitions differ."""
+    information = np.eye(H) / sd_m**2
+    errors = rng.normal(0.0, np.sqrt(0.5 * DEFINITION + lasting * sd_m**2))
+    return posterior(lengths + errors, information)
+
+
+def lasting(settings: Settings, look_s: float) -> float:
+    o = settings.options
+    return (1.0 + 0.5 * look_s / o.error_memory_s) / (1.0 + 0.5 * look_s / o.smoother_error_memory_s)
+
+
+@pytest.mark.parametrize(
+    ("known_sd_m", "new_sd_m", "look_s"), [(0.005, 0.02, 0.12), (0.005, 0.05, 1.2), (0.03, 0.05, 0.12)]
+)
+def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
+    """Of bodies drawn from the model: those of whom it says so much are who they are taken for so often."""
+    rng = np.random.default_rng(5)
+    track = newcomer(1, 0.0, BOUNDS)
+    track.sought_s = settings.options.shape_settle_s
+    odds: dict[bool, list[float]] = {True: [], False: []}
+    spread, new_body = np.linalg.cholesky(TREE.shape_covariance), body(settings, TREE.shape_m, TREE.shape_covariance)
+    for _ in range(400):
+        for same, found in odds.items():
+            theirs, other = rng.normal(size=(2, H)) @ spread.T
+            track.trusted = looks(settings, theirs, known_sd_m, lasting(settings, track.sought_s), rng)
+            new = looks(settings, theirs if same else other, new_sd_m, lasting(settings, look_s), rng)
+            new_body.shape[0], new_body.covariance[0, SHAPE, SHAPE] = new
+            found.append(same_body(settings, track, new_body, 0, new_body, look_s))
+    same, other = np.array(odds[True]), np.array(odds[False])
+    assert np.mean(np.exp(-same)) == pytest.approx(1.0, abs=0.35)
+    both, truly = np.concatenate([same, other]), np.repeat([1.0, 0.0], 400)
+    for low, high in ((-np.inf, -1.0), (-1.0, 1.0), (1.0, np.inf)):
+        within = (both > low) & (both < high)
+        expected = np.mean(1.0 / (1.0 + np.exp(-both[within])))
+        assert truly[within].mean() == pytest.approx(expected, abs=3.5 * 0.5 / np.sqrt(within.sum()))
+
+
+def followed(settings: Settings, track: Track, state: State, seconds: float, start_s: float, views: int = 2) -> float:
+    """Look at somebody for so long; the time after it."""
+    frames = round(25 * seconds)
+    for k in range(1, frames + 1):
+        now_s = start_s + k / 25
+        if views > 1:
+            track.firm_s = now_s
+        settle_shape(track, state, 0, now_s, 0.04, settings)
+    return start_s + seconds
+
+
+def test_time_away_is_no_time_of_looking(settings, rng):
+    track = newcomer(1, 0.0, BOUNDS)
+    state = body(settings, *posterior(rng.normal(0.0, 0.05, H), random_information(rng)))
+    now_s = followed(settings, track, state, 2.4, 0.0)
+    track.state = TrackState.LOST
+    now_s = followed(settings, track, state, 3.0, now_s, views=0)
+    track.state = TrackState.ACTIVE
+    now_s = followed(settings, track, state, 1.2, now_s)
+    now_s = followed(settings, track, state, 5.0, now_s, views=1)
+    assert state.free[0]
+    assert track.sought_s == pytest.approx(3.6)
+    now_s = followed(settings, track, state, 0.6, now_s)
+    assert not state.free[0]
+    assert track.trusted is not None
+
+
+def test_two_looks_at_a_body_know_what_both_know(settings, rng):
+    """Whoever returns before their lengths were kept has those that both looks together say."""
+    information = [random_information(rng) for _ in range(2)]
+    measured = rng.normal(0.0, 0.05, (2, H))
+    before, found = (body(settings, *posterior(*each)) for each in zip(measured, information, strict=True))
+    found.root[0] = [1.0, 2.0, 0.9]
+    take_back(before, 0, found, settings)
+    together = information[0] + information[1]
+    pull = information[0] @ measured[0] + information[1] @ measured[1]
+    mean, covariance = posterior(np.linalg.solve(together, pull), together)
+    np.testing.assert_allclose(before.shape[0], mean, atol=1e-9)
+    np.testing.assert_allclose(before.covariance[0, SHAPE, SHAPE], covariance, atol=1e-10)
+    np.testing.assert_allclose(before.root[0], found.root[0], atol=1e-9)
+    assert before.free[0]
+
+
+def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng):
+    """As far as the new state says that it depends on them."""
+    found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
+    found.covariance[0, 2, N] = found.covariance[0, N, 2] = 0.5e-3
+    longer = TREE.shape_m.copy()
+    longer[0] += 0.02
+    before = body(settings, longer, 1e-12 * np.eye(H))
+    take_back(before, 0, found, settings)
+    assert before.shape[0, 0] == pytest.approx(longer[0], abs=1e-6)
+    assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
+
+
+def test_lengths_that_are_kept_stay(settings, rng):
+    before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
+    before.free[0] = 0
+    found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
+    take_back(before, 0, found, settings)
+    np.testing.assert_array_equal(before.shape[0], TREE.shape_m + 0.01)
+    assert not before.free[0]
+    assert not before.covariance[0, SHAPE].any()

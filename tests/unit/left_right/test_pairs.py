@@ -1,0 +1,259 @@
+"""Two points from rays whose labels are not believed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.pairs import OPTIONS, Scene, errors_mm, oracle, scene, solved
+from scipy.spatial.transform import Rotation
+
+from posefuse.errors import OptionsError
+from posefuse.left_right.pairs import enumerated, population_search
+from posefuse.left_right.pairs.results import SolvedPairs
+from posefuse.model.cameras import CameraRig
+from posefuse.model.options.options import ConsensusOptions, Options
+from posefuse.model.options.pairs import PairOptions, SdsOptions
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.model.status import PointStatus, ViewStatus
+from tests.reference.pairs import cheapest
+
+FULL, NONE = ConsensusOptions().full_sigma ** 2, ConsensusOptions().none_sigma ** 2
+FAULTS = {"outlier": 0.1, "missing": 0.1}
+# Steps end at a hundredth of a standard error, which is some 15 mm here.
+CLOSE_M = 1e-3
+
+
+def seen_by(data: Scene, views: list[int]) -> Scene:
+    """The same seen by some of the cameras, in that order."""
+    rig = data.rig.select([data.rig.names[v] for v in views])
+    return replace(
+        data, rig=rig, pixels=data.pixels[:, views], truth=data.truth[:, views], inlier=data.inlier[:, views]
+    )
+
+
+def sorted_points(result: SolvedPairs) -> np.ndarray:
+    """Shape (trial, 2, 3): both points, in an order that labels have no part in; NaN last."""
+    points = result.points_m[:, 0].copy()
+    order = np.argsort(points[..., 0], axis=1)
+    return np.take_along_axis(points, order[..., None], axis=1)
+
+
+def gaps(trials: int, seed: int) -> np.ndarray:
+    """By how much the cost exceeds the least over all states of all views, two to six of them."""
+    bound = FULL + (NONE - FULL) / 3
+    out = []
+    for views in (2, 3, 4, 5, 6):
+        data = scene(trials, 7, outlier=0.2, missing=0.15, apart_m=0.25, seed=seed + views)
+        data = seen_by(data, list(np.random.default_rng(views).permutation(7)[:views]))
+        # With no point nothing is explained, but for one observation that may be that of a point which it does not fix.
+        seen = np.isfinite(data.pixels).all(axis=-1).sum(axis=(1, 2))
+        cost = solved(data, enumerated.solve).cost[:, 0]
+        cost = np.where(np.isnan(cost), bound * np.maximum(seen - 1, 0), cost)
+        least = [cheapest(data.rig, pixels, data.sigma_px, FULL, NONE) for pixels in data.pixels]
+        out.append(cost - least)
+    return np.concatenate(out)
+
+
+def test_cost_is_the_exhaustive_minimum():
+    assert np.abs(gaps(20, 100)).max() < 2e-3
+
+
+@pytest.mark.long
+def test_cost_is_the_exhaustive_minimum_on_two_thousand_cases():
+    assert np.abs(gaps(400, 200)).max() < 2e-3
+
+
+@pytest.mark.parametrize("cameras", [4, 5, 8, 16])
+def test_near_the_oracle_whatever_the_labels_say(cameras):
+    data = scene(600, cameras, outlier=0.05, missing=0.05)
+    ours = errors_mm(solved(data, enumerated.solve).points_m[:, 0], data.points_m)
+    best = errors_mm(oracle(data), data.points_m)
+    both = np.isfinite(ours) & np.isfinite(best)
+    assert both.mean() > 0.97
+    assert np.median(ours[both]) < 1.05 * np.median(best[both])
+
+
+def test_swapping_the_labels_of_a_view_changes_nothing_but_the_order():
+    data = scene(300, 6, **FAULTS)
+    pixels = data.pixels.copy()
+    pixels[:, [1, 4]] = pixels[:, [1, 4]][:, :, ::-1]
+    one, other = solved(data, enumerated.solve), solved(replace(data, pixels=pixels), enumerated.solve)
+    np.testing.assert_allclose(sorted_points(one), sorted_points(other), atol=CLOSE_M)
+    np.testing.assert_allclose(one.cost, other.cost, atol=2e-3)
+
+
+def test_the_order_of_views_does_not_matter():
+    data = scene(300, 6, **FAULTS)
+    order = [3, 0, 5, 1, 4, 2]
+    one, other = solved(data, enumerated.solve), solved(seen_by(data, order), enumerated.solve)
+    np.testing.assert_allclose(one.points_m, other.points_m, atol=CLOSE_M)
+    np.testing.assert_array_equal(one.used[:, :, order], other.used)
+    np.testing.assert_allclose(one.evidence[:, :, order], other.evidence, atol=0.05)
+
+
+def test_the_world_may_be_moved_and_measured_otherwise():
+    data = scene(200, 6, **FAULTS)
+    turn, shift, scale = Rotation.random(random_state=3).as_matrix(), np.array([3.0, -20.0, 7.0]), 4.0
+
+    def moved_pose(pose: np.ndarray) -> np.ndarray:
+        out = pose.copy()
+        out[:3, :3] = pose[:3, :3] @ turn.T
+        out[:3, 3] = scale * pose[:3, 3] - out[:3, :3] @ shift
+        return out
+
+    cameras = tuple(
+        replace(camera, camera_from_world=moved_pose(camera.camera_from_world)) for camera in data.rig.cameras
+    )
+    moved = replace(data, rig=CameraRig(cameras, up_axis=None))
+    one, other = solved(data, enumerated.solve), solved(moved, enumerated.solve)
+    np.testing.assert_array_equal(one.status, other.status)
+    np.testing.assert_allclose(scale * one.points_m @ turn.T + shift, other.points_m, atol=scale * CLOSE_M)
+
+
+@pytest.mark.parametrize("method", [enumerated.solve, population_search.solve])
+def test_the_same_seed_gives_the_same_bytes(method):
+    data = scene(20, 5, **FAULTS)
+    one, other = solved(data, method), solved(data, method)
+    for a, b in zip(one.arrays, other.arrays, strict=True):
+        assert a.tobytes() == b.tobytes()
+
+
+def test_another_seed_of_sds_draws_otherwise_and_ends_nearby():
+    data = scene(20, 8, swap=0.25)
+    one = solved(data, population_search.solve, PairOptions(seed=0))
+    other = solved(data, population_search.solve, PairOptions(seed=1))
+    distance = errors_mm(one.points_m[:, 0], other.points_m[:, 0])
+    assert 0.0 < np.median(distance) < 5.0
+
+
+def test_a_couple_does_not_depend_on_its_neighbours():
+    data = scene(70, 6, **FAULTS)
+    alone = replace(data, pixels=data.pixels[40:41])
+    whole, part = solved(data, enumerated.solve), solved(alone, enumerated.solve)
+    np.testing.assert_array_equal(whole.points_m[40], part.points_m[0])
+    np.testing.assert_array_equal(whole.status[40], part.status[0])
+
+
+def test_draws_of_sds_do_not_depend_on_where_a_range_begins():
+    data = scene(12, 5)
+    later = replace(data, pixels=data.pixels[5:])
+    whole = solved(data, population_search.solve)
+    detections = replace(later.detections, frame_numbers=5 + later.detections.frame_numbers)
+    part = population_search.solve(later.rig, detections, later.tracks, later.noise, OPTIONS, [(0, 1)])
+    np.testing.assert_array_equal(whole.points_m[5:], part.points_m)
+
+
+def test_covariances_hold_what_they_say():
+    data = scene(4000, 6, swap=0.25)
+    result = solved(data, enumerated.solve)
+    points = result.points_m[:, 0]
+    straight = np.linalg.norm(points - data.points_m, axis=-1).sum(axis=1)
+    crossed = np.linalg.norm(points[:, ::-1] - data.points_m, axis=-1).sum(axis=1)
+    truth = np.where((straight <= crossed)[:, None, None], data.points_m, data.points_m[:, ::-1])
+    offset = points - truth
+    has = (result.status[:, 0] < PointStatus.NOT_SEEN).all(axis=1)
+    inverse = np.linalg.inv(unpack_covariance(result.covariance_m2[:, 0])[has])
+    squared = np.einsum("nsi,nsij,nsj->ns", offset[has], inverse, offset[has])
+    assert (squared < 3.5059).mean() == pytest.approx(0.68, abs=0.02)
+    assert (squared < 7.8147).mean() == pytest.approx(0.95, abs=0.012)
+
+
+def test_both_labels_on_one_limb_give_the_other_nothing():
+    data = scene(200, 6, swap=0.0)
+    rng = np.random.default_rng(4)
+    pixels = data.pixels.copy()
+    pixels[:, 2, 1] = pixels[:, 2, 0] + 3.0 * rng.standard_normal((200, 2))
+    result = solved(replace(data, pixels=pixels), enumerated.solve)
+    projected = data.rig.project(data.points_m)[2]
+    clear = np.linalg.norm(projected[:, 0] - projected[:, 1], axis=-1) > 60.0
+    assert clear.sum() > 50
+    right = np.where((result.used[:, 0, 0, 0] == 0)[:, None], [0, 1], [1, 0])[:, 1]
+    rests = np.take_along_axis(result.used[:, 0, 2], right[:, None], axis=1)[:, 0]
+    assert (rests[clear] == -1).all()
+    assert (errors_mm(result.points_m[:, 0], data.points_m) < 60.0).all()
+
+
+def test_fewer_than_four_rays_leave_the_point_they_see():
+    data = scene(50, 3, swap=0.0)
+    pixels = data.pixels.copy()
+    pixels[:, :, 0] = np.nan
+    result = solved(replace(data, pixels=pixels), enumerated.solve)
+    assert np.isin(result.status[:, 0, 1], (PointStatus.OK, PointStatus.AMBIGUOUS)).all()
+    assert (result.status[:, 0, 1] == PointStatus.OK).mean() > 0.9
+    assert np.isin(result.status[:, 0, 0], (PointStatus.NOT_SEEN, PointStatus.TOO_FEW_VIEWS)).all()
+    assert np.isnan(result.points_m[:, 0, 0]).all()
+    assert np.linalg.norm(result.points_m[:, 0, 1] - data.points_m[:, 1], axis=-1).max() < 0.2
+    assert (result.view_status[:, 0, :, 0] == ViewStatus.UNSEEN).all()
+    assert (solved(replace(data, pixels=pixels), population_search.solve).status == PointStatus.TOO_FEW_VIEWS).all()
+
+
+def test_nothing_seen_is_no_point():
+    data = scene(3, 4)
+    result = solved(replace(data, pixels=np.full_like(data.pixels, np.nan)), enumerated.solve)
+    assert (result.status == PointStatus.NOT_SEEN).all()
+    assert np.isnan(result.points_m).all()
+    assert np.isnan(result.covariance_m2).all()
+    assert (result.used == -1).all()
+    assert np.isnan(result.view_error_px).all()
+    assert (result.evidence == 0.0).all()
+
+
+def test_points_of_two_views_say_that_they_are_ambiguous():
+    result = solved(seen_by(scene(100, 7, swap=0.0), [0, 2]), enumerated.solve)
+    has = result.status < PointStatus.NOT_SEEN
+    assert has.any()
+    assert (result.status[has] == PointStatus.AMBIGUOUS).all()
+
+
+def test_evidence_names_the_swapped_views():
+    data = scene(400, 8, swap=0.2)
+    result = solved(data, enumerated.solve)
+    swapped = data.truth[..., 0] == 1
+    straight = np.linalg.norm(result.points_m[:, 0] - data.points_m, axis=-1).sum(axis=1)
+    crossed = np.linalg.norm(result.points_m[:, 0, ::-1] - data.points_m, axis=-1).sum(axis=1)
+    in_order = straight <= crossed
+    said = result.evidence[:, 0] > 0
+    sure = np.abs(result.evidence[:, 0]) > 6.0
+    assert in_order.mean() > 0.9
+    agree = said == np.where(in_order[:, None], swapped, ~swapped)
+    assert agree[sure].mean() > 0.99
+
+
+def test_the_frame_before_decides_between_explanations():
+    data = scene(900, 4, walk=True, outlier=0.15, missing=0.15, seed=5)
+    alone = solved(data, enumerated.solve)
+    helped = solved(data, enumerated.solve, PairOptions(prior_m=0.05))
+
+    def wrong(result: SolvedPairs) -> int:
+        points = result.points_m[:, 0]
+        return int((np.isnan(points).any(axis=(1, 2)) | (errors_mm(points, data.points_m) > 100.0)).sum())
+
+    assert wrong(helped) <= wrong(alone)
+
+
+def test_weights_of_sds_are_options():
+    data = scene(40, 8, swap=0.25)
+    usual = errors_mm(solved(data, population_search.solve).points_m[:, 0], data.points_m)
+    deaf = PairOptions(sds=SdsOptions(ray_weight=0.0))
+    assert (
+        np.median(usual)
+        < 20.0
+        < np.median(errors_mm(solved(data, population_search.solve, deaf).points_m[:, 0], data.points_m))
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Options(**{"pairs": "enumerated"}), "pairs: no 'enumerated'"),
+        (lambda: PairOptions(prior_m=0.0), "pair_search.prior_m must be positive"),
+        (lambda: PairOptions(seed=-1), "pair_search.seed must be 0 or more"),
+        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be 0 or more"),
+        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be positive"),
+        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be at least 2"),
+        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be at least 1"),
+    ],
+)
+def test_options_say_what_is_wrong(make, message):
+    with pytest.raises(OptionsError, match=message):
+        make()

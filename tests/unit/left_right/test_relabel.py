@@ -1,0 +1,210 @@
+"""Left and right put right in the detections, and what comes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import posefuse
+from posefuse.association import one_subject
+from posefuse.errors import DetectionsError
+from posefuse.left_right import model_selection, relabel
+from posefuse.left_right.pairs import enumerated
+from posefuse.left_right.pairs.label_likelihood import robust_evidence
+from posefuse.model.detections import Detections
+from posefuse.model.label_swaps import SwapState
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import ViewStatus
+from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
+from posefuse.progress import Silent
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import Scene, simulate
+
+NOISE = Options(noise_scale_px=CLEAN.sigma_px)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return simulate(SceneOptions(cameras=4, duration_s=4.0, detector=CLEAN, seed=3))
+
+
+def exchange(detections: Detections, view: int, chain: str, start: int, stop: int) -> Detections:
+    """A limb's left and right taken for each other in a view, from one frame to another."""
+    skeleton = detections.skeleton
+    flags = np.zeros((detections.n_frames, 1, len(skeleton.pairs), detections.n_views), dtype=bool)
+    for p, pair in enumerate(skeleton.pairs):
+        flags[start:stop, :, p, view] = pair in skeleton.chains[chain]
+    return relabel.relabelled(detections, tracks_of(detections), flags, skeleton.pair_indices)
+
+
+def tracks_of(detections: Detections):
+    return one_subject.follow(detections, None, one_subject.longest_ids(detections))
+
+
+def measured(result: Reconstruction) -> np.ndarray:
+    return np.asarray(result.layers["measured"].points_m)
+
+
+def test_labels_exchanged_twice_are_as_before(scene, rng):
+    detections = scene.detections
+    pairs = detections.skeleton.pair_indices
+    flags = rng.random((detections.n_frames, 1, len(pairs), detections.n_views)) < 0.3
+    once = relabel.relabelled(detections, tracks_of(detections), flags, pairs)
+    twice = relabel.relabelled(once, tracks_of(detections), flags, pairs)
+    np.testing.assert_array_equal(twice.keypoints_px, detections.keypoints_px)
+    changed = (np.asarray(once.keypoints_px) != np.asarray(detections.keypoints_px)).any(axis=-1)
+    expected = np.zeros_like(changed)
+    for p, pair in enumerate(pairs):
+        expected[:, pair] = flags[:, 0, p].reshape(-1, 1)
+    seen = np.isfinite(np.asarray(detections.keypoints_px)[..., 0])
+    assert not (changed & ~expected).any()
+    assert (changed | ~(expected & seen)).all()
+
+
+def test_without_swaps_labels_are_as_good(scene):
+    ours = posefuse.reconstruct(scene.rig, scene.detections, NOISE)
+    believed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
+    np.testing.assert_array_equal(measured(ours), measured(believed))
+    assert ours.swaps is not None
+    assert believed.swaps is None
+    assert not (np.asarray(ours.swaps.state) == SwapState.SWAPPED).any()
+
+
+@pytest.mark.parametrize("chain", ["leg", "arm"])
+def test_a_swapped_limb_comes_out_as_if_it_had_not_been(chain, scene):
+    swapped = exchange(scene.detections, 1, chain, 40, 70)
+    ours = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    undisturbed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
+    moved = np.linalg.norm(measured(ours) - measured(undisturbed), axis=-1)
+    assert np.nanpercentile(moved, 99) < 1e-9
+    assert ours.swaps is not None
+    state = np.asarray(ours.swaps.state)[:, 0, 1, ours.swaps.chains.index(chain)]
+    assert (state[41:69] == SwapState.SWAPPED).mean() > 0.9
+    assert not (state[:38] == SwapState.SWAPPED).any()
+    assert not (state[72:] == SwapState.SWAPPED).any()
+    status = np.asarray(ours.layers["measured"].view_status)[45:65, 0, :, 1]
+    columns = [
+        scene.detections.skeleton.index(name) for pair in scene.detections.skeleton.chains[chain] for name in pair
+    ]
+    assert (status[:, columns] == ViewStatus.USED_SWAPPED).mean() > 0.9
+
+
+def test_a_recording_in_ranges_comes_out_as_in_one_piece(scene):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    plan = prepare(scene.rig, swapped, NOISE, Silent())
+    whole = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    plan = replace(plan, options=replace(plan.options, chunk_frames=50))
+    parts = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent())))
+    np.testing.assert_array_equal(measured(parts), measured(whole))
+    assert parts.swaps == whole.swaps
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.25])
+def test_how_often_pairs_are_swapped_on_their_own_is_learned(share, rng):
+    truth = rng.random((500, 1, 8, 3)) < share
+    # Twice the log-likelihood ratio of a normal number with mean +-d.
+    d = 2.0
+    evidence = 4.0 * d * (np.where(truth, d, -d) + rng.standard_normal(truth.shape))
+    assert (relabel.on_their_own(evidence)[0] != truth).mean() < 0.03
+
+
+def test_evidence_has_the_sign_of_the_swap(scene):
+    noise, pairs = NoiseModel(np.full(4, CLEAN.sigma_px)), scene.detections.skeleton.pair_indices
+    swapped = exchange(scene.detections, 1, "arm", 0, scene.detections.n_frames)
+    tracks = tracks_of(swapped)
+    solved = enumerated.solve(scene.rig, swapped, tracks, noise, TriangulationOptions(min_views=2), pairs)
+    evidence = robust_evidence(scene.rig, swapped, tracks, noise, pairs, solved)
+    arms = [pair in swapped.skeleton.chains["arm"] for pair in swapped.skeleton.pairs]
+    assert (evidence[:, arms, 1] > 0.0).mean() > 0.9
+    assert (evidence[:, :, [0, 2, 3]] < 0.0).mean() > 0.9
+    # Tails: however wrong, an observation is not the evidence of hundreds.
+    assert np.abs(evidence).max() < 100.0
+
+
+def test_a_stretch_that_explains_nothing_better_is_taken_back(scene):
+    options = TriangulationOptions(min_views=2)
+    noise, tracks = NoiseModel(np.full(4, CLEAN.sigma_px)), tracks_of(scene.detections)
+    pairs, chain_of = scene.detections.skeleton.pair_indices, np.zeros(len(scene.detections.skeleton.pairs))
+    solve = relabel.load_method("consensus").solve
+    wrong = np.zeros((scene.detections.n_frames, 1, len(pairs), 4), dtype=bool)
+    wrong[10:20, :, :, 2] = True
+    believed = solve(scene.rig, scene.detections, tracks, noise, options)
+    exchanged = solve(scene.rig, relabel.relabelled(scene.detections, tracks, wrong, pairs), tracks, noise, options)
+    kept, back = model_selection.settled(wrong, believed, exchanged, noise, pairs, chain_of)
+    assert not kept.any()
+    assert back[10:20].all()
+    assert not back[:10].any()
+    # The other way round: the labels are wrong there, and exchanging them mends it.
+    kept, back = model_selection.settled(wrong, exchanged, believed, noise, pairs, chain_of)
+    np.testing.assert_array_equal(kept, wrong)
+    assert not back.any()
+
+
+@pytest.mark.parametrize(("method", "pairs"), [("consensus", "enumerate"), ("simple", "labels"), ("ransac", "labels")])
+def test_other_methods_believe_labels_unless_told_otherwise(method, pairs, scene):
+    options = replace(NOISE, triangulation=TriangulationOptions(method=method))
+    assert prepare(scene.rig, scene.detections, options, Silent()).options.pairs == pairs
+
+
+@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {"sides": "plane", "up": "z"}])
+def test_every_way_runs_through(given, scene):
+    short = exchange(scene.detections, 1, "leg", 10, 20).frames(0, 30)
+    result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **given))
+    assert result.swaps is not None
+    assert np.isfinite(measured(result)).mean() > 0.95
+
+
+@pytest.mark.parametrize("offset_s", [0.004, -0.015])
+def test_clocks_that_differ_by_less_than_half_a_frame_turn_nothing_over(offset_s, scene):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    times = np.array(swapped.time_s)
+    times[:, 3] += offset_s
+    odd = posefuse.reconstruct(scene.rig, replace(swapped, time_s=times), NOISE)
+    even = posefuse.reconstruct(scene.rig, swapped, NOISE)
+    moved = np.linalg.norm(measured(odd) - measured(even), axis=-1)
+    assert np.nanpercentile(moved, 99) < 1e-9
+
+
+def test_clocks_that_have_nothing_in_common_are_an_error(scene):
+    times = np.array(scene.detections.time_s)
+    times[:, 1:] += 3600.0 * np.arange(1, times.shape[1])
+    with pytest.raises(DetectionsError, match="one clock"):
+        posefuse.reconstruct(scene.rig, replace(scene.detections, time_s=times), NOISE)
+
+
+@pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {}])
+def test_a_recording_in_which_nobody_is_seen(given, scene):
+    empty = replace(
+        scene.detections,
+        offsets=np.zeros_like(scene.detections.offsets),
+        keypoints_px=np.empty((0, len(scene.detections.skeleton), 2)),
+        confidence=np.empty((0, len(scene.detections.skeleton))),
+        track_ids=np.empty(0, dtype=np.int64),
+    )
+    result = posefuse.reconstruct(scene.rig, empty, replace(NOISE, **given))
+    assert np.isnan(measured(result)).all()
+
+
+def test_what_is_below_min_confidence_says_nothing_of_sides(scene):
+    swapped = exchange(scene.detections, 1, "leg", 40, 70)
+    confidence = np.array(swapped.confidence)
+    confidence[3::4] = 0.05
+    result = posefuse.reconstruct(scene.rig, replace(swapped, confidence=confidence), NOISE)
+    assert result.swaps is not None
+    state = np.asarray(result.swaps.state)
+    assert (state[45:65, 0, 1, result.swaps.chains.index("leg")] == SwapState.SWAPPED).all()
+    assert (state[:, :, 3] == SwapState.UNKNOWN).all()
+
+
+def test_two_of_three_views_are_enough_to_put_sides_right(scene):
+    """A third camera that sees nothing must not keep the others from it."""
+    three = scene.detections.views(scene.detections.view_names[:3])
+    keypoints = np.array(exchange(three, 1, "leg", 40, 70).keypoints_px)
+    keypoints[2::3] = np.nan
+    result = posefuse.reconstruct(scene.rig.select(scene.rig.names[:3]), replace(three, keypoints_px=keypoints), NOISE)
+    error = np.linalg.norm(measured(result) - np.asarray(scene.truth.layers["measured"].points_m), axis=-1)
+    legs = [three.skeleton.index(name) for pair in three.skeleton.chains["leg"] for name in pair]
+    assert np.isfinite(error[40:70][:, :, legs]).mean() > 0.95
+    assert np.nanmedian(error[40:70][:, :, legs]) < 0.02

@@ -1,0 +1,112 @@
+"""Views out of step are put in step, and nothing is made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.association.one_subject import OneSubject
+from posefuse.errors import FileError, MatchError, OptionsError
+from posefuse.io.options import options_to_toml, read_options, read_sync, sync_to_toml
+from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
+from posefuse.model.options.sync import SyncOptions
+from posefuse.preprocess.time_offsets import at_frame_times, in_step
+from posefuse.skeleton.skeletons import find_skeleton
+
+RATE = 25.0
+SYNC = SyncOptions(("b",), (0.0,), (2.4 / RATE,), (0.0,))
+
+
+def straight(late_frames: float = 2.4, frames: int = 40) -> Detections:
+    """Two views of a point that moves 10 px a frame; the second view is late."""
+    skeleton = find_skeleton("coco_17")
+    taken = np.arange(frames)[:, None] + np.array([0.0, late_frames])
+    pixels = np.full((frames, 2, len(skeleton), 2), 50.0)
+    pixels[..., 0] = 10.0 * taken[..., None]
+    return Detections.from_dense(skeleton, ("a", "b"), pixels, np.ones(pixels.shape[:3]), rate_hz=RATE)
+
+
+def put(detections: Detections, sync: SyncOptions = SYNC) -> np.ndarray:
+    step = in_step(detections, ("a", "b"), sync)
+    tracks = OneSubject.of(step.detections, None).follow(0, step.detections.n_frames)
+    return at_frame_times(step, tracks).dense()[0][..., 0, 0]
+
+
+def test_a_late_view_shows_what_was_there_at_the_frame_s_time():
+    shown = put(straight())
+    assert shown[3:-1, 1] == pytest.approx(shown[3:-1, 0])
+    assert shown[:, 0] == pytest.approx(10.0 * np.arange(40))
+
+
+def test_a_drift_is_followed():
+    frames = np.arange(200)
+    detections = straight(0.0, 200)
+    pixels = detections.dense()[0].copy()
+    pixels[:, 1, :, 0] = 10.0 * (frames * 1.01 + 1.0)[:, None]
+    drifting = Detections.from_dense(detections.skeleton, ("a", "b"), pixels, rate_hz=RATE)
+    shown = put(drifting, SyncOptions(("b",), (0.0,), (1.0 / RATE,), (1e4,)))
+    known = np.isfinite(shown[:, 1])
+    assert known.mean() > 0.95
+    # Within a tenth of a frame, 1 px here, a view is left as it is.
+    assert shown[known, 1] == pytest.approx(shown[known, 0], abs=1.001)
+
+
+def test_nothing_is_put_across_a_gap_of_more_than_two_frames():
+    detections = straight()
+    pixels = detections.dense()[0].copy()
+    pixels[20:23, 1] = np.nan
+    gap = Detections.from_dense(detections.skeleton, ("a", "b"), pixels, rate_hz=RATE)
+    shown = put(gap)
+    # Frames 20 to 22 of the view were taken at 22.4 to 24.4: nothing is known from 21.4 to 25.4.
+    assert np.isnan(shown[22:26, 1]).all()
+    assert np.isfinite(shown[[21, 26], 1]).all()
+
+
+def test_a_view_in_step_is_left_as_it_is():
+    detections = straight(0.0)
+    shown = put(detections, SyncOptions(("b",), (0.0,), (0.05 / RATE,), (0.0,)))
+    assert (shown == detections.dense()[0][..., 0, 0]).all()
+
+
+DRIFTING, WHOLE = SyncOptions(("b",), (0.0,), (0.0,), (4e3,)), SyncOptions(("a",), (0.0,), (3.0 / RATE,), (0.0,))
+
+
+@pytest.mark.parametrize("sync", [SYNC, DRIFTING, WHOLE])
+def test_views_are_marked_where_their_points_were_moved(sync):
+    detections = straight(0.0, 120)
+    step = in_step(detections, ("a", "b"), sync)
+    tracks = OneSubject.of(step.detections, None).follow(0, 120)
+    before, after = step.detections.dense()[0][..., 0, 0], at_frame_times(step, tracks).dense()[0][..., 0, 0]
+    known = np.isfinite(after)
+    marked = sync.retimed(("a", "b"), step.time_s, 1.0 / RATE)
+    assert (marked[known] == (before != after)[known]).all()
+
+
+def test_rows_of_one_view_hold_from_their_time_on():
+    sync = SyncOptions(("b", "b"), (0.0, 1.0), (0.0, 0.12), (0.0, 0.0))
+    assert sync.late("b", np.array([-1.0, 0.5, 1.0, 2.0])) == pytest.approx([0.0, 0.0, 0.12, 0.12])
+    assert (sync.late("a", np.zeros(3)) == 0.0).all()
+
+
+def test_files_of_offsets_come_back(tmp_path):
+    path = tmp_path / "sync.toml"
+    path.write_text(sync_to_toml(SYNC), "utf-8")
+    assert read_sync(path) == SYNC
+    path.write_text(options_to_toml(replace(Options(), sync=SYNC)), "utf-8")
+    assert read_options(path).sync == SYNC
+
+
+@pytest.mark.parametrize("text", ["", "[noise]\nspread = 1.0\n", "[sync]\ncameras = ['a']\n", "[sync]\nlate = 3\n"])
+def test_other_files_are_refused(tmp_path, text):
+    path = tmp_path / "sync.toml"
+    path.write_text(text, "utf-8")
+    with pytest.raises(OptionsError, match="sync"):
+        read_sync(path)
+
+
+def test_what_is_not_there_is_said(tmp_path):
+    with pytest.raises(FileError):
+        read_sync(tmp_path / "none.toml")
+    with pytest.raises(MatchError, match="'c'"):
+        in_step(straight(), ("a", "b"), SyncOptions(("c",), (0.0,), (0.1,), (0.0,)))

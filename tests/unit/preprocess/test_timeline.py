@@ -1,0 +1,161 @@
+"""Views on one line of frames: by time, whatever the numbers of their frames are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posefuse import align_views
+from posefuse.errors import DetectionsError
+from posefuse.model.detections import Detections
+from posefuse.preprocess.timeline import nominal_rate_hz
+from posefuse.skeleton.skeletons import Skeleton
+from tests.laws import examples
+
+DOTS = Skeleton("dots", ("a", "b"))
+
+
+def of_views(*times: np.ndarray, first: tuple[int, ...] | None = None) -> Detections:
+    """One person a view and frame, whose place in the image is the time; files number frames from ``first``."""
+    begins = first or (0,) * len(times)
+    numbers = np.arange(min(begins), max(b + len(t) for b, t in zip(begins, times, strict=True)))
+    recorded = np.stack([(numbers >= b) & (numbers < b + len(t)) for b, t in zip(begins, times, strict=True)], axis=1)
+    time_s = np.full(recorded.shape, np.nan)
+    for v, each in enumerate(times):
+        time_s[recorded[:, v], v] = each
+    seen = time_s[recorded]
+    pixels = np.repeat(np.stack([100.0 * seen, np.nonzero(recorded)[1]], axis=-1)[:, None], 2, axis=1)
+    return Detections(
+        DOTS, tuple(f"view_{v}" for v in range(len(times))), numbers, time_s,
+        np.concatenate([[0], np.cumsum(recorded.ravel())]), pixels, np.ones(pixels.shape[:2]), recorded,
+        np.full(len(pixels), -1),
+    )  # fmt: skip
+
+
+def same_but_for_notes(a: Detections, b: Detections) -> bool:
+    return replace(a, notes=(), rate_hz=None) == replace(b, notes=(), rate_hz=None)
+
+
+def jittered(rng, n, rate, start=0.0, jitter=0.1):
+    return start + (np.arange(n) + rng.uniform(-jitter, jitter, n)) / rate
+
+
+def test_views_that_are_together_are_left_alone():
+    together = of_views(np.arange(9) / 30, np.arange(9) / 30 + 0.01, np.arange(5) / 30)
+    assert align_views(together) is together
+    assert align_views(of_views(np.arange(5) / 30)).n_frames == 5
+    timeless = replace(together, time_s=np.full((9, 3), np.nan))
+    assert align_views(timeless) is timeless
+
+
+def test_half_the_rate():
+    found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30, np.arange(20) / 30))
+    np.testing.assert_allclose(found.time_s, np.repeat(np.arange(20)[:, None] / 30, 3, axis=1))
+    assert found.recorded.all()
+    assert found.rate_hz == 30
+    assert found.frame_numbers.tolist() == list(range(20))
+    pixels, _ = found.dense()
+    np.testing.assert_allclose(pixels[..., 0, 0], 100.0 * found.time_s)
+    assert pixels[0, :, 0, 1].tolist() == [0, 1, 2]
+    assert found.notes == (
+        "Views are put together by time: 20 frames, 30 Hz as view_1; of each view what it took within 16.7 ms.",
+        "View view_0 (60 Hz): 20 of its 40 frames are not used; at most 0.0 ms off.",
+    )
+
+
+def test_the_faster_view_may_lead():
+    found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30), "view_0")
+    assert found.n_frames == 40
+    assert found.recorded[:, 1].tolist() == [True, False] * 20
+    assert found.rate_hz == 60
+    assert "20 of the 40 frames it did not record" in found.notes[-1]
+
+
+def test_what_none_has_near_is_missing_and_what_others_have_beyond_is_kept():
+    """View 0 lacks frames 4 and 5 and ends early; view 1, twice as fast, begins late and ends late."""
+    slow = np.delete(np.arange(10), [4, 5]) / 30
+    found = align_views(of_views(slow, np.arange(6, 26) / 60 + 0.004))
+    assert found.frame_numbers.tolist() == list(range(13))
+    assert found.recorded[:, 0].tolist() == [True] * 4 + [False] * 2 + [True] * 4 + [False] * 3
+    assert found.recorded[:, 1].tolist() == [False] * 3 + [True] * 10
+    np.testing.assert_allclose(found.time_s[3:, 1], np.arange(3, 13) / 30 + 0.004)
+
+
+@given(seed=st.integers(0, 2**31), shift=st.integers(1, 25), view=st.integers(0, 2))
+@examples(40)
+def test_the_start_of_a_file_changes_nothing_where_times_tell(seed, shift, view):
+    """The same frames, counted by one file from another moment."""
+    rng = np.random.default_rng(seed)
+    times = [jittered(rng, 60, 30.0, start=rng.uniform(0, 0.005)) for _ in range(3)]
+    times[view] = times[view][: 60 - shift] if rng.random() < 0.5 else times[view][shift:]
+    begins = [0, 0, 0]
+    begins[view] = round(30 * (times[view][0] - times[(view + 1) % 3][0]))
+    right = align_views(of_views(*times, first=tuple(begins)))
+    wrong = align_views(of_views(*times, first=(0, 0, 0)))
+    assert same_but_for_notes(right, wrong)
+
+
+@given(seed=st.integers(0, 2**31), view=st.integers(0, 2))
+@examples(40)
+def test_frames_that_one_view_lost_leave_the_others_as_they_are(seed, view):
+    rng = np.random.default_rng(seed)
+    times = [jittered(rng, 60, 30.0) for _ in range(3)]
+    whole = align_views(of_views(*times))
+    lost = rng.choice(60, 12, replace=False)
+    holed = align_views(of_views(*(np.delete(t, lost) if v == view else t for v, t in enumerate(times))))
+    assert holed.frame_numbers.tolist() == whole.frame_numbers.tolist()
+    kept = np.ones((60, 3), dtype=bool)
+    kept[lost, view] = False
+    np.testing.assert_array_equal(holed.recorded, kept)
+    np.testing.assert_array_equal(holed.time_s[kept], whole.time_s[kept])
+    np.testing.assert_array_equal(holed.dense()[0][kept], whole.dense()[0][kept])
+
+
+@given(
+    seed=st.integers(0, 2**31),
+    rates=st.lists(st.sampled_from([25.0, 30.0, 50.0, 59.94, 120.0]), min_size=2, max_size=4),
+)
+@examples(60)
+def test_each_frame_is_used_once_within_half_an_interval_and_again_changes_nothing(seed, rates):
+    rng = np.random.default_rng(seed)
+    times = [
+        np.sort(jittered(rng, int(rng.uniform(1.0, 2.0) * rate), rate, rng.uniform(0, 0.3), 0.2)) for rate in rates
+    ]
+    given_detections = of_views(*times)
+    found = align_views(given_detections)
+    assert align_views(found) is found
+    assert (np.diff(found.frame_numbers) > 0).all()
+    assert (found.recorded.any(axis=1)).all()
+    spread = np.nanmax(found.time_s, axis=1) - np.nanmin(found.time_s, axis=1)
+    assert spread.max() <= 1.0 / found.rate_hz * 1.01
+    for v, each in enumerate(times):
+        used = found.time_s[found.recorded[:, v], v]
+        assert (np.diff(used) > 0).all()
+        assert np.isin(used, each).all()
+    pixels = found.dense()[0]
+    np.testing.assert_allclose(pixels[found.recorded][:, 0, 0], 100.0 * found.time_s[found.recorded])
+
+
+def test_the_rate_is_that_of_the_numbers():
+    """Times rounded to a tenth of a millisecond, and a view that has every other frame only."""
+    times = np.round(np.arange(100) / 60, 4)
+    assert nominal_rate_hz(np.arange(100), times) == pytest.approx(60, rel=1e-4)
+    assert nominal_rate_hz(np.arange(0, 100, 2), times[::2]) == pytest.approx(60, rel=1e-4)
+    stopped = np.where(np.arange(100) < 50, times, times + 7.0)
+    assert nominal_rate_hz(np.arange(100), stopped) == pytest.approx(60, rel=0.01)
+    assert nominal_rate_hz(np.arange(3), np.array([np.nan, 1.0, np.nan])) is None
+
+
+def test_what_times_cannot_be():
+    near = np.arange(9) / 30
+    with pytest.raises(DetectionsError, match=r"No two views .* view_0 0.000 to 0.267 s, view_1 50.000 to 50.267 s"):
+        align_views(of_views(near, near + 50))
+    with pytest.raises(DetectionsError, match=r"view 'view_1' go backwards after frame 3"):
+        align_views(of_views(near, np.array([0, 1, 2, 3, 1.5, 5, 6, 7, 8]) / 30))
+    half = of_views(near, near)
+    with pytest.raises(DetectionsError, match="'view_1' has no time for 9 of its 9 frames"):
+        align_views(replace(half, time_s=np.where([True, False], half.time_s, np.nan)))
+    with pytest.raises(DetectionsError, match="No view 'view_7' to follow"):
+        align_views(half, "view_7")

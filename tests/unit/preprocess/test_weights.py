@@ -1,0 +1,102 @@
+"""Detections that say how noisy they are: weighed by it, and the points are better for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError
+from posefuse.io.keypoints import native
+from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.pipeline.reconstruct import triangulate
+from posefuse.preprocess.weights import weighed
+from posefuse.skeleton.skeletons import find_skeleton
+from posefuse.synthetic.options import CLEAN, SceneOptions
+from posefuse.synthetic.scenes import simulate
+from tests.unit.model.test_detections import ragged
+
+SCENE = SceneOptions(duration_s=0.5, cameras=3, detector=replace(CLEAN, sigma_px=0.1))
+
+
+def with_sigma(rng, detections):
+    shape = np.asarray(detections.confidence).shape
+    return replace(detections, sigma_px=np.exp(rng.uniform(np.log(0.5), np.log(8.0), shape)))
+
+
+def test_weights_are_the_reference_over_sigma(rng):
+    given = with_sigma(rng, ragged(rng))
+    found = weighed(given, 4.5, 0.0)
+    assert found is not None
+    sigma = np.asarray(given.sigma_px)
+    np.testing.assert_allclose(np.asarray(found.confidence) * sigma, 4.5)
+    assert found.sigma_px is None
+
+
+def test_what_is_not_believed_gets_no_weight_and_all_else_enough(rng):
+    given = with_sigma(rng, ragged(rng))
+    sigma = np.asarray(given.sigma_px).copy()
+    sigma[0, 0], sigma[0, 1] = 1e6, np.nan
+    confidence = np.asarray(given.confidence).copy()
+    confidence[0] = 0.9, 0.9, np.nan, 0.29
+    found = np.asarray(weighed(replace(given, sigma_px=sigma, confidence=confidence), 4.5, 0.3).confidence)
+    assert (found[confidence < 0.3] == 0.0).all()
+    assert (found[~(confidence < 0.3)] >= 0.3).all()
+    assert found[0, 0] == 0.3
+    assert found[0, 1] == pytest.approx(np.median(found[np.isfinite(sigma) & ~(confidence < 0.3)]), rel=0.5)
+
+
+def test_files_are_weighed_as_they_are_read(rng, tmp_path):
+    given = with_sigma(rng, ragged(rng))
+    native.write(given, tmp_path / "keypoints.nc")
+    from posefuse import read_detections
+
+    stored = read_detections(tmp_path / "keypoints.nc")
+    assert stored == given
+    assert weighed(stored, 4.5, 0.2) == weighed(given, 4.5, 0.2)
+
+
+def test_parts_of_a_mean_lend_it_the_larger_deviation(rng):
+    body, other = find_skeleton("coco_17"), find_skeleton("body_20")
+    given = with_sigma(rng, replace(ragged(rng, keypoints=17), skeleton=body))
+    found = np.asarray(given.to_skeleton(other).sigma_px)
+    hips = [body.index("left_hip"), body.index("right_hip")]
+    np.testing.assert_array_equal(found[:, other.index("mid_hip")], np.asarray(given.sigma_px)[:, hips].max(axis=1))
+
+
+@pytest.mark.parametrize("method", ["consensus", "simple"])
+def test_points_weighed_by_their_true_noise_are_better(method, rng):
+    scene = simulate(replace(SCENE, duration_s=2.0, cameras=4))
+    clean = scene.detections
+    sigma = np.exp(rng.uniform(np.log(0.5), np.log(12.0), np.asarray(clean.confidence).shape))
+    pixels = np.asarray(clean.keypoints_px) + rng.normal(size=(*sigma.shape, 2)) * sigma[..., None]
+    noisy = replace(clean, keypoints_px=pixels)
+    options = Options(triangulation=TriangulationOptions(method=method), pairs="labels", solve="frame")
+
+    def error_m(detections):
+        found = np.asarray(triangulate(scene.rig, detections, options).layers["measured"].points_m)
+        off = np.linalg.norm(found - np.asarray(scene.truth.layers["measured"].points_m), axis=-1)
+        return np.sqrt(np.nanmean(off**2))
+
+    assert error_m(replace(noisy, sigma_px=sigma)) < 0.75 * error_m(noisy)
+    # A common factor is nothing that says which view is the better one.
+    assert error_m(replace(noisy, sigma_px=sigma)) == pytest.approx(
+        error_m(replace(noisy, sigma_px=1.7 * sigma)), rel=0.02
+    )
+
+
+def test_fixed_noise_is_the_users(rng):
+    scene = simulate(SCENE)
+    told = replace(scene.detections, sigma_px=np.exp(rng.normal(size=np.asarray(scene.detections.confidence).shape)))
+    options = Options(noise_scale_px=0.5, pairs="labels")
+    with_it, without = (triangulate(scene.rig, d, options) for d in (told, scene.detections))
+    np.testing.assert_array_equal(with_it.layers["measured"].points_m, without.layers["measured"].points_m)
+    assert any("fix the noise" in note for note in with_it.provenance.notes)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.inf])
+def test_deviations_are_positive(bad, rng):
+    given = with_sigma(rng, ragged(rng))
+    sigma = np.asarray(given.sigma_px).copy()
+    sigma[3, 1] = bad
+    with pytest.raises(DetectionsError, match="sigma_px of view"):
+        replace(given, sigma_px=sigma)

@@ -1,0 +1,245 @@
+"""Kinematic trees: what a table may say, what it makes, and what it is told when it is wrong."""
+
+import re
+
+import numpy as np
+import pytest
+
+from posefuse.errors import SkeletonError
+from posefuse.kernels.tracking import bodies
+from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
+from posefuse.skeleton.tree_tables import parse_tree, shared_body
+from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
+from posefuse.skeleton.trees_from_edges import spanning_tree
+from tests.kernels import from_python
+
+locate = from_python(bodies.locate)
+
+KEYPOINTS = ["nose", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"]
+PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "right_ankle"}
+
+
+def table(**changes: object) -> dict[str, object]:
+    """A pelvis with legs, and a head that sits on a neck which no detector sees."""
+    whole: dict[str, object] = {
+        "segments": {"pelvis": {}, "head": {"at": "neck"}},
+        "points": {
+            "left_hip": ["pelvis", 0.0, 0.1, 0.02],
+            "neck": ["pelvis", 0.0, 0.0, 0.5],
+            "nose": ["head", 0.1, 0.0, 0.1],
+        },
+        "bones": {"left_knee": ["left_hip", 0.4], "left_ankle": ["left_knee", 0.38, [0.1, 0.2, -1.0]]},
+        "hinges": {"left_ankle": ["pelvis", [0.0, 1.0, 0.0]]},
+        "cones": {"left_knee": ["pelvis", [1.0, 0.5, 0.0], 60.0]},
+        "twists": {"head": ["pelvis", [1.0, 0.0, 0.0], 80.0]},
+    }
+    return {**whole, **changes}
+
+
+def tree_of(keypoints: list[str] = KEYPOINTS, **changes: object) -> Tree:
+    return parse_tree(table(**changes), keypoints, PARTNER, "thing")
+
+
+def at_rest(tree: Tree) -> dict[str, np.ndarray]:
+    """Where the points of a standing body are."""
+    bones = np.zeros((len(tree.bones), 3, 3))
+    bones[:, :, 2] = tree.rest
+    points = np.empty((len(tree.nodes), 3))
+    turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
+    locate(*tree.packed[:6], np.zeros(3), turns, bones, np.asarray(tree.shape_m), points)
+    return {node.name: point for node, point in zip(tree.nodes, points, strict=True)}
+
+
+def test_a_standing_body_is_where_its_table_says():
+    points = at_rest(tree_of())
+    shin = 0.38 * np.array([0.1, 0.2, -1.0]) / np.linalg.norm([0.1, 0.2, -1.0])
+    np.testing.assert_allclose(points["left_hip"], [0.0, 0.1, 0.02], atol=1e-12)
+    np.testing.assert_allclose(points["left_knee"], [0.0, 0.1, -0.38], atol=1e-12)
+    np.testing.assert_allclose(points["left_ankle"], points["left_knee"] + shin, atol=1e-12)
+    np.testing.assert_allclose(points["nose"], [0.1, 0.0, 0.6], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_skeletons() if shipped_skeleton(name).tree is not None])
+def test_a_standing_body_is_its_own_mirror_image(name):
+    skeleton = shipped_skeleton(name)
+    assert skeleton.tree is not None
+    points = at_rest(skeleton.tree)
+    for left, right in skeleton.pairs:
+        assert (left in points) == (right in points)
+        if left in points:
+            np.testing.assert_allclose(points[right], points[left] * [1.0, -1.0, 1.0], atol=1e-12)
+
+
+def test_sides_share_their_lengths():
+    tree = tree_of()
+    assert tree.shape_names == (
+        "left_hip.left",
+        "left_hip.up",
+        "neck.up",
+        "nose.forward",
+        "nose.up",
+        "left_knee",
+        "left_ankle",
+    )
+    for left, right in PARTNER.items():
+        assert tree.nodes[tree.node(left)].shape == tree.nodes[tree.node(right)].shape
+
+
+def test_a_coordinate_of_zero_is_nobodys_own():
+    hip = tree_of().nodes[tree_of().node("left_hip")]
+    assert hip.shape[0] == -1
+    assert min(hip.shape[1:]) >= 0
+
+
+def test_numbers_of_a_pose_are_counted():
+    tree = tree_of()
+    assert tree.n_pose == 3 + 3 * 2 + 2 * 4
+    assert tree.n_shape == len(tree.shape_m) == 7
+
+
+def test_points_without_keypoints_are_left_out_unless_keypoints_hang_on_them():
+    assert {node.name for node in tree_of().nodes} >= {"pelvis", "neck", "nose"}
+    legs = tree_of(KEYPOINTS[1:])
+    assert {node.name for node in legs.nodes} == {"pelvis", *KEYPOINTS[1:]}
+    assert legs.segments == ("pelvis",)
+    assert [limit.kind for limit in legs.limits] == [HINGE, HINGE, CONE, CONE]
+    hidden = parse_tree(table(), ["left_ankle", "right_ankle"], PARTNER, "thing")
+    assert {node.name for node in hidden.nodes} == {"pelvis", *KEYPOINTS[1:]}
+    np.testing.assert_array_equal(hidden.keypoint_nodes, [hidden.node("left_ankle"), hidden.node("right_ankle")])
+
+
+def test_keypoints_that_no_table_names_have_no_node():
+    tree = tree_of([*KEYPOINTS, "tail"])
+    assert tree.keypoint_nodes[-1] == -1
+    assert (tree.keypoint_nodes[:-1] >= 0).all()
+
+
+def test_parents_come_before_children():
+    for name in shipped_skeletons():
+        tree = shipped_skeleton(name).tree
+        if tree is not None:
+            assert all(node.parent < n for n, node in enumerate(tree.nodes))
+
+
+def test_limits_hold_for_both_sides():
+    tree = tree_of()
+    hinges = [limit for limit in tree.limits if limit.kind == HINGE]
+    cones = [limit for limit in tree.limits if limit.kind == CONE]
+    (twist,) = [limit for limit in tree.limits if limit.kind == TWIST]
+    assert [tree.bones[limit.bone] for limit in hinges] == ["left_ankle", "right_ankle"]
+    assert [tree.bones[limit.before] for limit in hinges] == ["left_knee", "right_knee"]
+    # A mirror turns cross products round but for their part across, which here is all of it.
+    assert hinges[0].axis == hinges[1].axis == (0.0, 1.0, 0.0)
+    np.testing.assert_allclose(cones[1].axis, np.array(cones[0].axis) * [1.0, -1.0, 1.0])
+    assert cones[0].least == pytest.approx(0.5)
+    assert (twist.bone, twist.segment) == (1, 0)
+    assert twist.least == pytest.approx(np.cos(np.radians(80.0)))
+
+
+def test_a_hinge_bends_the_same_way_on_both_sides():
+    """Of a limb bent in any plane, and its mirror image, both overstep their hinge or neither does."""
+    tree = tree_of(hinges={"left_ankle": ["pelvis", [0.3, 1.0, 0.2]]})
+    left, right = (limit for limit in tree.limits if limit.kind == HINGE)
+    rng = np.random.default_rng(3)
+    for thigh, shin in rng.normal(size=(50, 2, 3)):
+        here = np.cross(thigh, shin) @ left.axis
+        mirror = np.array([1.0, -1.0, 1.0])
+        assert np.cross(thigh * mirror, shin * mirror) @ right.axis == pytest.approx(here)
+
+
+def test_spread_is_of_each_length_and_of_all_together():
+    tree = tree_of(spread=0.1, size_spread=0.2)
+    knee, ankle = tree.shape_names.index("left_knee"), tree.shape_names.index("left_ankle")
+    assert tree.shape_covariance[knee, knee] == pytest.approx((0.1**2 + 0.2**2) * 0.4**2)
+    assert tree.shape_covariance[knee, ankle] == pytest.approx(0.2**2 * 0.4 * 0.38)
+    assert np.linalg.eigvalsh(tree.shape_covariance).min() > 0
+
+
+def test_size_says_what_lengths_in_options_are():
+    assert tree_of().scale == 1.0
+    assert tree_of(size_m=ADULT_M / 10).scale == pytest.approx(0.1)
+    # How far a small body's points are off is small too.
+    nose = tree_of().shape_names.index("nose.up")
+    large, small = (t.shape_covariance[nose, nose] for t in (tree_of(spread=1e-6), tree_of(spread=1e-6, size_m=0.175)))
+    assert large - small == pytest.approx(0.015**2 - 0.0015**2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"segmants": {}}, "tree has no table 'segmants'. Did you mean 'segments'?"),
+        ({"spread": -0.1}, "tree.spread is a positive number, got -0.1"),
+        ({"size_m": "large"}, "tree.size_m is a positive number, got 'large'"),
+        ({"segments": {}}, "tree has no segments; it needs one or more, and the first is the root"),
+        ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis is {}, it is the root"),
+        ({"segments": {"pelvis": {}, "head": {}}}, 'tree.segments.head is { at = "the point that it turns about" }'),
+        ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "'left_foot' but no 'right_foot': name both"),
+        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose is [segment or point, forward, left, up]"),
+        ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
+        ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee is [point, length] or"),
+        ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee is"),
+        ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "tree.hinges.left_ankle is [segment, [forward, left, up]]"),
+        ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "no such end. Did you mean 'left_ankle'?"),
+        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends in 'left_hip'"),
+        ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee is [segment, [forward, left, up], degrees]"),
+        ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists names 'hat', which is no such end"),
+        ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "no segment 'palvis'. Did you mean 'pelvis'?"),
+        ({"bones": {"nose": ["neck", 0.1]}}, "'nose' stands twice"),
+        ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree hang on what is not there"),
+    ],
+)  # fmt: skip
+def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
+    if "hinges" not in changes:
+        changes = {"hinges": {}, **changes}
+    if "bones" in changes:
+        changes = {"cones": {}, **changes}
+    if "segments" in changes:
+        changes = {"points": {}, "bones": {}, "cones": {}, "twists": {}, **changes}
+    with pytest.raises(SkeletonError, match=re.escape(message)) as caught:
+        tree_of(**changes)
+    assert "'thing'" in str(caught.value)
+
+
+def test_a_shared_body_must_exist():
+    with pytest.raises(SkeletonError, match=r"No body 'humna' to take a tree from. Did you mean 'human'"):
+        shared_body("humna")
+    with pytest.raises(SkeletonError, match="tree is a table or the name of a shared body, got 3"):
+        parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")
+
+
+EDGES = np.array([[0, 1], [0, 2], [3, 1], [4, 2], [0, 5], [3, 4]])
+
+
+def ring(spread: float = 0.1) -> Tree:
+    """a-b-d, a-c-e, a-f, d-e: b and c, d and e are partners, and d-e closes a ring; g hangs on nothing."""
+    lengths = np.array([1.0, 1.2, 2.0, 2.4, 3.0, 4.0])
+    return spanning_tree(list("abcdefg"), EDGES, lengths, spread, 5.0, np.array([0, 2, 1, 4, 3, 5, 6]))
+
+
+def test_edges_are_a_tree_of_bones():
+    tree = ring()
+    assert tree.nodes[0].name == "a"
+    parents = {node.name: tree.nodes[node.parent].name for node in tree.nodes[1:]}
+    assert parents == {"b": "a", "c": "a", "f": "a", "d": "b", "e": "c"}
+    assert tree.keypoint_nodes[-1] == -1
+    assert (tree.n_pose, tree.size_m) == (3 + 2 * 5, 5.0)
+
+
+def test_mirrored_edges_are_of_one_length():
+    tree = ring(0.3)
+    assert tree.shape_names == ("b", "f", "d")
+    np.testing.assert_allclose(tree.shape_m, [1.0, 3.0, 2.0])
+    np.testing.assert_allclose(np.diag(tree.shape_covariance), 2.0 * (0.3 * np.asarray(tree.shape_m)) ** 2)
+    assert tree.nodes[tree.node("c")].place_m[2] == 1.0
+
+
+def test_a_tree_of_which_only_the_size_is_known():
+    text = 'name = "worm"\nkeypoints = ["head", "middle", "tail"]\nedges = [["head", "middle"], ["middle", "tail"]]\n'
+    tree = parse_skeleton(f"{text}[tree]\nsize_m = 0.02", "worm.toml").tree
+    assert tree is not None
+    assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
+    assert parse_skeleton(text, "worm.toml").tree is None
+    with pytest.raises(SkeletonError, match="no edges to be its bones"):
+        parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
+    with pytest.raises(SkeletonError, match="tree.size_m is a positive number, got 0"):
+        parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")

@@ -1,0 +1,254 @@
+"""Edits: what they do is known by hand, they undo each other, and a wrong one says what would be right."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posefuse.editing import apply_edits, edited_chunks
+from posefuse.errors import EditError
+from posefuse.io.edits import edits_to_toml, read_edits
+from posefuse.model.edits import Drop, Edit, Merge, Rename, Split, Swap, name_of
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.status import PointStatus
+from posefuse.model.track_events import HAPPENINGS, Event
+from posefuse.model.tracks import TrackState
+from tests.laws import examples
+from tests.people import crowd, followed, nobody
+
+FRAMES = 30
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return crowd(seconds=FRAMES / 25)
+
+
+@pytest.fixture(scope="module")
+def result(scene) -> Reconstruction:
+    return followed(scene)
+
+
+def data_of(result: Reconstruction, person: str, frames: slice = slice(None)) -> list[np.ndarray]:
+    """Everything that is of a person, frame by frame."""
+    p = result.person_ids.index(person)
+    sources = [value for layer in result.layers.values() for value in vars(layer).values()]
+    sources += [result.tracks.detection, result.tracks.state, result.swaps.state]
+    sources += [result.poses.turns, result.poses.directions]
+    return [np.asarray(source)[frames, p] for source in sources]
+
+
+def assert_same(mine: list[np.ndarray], theirs: list[np.ndarray]) -> None:
+    for a, b in zip(mine, theirs, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def without_notes(result: Reconstruction) -> Reconstruction:
+    return replace(result, provenance=replace(result.provenance, notes=()), events=())
+
+
+class TestWhatTheyDo:
+    def test_rename(self, result):
+        edited = apply_edits(result, [Rename("person_2", "Änne")])
+        assert edited.person_ids == ("person_1", "Änne", "person_3", "person_4")
+        assert_same(data_of(edited, "Änne"), data_of(result, "person_2"))
+        mine = [(e.number, e.what) for e in edited.events if e.person == "Änne"]
+        assert mine == [(e.number, e.what) for e in result.events if e.person == "person_2"]
+        assert mine
+        assert edited.provenance.notes == ("a note", "Edited: person_2 renamed Änne.")
+        np.testing.assert_array_equal(edited.poses.shape_m, result.poses.shape_m)
+
+    def test_split(self, result):
+        edited = apply_edits(result, [Split("person_1", "late", 12)])
+        assert edited.person_ids == ("person_1", "late", "person_2", "person_3", "person_4")
+        early, late, then = slice(None, 12), slice(12, None), data_of(result, "person_1", slice(12, None))
+        assert_same(data_of(edited, "person_1", early), data_of(result, "person_1", early))
+        assert_same(data_of(edited, "late", late), then)
+        layer = edited.layers["model"]
+        assert np.isnan(np.asarray(layer.points_m)[:12, 1]).all()
+        assert np.isnan(np.asarray(layer.points_m)[12:, 0]).all()
+        assert (np.asarray(layer.status)[12:, 0] == PointStatus.ABSENT).all()
+        assert (np.asarray(edited.tracks.detection)[:12, 1] == -1).all()
+        np.testing.assert_array_equal(edited.poses.shape_m[[0, 1]], result.poses.shape_m[[0, 0]])
+
+    def test_drop_a_person(self, result):
+        edited = apply_edits(result, [Drop("person_2")])
+        assert edited.person_ids == ("person_1", "person_3", "person_4")
+        assert_same(data_of(edited, "person_3"), data_of(result, "person_3"))
+        assert {event.person for event in edited.events} <= set(edited.person_ids)
+        np.testing.assert_array_equal(edited.poses.shape_m, result.poses.shape_m[[0, 2, 3]])
+
+    def test_drop_frames_up_to_and_with_the_last(self, result):
+        edited = apply_edits(result, [Drop("person_2", 5, 9), Drop(to_frame=1)])
+        gone = np.isnan(np.asarray(edited.layers["measured"].points_m)).all(axis=(2, 3))
+        assert np.flatnonzero(gone[:, 1]).tolist() == [0, 1, 5, 6, 7, 8, 9]
+        assert gone[:2].all()
+        assert_same(data_of(edited, "person_3", slice(2, None)), data_of(result, "person_3", slice(2, None)))
+
+    def test_swap(self, result):
+        edited = apply_edits(result, [Swap(("person_1", "person_3"), 10)])
+        before, after = slice(None, 10), slice(10, None)
+        assert_same(data_of(edited, "person_1", before), data_of(result, "person_1", before))
+        assert_same(data_of(edited, "person_1", after), data_of(result, "person_3", after))
+        assert_same(data_of(edited, "person_3", after), data_of(result, "person_1", after))
+
+    def test_merge_of_two_pieces(self, result):
+        cut = apply_edits(result, [Split("person_1", "late", 12)])
+        state = np.array(cut.tracks.state)
+        state[12:15, 0] = TrackState.LOST  # The old name is still waited for when the new one is born.
+        again = Event(12, 0.48, "late", "born", "seen by 4 cameras")
+        cut = replace(cut, tracks=replace(cut.tracks, state=state), events=(*cut.events, again))
+        edited = apply_edits(cut, [Merge("late", "person_1")])
+        assert_same(data_of(edited, "person_1"), data_of(result, "person_1"))
+        told = [event for event in edited.events if event.number == 12]
+        assert told == [Event(12, 0.48, "person_1", "returned", "seen by 4 cameras (then called late)")]
+
+    def test_the_end_of_the_second_name_is_told_of_the_first(self, result):
+        cut = apply_edits(result, [Split("person_4", "late", 5)])
+        edited = apply_edits(cut, [Merge("late", "person_4")])
+        told = {(e.number, e.what) for e in edited.events}
+        assert told == {(e.number, e.what) for e in result.events}
+        assert "forgotten" in {e.what for e in edited.events}
+        assert edited.person_ids == result.person_ids
+
+    def test_merge_of_one_seen_twice(self, result):
+        with pytest.raises(EditError, match=r"both active in \d+ frames .*say whose frames count there: keep"):
+            apply_edits(result, [Merge("person_2", "person_1")])
+        edited = apply_edits(result, [Merge("person_2", "person_1", keep="person_2")])
+        active = np.asarray(result.tracks.state)[:, 1] == TrackState.ACTIVE
+        mine, theirs = data_of(edited, "person_1"), data_of(result, "person_2")
+        assert_same([m[active] for m in mine], [t[active] for t in theirs])
+        assert edited.provenance.notes[-1] == "Edited: person_2 merged into person_1, person_2 where both were active."
+
+    def test_events_of_cameras_stay(self, result):
+        event = Event(3, 0.12, "cam_1", "camera refused", "it disagrees with the others")
+        edited = apply_edits(replace(result, events=(event,)), [Drop("person_1"), Rename("person_2", "b")])
+        assert edited.events == (event,)
+
+
+def test_the_example_in_the_documents_is_right(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "people.md").read_text()
+    (tmp_path / "edits.toml").write_text(page.split("```toml")[1].split("```")[0])
+    assert [name_of(edit) for edit in read_edits(tmp_path / "edits.toml")] == [
+        "merge", "split", "swap", "rename", "drop", "drop",
+    ]  # fmt: skip
+    assert all(f"`{what}`" in page for what in HAPPENINGS)
+
+
+names = st.sampled_from([f"person_{i}" for i in range(1, 5)])
+frames = st.integers(1, FRAMES - 1)
+
+
+class TestLaws:
+    @examples(15)
+    @given(a=names, b=names, frame=frames)
+    def test_a_swap_undoes_itself(self, result, a, b, frame):
+        if a != b:
+            edited = apply_edits(result, [Swap((a, b), frame), Swap((b, a), frame)])
+            assert without_notes(edited) == without_notes(result)
+            assert edited.events == result.events
+
+    @pytest.mark.parametrize("person", [f"person_{i}" for i in range(1, 5)])
+    def test_merging_undoes_a_split_at_any_frame(self, result, person):
+        """All frames: one of them is that in which somebody is forgotten, whose story must not lose its end."""
+        there = np.asarray(result.tracks.state)[:, result.person_ids.index(person)] != TrackState.ABSENT
+        theirs = data_of(result, person)
+        for frame in range(1, FRAMES):
+            edited = apply_edits(result, [Split(person, "new", frame), Merge("new", person)])
+            assert_same([m[there] for m in data_of(edited, person)], [t[there] for t in theirs])
+            assert [(e.number, e.person, e.what) for e in edited.events] == [
+                (e.number, e.person, e.what) for e in result.events
+            ]
+
+    @examples(10)
+    @given(size=st.integers(1, FRAMES), seed=st.integers(0, 1000))
+    def test_range_by_range_it_is_the_same(self, result, size, seed):
+        at = 1 + seed % (FRAMES - 1)
+        edits = [Split("person_1", "x", at), Swap(("x", "person_4"), FRAMES // 2), Drop("person_2"), Drop("x", at, at)]
+        whole = apply_edits(result, edits)
+        assert Reconstruction.concatenate(list(edited_chunks(result, edits, size))) == whole
+        assert apply_edits(result, edits) == whole
+
+    def test_nothing_changes_the_original(self, result, scene):
+        apply_edits(result, [Drop("person_2", 3, 5), Swap(("person_1", "person_3"), 4)])
+        assert result == followed(scene)
+
+    def test_everybody_may_go(self, result, scene):
+        edited = apply_edits(result, [Drop(name) for name in result.person_ids])
+        assert edited.layers["model"] == nobody(scene).layers["model"]
+        assert (edited.person_ids, edited.events) == ((), ())
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        ("edit", "words"),
+        [
+            (Rename("person_9", "x"), "Nobody is called 'person_9' here. Did you mean"),
+            (Rename("person_1", "person_2"), "Somebody is called 'person_2' already; there are person_1, person_2"),
+            (Split("person_1", "person_3", 5), "Somebody is called 'person_3' already"),
+            (Split("person_1", "x", 0), "nothing would be left of person_1"),
+            (Split("person_1", "x", 99), "from_frame 99 is not in this result, whose frames are 0 to 29"),
+            (Drop("person_1", to_frame=30), "to_frame 30 is not in this result"),
+            (Swap(("person_1", "bert"), 3), "Nobody is called 'bert' here. Choose one of: person_1"),
+        ],
+    )
+    def test_what_is_not_there(self, edit, words, result):
+        with pytest.raises(EditError, match=rf"^Edit 2 \({type(edit).__name__.lower()}\): ") as caught:
+            apply_edits(result, [Drop("person_4", 3, 4), edit])
+        assert words in str(caught.value)
+
+    def test_a_frame_that_was_not_recorded(self, result):
+        gap = replace(result, frame_numbers=np.r_[0:10, 20:40])
+        with pytest.raises(EditError, match="from_frame 15 is a frame that was not recorded; 9 and 20 were"):
+            apply_edits(gap, [Split("person_1", "x", 15)])
+
+    def test_they_are_found_before_the_first_range(self, result):
+        with pytest.raises(EditError):
+            edited_chunks(result, [Drop("nobody")])
+
+    @pytest.mark.parametrize(
+        ("text", "words"),
+        [
+            ("", "holds no [[edit]]. Each has do = one of merge, split"),
+            ("[edit]\ndo = 'drop'\n", "written [[edit]], with two brackets"),
+            ("[[merge]]\n", "unknown key 'merge'. Edits are tables [[edit]]"),
+            ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: do is missing. It is one of merge"),
+            ("[[edit]]\ndo = 'merg'\n", "edit 1: do cannot be 'merg'. Did you mean 'merge'?"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. It needs person, into."),
+            ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. It has person, from_frame, to_frame."),
+            ("[[edit]]\ndo = 'drop'\n", "drop needs a person, from_frame or to_frame"),
+            ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) comes before from_frame (5)"),
+            ("[[edit]]\ndo = 'drop'\nperson = 3\n", "person cannot be 3. Expected `str | null`, got `int`."),
+            ("[[edit]]\ndo = 'swap'\npeople = ['a', 'a']\nfrom_frame = 1\n", "people are two different names"),
+            ("[[edit]]\ndo = 'rename'\nperson = 'a'\nto = 'b/c'\n", "files are called after people, and '/' is in it"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'b'\nkeep = 'c'\n", "keep is one of the two, 'a' or 'b'"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'a'\n", "nothing to merge"),
+        ],
+    )
+    def test_files(self, text, words, tmp_path):
+        (tmp_path / "e.toml").write_text(text)
+        with pytest.raises(EditError) as caught:
+            read_edits(tmp_path / "e.toml")
+        assert words in str(caught.value)
+
+
+@examples(100)
+@given(
+    st.lists(
+        st.one_of(
+            st.builds(Merge, st.just("a"), st.just("b"), st.sampled_from([None, "a", "b"])),
+            st.builds(Split, st.text("xyz", min_size=1), st.text("xyzäß", min_size=1), st.integers(0, 10**6)),
+            st.builds(Rename, st.text(min_size=1), st.text("nöm", min_size=1)),
+            st.builds(Drop, st.text("pq", min_size=1), st.none() | st.integers(0, 9), st.none() | st.integers(9, 99)),
+            st.builds(Swap, st.just(("a", "b")), st.integers(0, 99)),
+        ),
+        min_size=1,
+    )
+)
+def test_files_are_lossless(tmp_path_factory, edits: list[Edit]):
+    path = tmp_path_factory.getbasetemp() / "edits.toml"
+    path.write_text(edits_to_toml(edits), "utf-8")
+    assert read_edits(path) == tuple(edits)

@@ -1,0 +1,150 @@
+"""Who leapt, who cannot have, and what is begun anew where frames are too rare."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.tracking.articulated import State
+from posefuse.kinematics.initial_pose import newborn
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.proposals import Proposals
+from posefuse.model.tracks import TrackState
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.animals import animal_rig
+from posefuse.tracking import fast_motion, reinitialize
+from posefuse.tracking.lifecycle import Bounds, newcomer
+from posefuse.tracking.records import Track
+from posefuse.tracking.reidentification import all_are_known, who_returns
+from posefuse.tracking.settings import Settings
+
+MOUSE = shipped_skeleton("mouse_22")
+RIG = animal_rig(3, 0.5)
+SETTINGS = Settings.of(RIG, MOUSE, NoiseModel(np.full(3, 5.0), 1.0), TrackerOptions())
+TREE = SETTINGS.tree
+
+
+def standing(at_m: np.ndarray) -> State:
+    """A mouse at rest, well known."""
+    points = np.full((len(MOUSE), 3), np.nan)
+    points[MOUSE.index("spine_middle")] = at_m
+    state = newborn(TREE, points, np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance), SETTINGS.options.motion)
+    state.covariance[:] *= 1e-3
+    return state
+
+
+def proposed(points_m: np.ndarray, views: int, log_odds: float) -> Proposals:
+    """One proposal of so many views."""
+    none = Proposals.none(len(MOUSE), 3)
+    rows = np.where(np.arange(3) < views, np.arange(3), -1)[None]
+    return replace(
+        none, rows=rows, swapped=np.zeros((1, 3), dtype=bool), points_m=points_m[None], log_odds=np.array([log_odds]),
+        n_views=np.array([views]),
+    )  # fmt: skip
+
+
+POINTS = np.tile(np.arange(len(MOUSE))[:, None] * 1e-3, (1, 3))
+NOBODY = np.full((1, 3), -1)
+
+
+def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray = NOBODY, gone_s: float = 0.03) -> int:
+    proposals = proposed(points_m, views, log_odds)
+    return len(fast_motion.leaps(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS))
+
+
+def test_only_who_is_missing_where_others_show_somebody_may_have_leapt() -> None:
+    rows = np.array([[0, 1, 2], [-1, -1, 3], [-1, -1, -1]])
+    free = np.array([True, True, False])
+    may = np.array([True, True, True])
+    assert fast_motion.may_have(rows, free, may).tolist() == [1, 2]
+    assert fast_motion.may_have(rows, free, np.array([True, False, True])).tolist() == [2]
+    assert fast_motion.may_have(rows, np.array([True, False, False]), may).tolist() == []
+
+
+def test_a_leap_is_within_reach_and_shown_by_more_views() -> None:
+    """Reach is 0.35 m of a human, 20 mm of a mouse, and what its top speed adds."""
+    births, motion = SETTINGS.options.births, SETTINGS.options.motion
+    reach_m = births.gate_m + motion.top_speed_m_s * 0.03
+    assert births.gate_m == pytest.approx(0.02)
+    aside = np.array([1.0, 0.0, 0.0])
+    assert leaps_of(POINTS + 0.99 * reach_m * aside, 3, 8.0) == 1
+    assert leaps_of(POINTS + 1.01 * reach_m * aside, 3, 8.0) == 0
+    assert leaps_of(POINTS + 1.01 * reach_m * aside, 3, 8.0, gone_s=0.1) == 1
+    assert leaps_of(POINTS, 2, 8.0, rows=np.array([[0, 1, -1]])) == 0
+    assert leaps_of(POINTS, 3, 8.0, rows=np.array([[0, 1, -1]])) == 1
+
+
+def test_weak_odds_are_enough_only_for_who_is_shown_by_none() -> None:
+    assert leaps_of(POINTS, 3, 1.0) == 1
+    assert leaps_of(POINTS, 3, 1.0, rows=np.array([[0, -1, -1]])) == 0
+    assert leaps_of(POINTS, 3, -1.0) == 0
+
+
+def test_who_leapt_is_there_faster_and_less_known() -> None:
+    state, shift = standing(np.zeros(3)), np.array([0.02, -0.01, 0.0])
+    after = fast_motion.leapt(state, fast_motion.Leap(0, 0, shift), 1.0 / 30.0, SETTINGS)
+    np.testing.assert_allclose(after.root[0] - state.root[0], shift)
+    assert (after.velocity[0, :3] @ shift) > 0.0
+    assert (np.diagonal(after.covariance[0]) >= np.diagonal(state.covariance[0]) - 1e-15).all()
+    assert np.linalg.eigvalsh(after.covariance[0]).min() > -1e-12
+    n = TREE.n_pose
+    np.testing.assert_allclose(after.covariance[0, :n, :n], after.covariance[0, :n, :n].T, atol=1e-15)
+    np.testing.assert_array_equal(after.bones, state.bones)
+
+
+def test_frames_are_rare_where_limbs_turn_too_far_in_between() -> None:
+    human = Settings.of(RIG, shipped_skeleton("body_20"), SETTINGS.noise, TrackerOptions())
+    assert [reinitialize.are_rare(1.0 / rate_hz, SETTINGS) for rate_hz in (100, 30, 2)] == [False, False, True]
+    assert [reinitialize.are_rare(1.0 / rate_hz, human) for rate_hz in (25, 5, 2)] == [False, False, True]
+
+
+def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news() -> None:
+    state = standing(np.zeros(3))
+    columns = np.arange(TREE.n_pose)
+    state.covariance[:, columns, columns] = SETTINGS.most
+    assert reinitialize.unknown(state, SETTINGS).all()
+    state.covariance[:, columns, columns] = 0.1 * SETTINGS.most
+    assert not reinitialize.unknown(state, SETTINGS).any()
+
+
+def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
+    state, points = standing(np.zeros(3)), np.full((len(MOUSE), 3), np.nan)
+    points[MOUSE.index("tail_base")], points[MOUSE.index("tail_middle")] = [0.0, 0.0, 0.0], [0.0, 0.02, 0.0]
+    which = np.zeros(len(TREE.segments) + len(TREE.bones), dtype=bool)
+    which[len(TREE.segments) :] = True
+    before = state.bones.copy()
+    reinitialize.begin_anew(state, 0, which, points, SETTINGS)
+    tail = TREE.bones.index("tail_middle")
+    np.testing.assert_allclose(state.bones[0, tail, :, 2], [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(np.delete(state.bones[0], tail, axis=0), np.delete(before[0], tail, axis=0))
+
+
+def somebody(seen_s: float, state: TrackState = TrackState.ACTIVE) -> Track:
+    track = newcomer(1, 0.0, Bounds(3.0, -2.0, 6.0))
+    track.seen_s, track.state, track.sure = seen_s, state, True
+    return track
+
+
+def returns(track: Track, settings: Settings, at_m: float = 0.01) -> bool:
+    """Whether who is first seen at 0.8 s, and now at 1 s, so far away, is them."""
+    state = standing(np.zeros(3))
+    found = who_returns([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
+    return found is not None
+
+
+def test_who_is_not_seen_while_a_new_one_is_may_be_them_before_they_are_lost() -> None:
+    assert returns(somebody(0.7), SETTINGS)
+    assert returns(somebody(0.85), SETTINGS)
+    assert not returns(somebody(0.95), SETTINGS)
+    assert not returns(somebody(0.7), SETTINGS, at_m=0.4)
+
+
+def test_where_all_are_known_nobody_is_new() -> None:
+    closed = replace(SETTINGS, options=replace(SETTINGS.options, population=1))
+    track = somebody(0.0, TrackState.LOST)
+    assert all_are_known([track], closed)
+    assert not all_are_known([track], SETTINGS)
+    assert not all_are_known([replace(track, sure=False)], closed)
+    assert not returns(track, SETTINGS, at_m=5.0)
+    assert returns(track, closed, at_m=5.0)

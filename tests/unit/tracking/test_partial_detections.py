@@ -1,0 +1,176 @@
+"""People whom a detector gives twice, or in pieces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.model.detections import Detections
+from posefuse.model.frames import Frame
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
+from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
+from posefuse.synthetic.options import CLEAN
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.partial_detections import forget_swaps, hold_back, joined_pieces
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.stages import Likeness
+from posefuse.tracking.tracker import ArticulatedTracker
+
+SKELETON = shipped_skeleton("body_20")
+LEGS = np.array([any(part in name for part in ("hip", "knee", "ankle", "toe")) for name in SKELETON.keypoints])
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    rig = build_rig("ring", 2)
+    return Settings.of(rig, SKELETON, usual_noise(rig, Options()), TrackerOptions())
+
+
+def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
+    """Rows of pixels, all as confident."""
+    there = np.isfinite(rows[..., 0])
+    return Frame(
+        rows, np.where(there, 0.8, np.nan), np.array(view, dtype=np.int64), np.full(len(rows), -1), np.zeros(2),
+        np.ones(2, dtype=bool),
+    )  # fmt: skip
+
+
+def likeness(gain: np.ndarray, settings: Settings) -> Likeness:
+    swapped = np.zeros((*gain.shape, settings.n_groups), dtype=np.int8)
+    return Likeness(gain, 0.0, swapped, np.zeros(swapped.shape), (gain > 3.0).any(axis=0))
+
+
+def halves(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A person's pixels, shape (keypoint, 2), and the same above and below the hips."""
+    whole = np.random.default_rng(seed).uniform(100.0, 900.0, (len(SKELETON), 2))
+    return whole, np.where(LEGS[:, None], np.nan, whole), np.where(LEGS[:, None], whole, np.nan)
+
+
+def test_two_pieces_are_one_person(settings: Settings):
+    whole, above, below = halves()
+    frame = frame_of(np.stack([above, below]), [0, 0])
+    found = likeness(np.array([[9.0, 8.0]]), settings)
+    joined = joined_pieces(frame, np.array([[0, -1]]), found, settings)
+    np.testing.assert_array_equal(joined.keypoints_px[0], whole)
+    assert (joined.confidence[0] == 0.8).all()
+    np.testing.assert_array_equal(joined.keypoints_px[1], below)
+    np.testing.assert_array_equal(frame.keypoints_px[0], above)
+
+
+def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: Settings):
+    _, above, below = halves()
+    found = likeness(np.array([[9.0, 8.0]]), settings)
+    legs = int(settings.group_of[SKELETON.index("left_knee")])
+    arms = int(settings.group_of[SKELETON.index("left_wrist")])
+    found.swapped[0, 1], found.swap_odds[0, 1] = 1, 4.0
+    joined_pieces(frame_of(np.stack([above, below]), [0, 0]), np.array([[0, -1]]), found, settings)
+    assert found.swapped[0, 0, legs] == 1
+    assert found.swapped[0, 0, arms] == 0
+    assert found.swap_odds[0, 0, [legs, arms]].tolist() == [4.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("gain", "rows", "view"),
+    [
+        ([[9.0, 2.0]], [[0, -1]], [0, 0]),  # not where this person should have them
+        ([[9.0, 8.0]], [[0, -1]], [0, 1]),  # another view's
+        ([[9.0, 5.0], [1.0, 8.0]], [[0, -1], [-1, -1]], [0, 0]),  # rather somebody else's
+        ([[9.0, 8.0], [1.0, 7.0]], [[0, -1], [1, -1]], [0, 0]),  # somebody else's
+    ],
+)
+def test_what_is_not_theirs_is_no_piece(gain: list, rows: list, view: list[int], settings: Settings):
+    _, above, below = halves()
+    frame = frame_of(np.stack([above, below]), view)
+    found = likeness(np.array(gain), settings)
+    assert joined_pieces(frame, np.array(rows, dtype=np.int64), found, settings) is frame
+
+
+def test_a_second_detection_of_the_whole_is_no_piece(settings: Settings):
+    whole, above, _ = halves()
+    frame = frame_of(np.stack([above, whole]), [0, 0])
+    found = likeness(np.array([[9.0, 8.0]]), settings)
+    assert joined_pieces(frame, np.array([[0, -1]]), found, settings) is frame
+
+
+@pytest.mark.parametrize(
+    ("gain", "rows", "lost", "after"),
+    [
+        # One view shows the second by what fits the first better, who has another one there.
+        ([[9.0, 8.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [-1, -1]]),
+        # It fits the second better.
+        ([[9.0, 3.0], [1.0, 4.0]], [[0, 2], [1, -1]], [False, False], [[0, 2], [1, -1]]),
+        # The first has none there.
+        ([[9.0, 8.0], [1.0, 4.0]], [[-1, 2], [1, -1]], [False, False], [[-1, 2], [1, -1]]),
+        # Another view shows the second, too.
+        ([[9.0, 8.0, 9.0, 0.0], [1.0, 4.0, 0.0, 9.0]], [[0, 2], [1, 3]], [False, False], [[0, 2], [1, 3]]),
+        # One view alone does not move who is lost.
+        ([[9.0, 1.0], [1.0, 9.0]], [[0, 2], [1, -1]], [False, True], [[0, 2], [-1, -1]]),
+    ],
+)
+def test_whom_one_view_shows_by_what_is_somebody_else_s_is_not_moved(gain, rows, lost, after):
+    worth = np.full((2, 4), -np.inf)
+    worth[:, : len(gain[0])] = gain
+    rows = np.array(rows, dtype=np.int64)
+    hold_back(rows, worth, np.array(lost), TrackerOptions())
+    assert rows.tolist() == after
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.04, 0.1])
+def test_swaps_are_forgotten_by_the_time_that_goes_by_not_by_frames(dt_s: float):
+    options = TrackerOptions(swap_log_odds=-5.0, swap_lasts_s=0.3)
+    swapped = np.array([[[1.0, 0.0]]])
+    for _ in range(round(0.6 / dt_s)):
+        forget_swaps(swapped, dt_s, options)
+    usual = 1.0 / (1.0 + np.exp(5.0))
+    np.testing.assert_allclose(swapped[0, 0], usual + np.exp(-2.0) * (np.array([1.0, 0.0]) - usual), rtol=1e-9)
+
+
+def test_what_is_never_swapped_stays_so_and_odds_stay_finite():
+    swapped = np.array([[[0.0, 1.0]]])
+    forget_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
+    assert ((swapped > 0.0) & (swapped < 1.0)).all()
+    forget_swaps(swapped, 1e3, TrackerOptions(swap_log_odds=-1e6))
+    assert np.log(swapped / (1.0 - swapped)).max() < -500.0
+
+
+def in_pieces(scene: CrowdScene) -> Detections:
+    """Everybody's legs apart from the rest, in all views and frames."""
+    whole = scene.detections
+    pixels = np.repeat(np.asarray(whole.keypoints_px), 2, axis=0)
+    pixels[::2, LEGS] = np.nan
+    pixels[1::2, ~LEGS] = np.nan
+    confidence = np.where(np.isfinite(pixels[..., 0]), np.repeat(np.asarray(whole.confidence), 2, axis=0), np.nan)
+    return replace(
+        whole, offsets=2 * np.asarray(whole.offsets), keypoints_px=pixels, confidence=confidence,
+        track_ids=np.full(len(pixels), -1),
+    )  # fmt: skip
+
+
+def test_who_is_always_seen_in_pieces_is_one_person_and_as_well_known():
+    """From the first frame on: two proposals of one body do not become two people."""
+    scene = simulate_crowd(CrowdOptions(people=2, duration_s=1.6, seed=3, detector=CLEAN, faults=NO_FAULTS))
+    errors = []
+    for detections in (scene.detections, in_pieces(scene)):
+        options = Options()
+        tracker: ArticulatedTracker = tracker_of(scene.rig, SKELETON, usual_noise(scene.rig, options), options)
+        told = [tracker.update(Frame.of(detections, i)) for i in range(detections.n_frames)]
+        active = [[p for p in people.people if p.state == TrackState.ACTIVE] for people in told]
+        there = np.isfinite(scene.truth.layers["measured"].points_m[..., 0, 0]).sum(axis=1)
+        assert all(len(people) <= n for people, n in zip(active, there, strict=True))
+        assert len(active[-1]) == there[-1]
+        truth = np.asarray(scene.truth.layers["measured"].points_m)[-1]
+        errors.append(
+            np.mean(
+                [np.linalg.norm(truth - p.points_m, axis=-1).mean(axis=-1)[there_of(truth)].min() for p in active[-1]]
+            )
+        )
+    assert errors[1] == pytest.approx(errors[0], rel=0.3)
+
+
+def there_of(truth: np.ndarray) -> np.ndarray:
+    return np.isfinite(truth[:, 0, 0])

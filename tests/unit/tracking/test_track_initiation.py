@@ -1,0 +1,90 @@
+"""A body fitted to the few frames that showed somebody new is as sure as those frames allow."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kinematics.initial_pose import newborn
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.body_states import Sight
+from posefuse.tracking.records import Evidence
+from posefuse.tracking.settings import Settings
+from posefuse.tracking.state_initiation import begin
+
+SKELETON = shipped_skeleton("body_20")
+RIG = build_rig("ring", 4)
+AGE_S = 0.12
+
+
+def settings_with(**options: float) -> Settings:
+    return Settings.of(RIG, SKELETON, NoiseModel(np.full(4, 4.5), 1.0), replace(TrackerOptions(), **options))
+
+
+def standing(
+    settings: Settings, times_s: np.ndarray, posed: Callable[[State], None], size: float = 1.0
+) -> list[Evidence]:
+    """Somebody who does not move, ``posed`` from rest, that much larger than others, seen where they are."""
+    tree = settings.tree
+    points = np.full((len(SKELETON), 3), np.nan)
+    points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
+    body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
+    posed(body)
+    sight = Sight.room(1, len(RIG), len(SKELETON))
+    foresee_people(settings.cameras, settings.body, body, *sight.arrays)
+    trust = np.ones((len(RIG), len(SKELETON)))
+    return [
+        Evidence(
+            float(t), i, sight.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64), sight.points_m[0].copy(),
+            sight.covariance_m2[0], sight.points_m[0, 0], 10.0, 1.0,
+        )
+        for i, t in enumerate(times_s)
+    ]  # fmt: skip
+
+
+def standing_still(settings: Settings, times_s: np.ndarray, size: float = 1.0) -> list[Evidence]:
+    """Somebody at rest."""
+    return standing(settings, times_s, lambda body: None, size)
+
+
+def born(settings: Settings, times_s: np.ndarray) -> State:
+    return begin(standing_still(settings, times_s), settings)[0]
+
+
+def spread(state: State, settings: Settings) -> np.ndarray:
+    """Standard deviations of pose and shape."""
+    return np.sqrt(np.diagonal(state.covariance[0])[: settings.tree.n_pose + settings.tree.n_shape])
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
+def test_more_frames_of_the_same_time_tell_no_more(rate_hz):
+    """Errors last: what more frames show is what the frames beside them showed too."""
+    settings = settings_with()
+    few = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 0.04)), settings)
+    many = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 1.0 / rate_hz)), settings)
+    n = settings.tree.n_pose
+    np.testing.assert_allclose(many[n:], few[n:], rtol=0.02)
+    # What the last frame stands for is later than what the many before it do, and the body moves.
+    assert (many[:n] > 0.99 * few[:n]).all()
+    assert (many[:n] < 1.4 * few[:n]).all()
+
+
+def test_the_first_frame_says_what_it_says_whole():
+    once = [spread(born(settings_with(error_memory_s=s), np.zeros(1)), settings_with()) for s in (1e-6, 0.06, 1.0)]
+    np.testing.assert_array_equal(once[0], once[1])
+    np.testing.assert_array_equal(once[1], once[2])
+
+
+def test_errors_that_do_not_last_make_every_frame_count():
+    """Four frames of white errors know lengths about twice as well as one, and as errors last, no better."""
+    times_s = np.arange(0.0, AGE_S + 1e-9, 0.04)
+    shape = slice(settings_with().tree.n_pose, None)
+    white, lasting = settings_with(error_memory_s=1e-6), settings_with(error_memory_s=100.0)
+    one = spread(born(white, times_s[:1]), white)[shape]
+    assert np.median(one / spread(born(white, times_s), white)[shape]) == pytest.approx(1.7, abs=0.3)
+    np.testing.assert_allclose(spread(born(lasting, times_s), lasting)[shape], one, rtol=0.02)

@@ -1,0 +1,165 @@
+"""What is learned of a recording."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.options.trajectory import TrajectoryOptions
+from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.observed import Observed
+from posefuse.trajectory.paths import Law, Solver
+from posefuse.trajectory.priors import Laws, learn, margin_s, mean_cosine
+from posefuse.trajectory.smoothness import Smoothness
+from tests.scenes import ring
+from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
+
+
+def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:
+    """Shape (frame, 3, 3): paths whose jerk is white noise of a known density, tied to a place by a slow pull."""
+    rng = np.random.default_rng(seed)
+    rows = Smoothness.of("jerk", np.arange(frames) / 60.0)
+    dense = np.zeros((frames, frames))
+    for row, w in enumerate(rows.time_s / density):
+        dense[row : row + 4, row : row + 4] += w * np.outer(rows.differences[row], rows.differences[row])
+    dense += np.eye(frames) / 0.3**2
+    draws = np.linalg.solve(np.linalg.cholesky(dense).T, rng.standard_normal((frames, 9)))
+    return swinging(1) + draws.reshape(frames, 3, 3)
+
+
+def test_the_density_of_white_jerk_is_found():
+    truth = white_jerk(500, 40.0, 1)
+    laws = learn([measured(truth)], ARM, TrajectoryOptions())
+    # Twice what is found is taken, for motion is not white; the pull takes some of it.
+    assert np.allclose(np.log(laws.density[0] / 80.0), 0.0, atol=0.7)
+
+
+def test_bones_are_found_and_how_stiff_they_are():
+    truth = swinging(600)
+    truth[:, 2] = (
+        truth[:, 1] + (truth[:, 2] - truth[:, 1]) * (1.0 + 0.1 * np.sin(np.arange(600) * np.pi / 100.0))[:, None]
+    )
+    laws = learn([measured(truth)], ARM, TrajectoryOptions())
+    assert laws.length_m[0] == pytest.approx([0.3, 0.25], rel=0.01)
+    assert laws.length_sd_m[0, 0] < 0.003
+    assert laws.length_sd_m[0, 1] == pytest.approx(0.25 * 0.1 / np.sqrt(2.0), rel=0.2)
+
+
+def test_rigid_bones_vary_no_more_than_reason_has_it():
+    truth = swinging(600)
+    stretched = 1.0 + 0.2 * np.sin(np.arange(600) * np.pi / 100.0)[:, None]
+    truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
+    given = measured(truth)
+    soft = learn([given], ARM, TrajectoryOptions())
+    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(rigid_bone_share=0.02))
+    assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
+    assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
+    assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]
+
+
+def test_one_wild_spell_does_not_make_all_frames_uncertain(monkeypatch):
+    count = np.full((3, 600, 4), 20.0)
+    total = np.random.default_rng(0).chisquare(20.0, count.shape)
+    wild = total.copy()
+    wild[1, 100:103, 2] *= 150.0**2
+    observed = Observed.of(measured(swinging(600)), 0)
+    law = Law(np.empty(0), np.empty(0), np.empty(0), 0.0, 1.0)
+    solver = Solver(observed, Smoothness.of("jerk", observed.time_s), Bones.none(), TrajectoryOptions())
+    monkeypatch.setattr(Solver, "_new_errors", lambda *_: (wild, count))
+    fresh, steady = solver.steadiness(law)
+    assert fresh == pytest.approx(1.0, abs=0.02)
+    assert steady > 5.0
+
+
+def lasting_noise(shape: tuple[int, ...], kept: float, rng: np.random.Generator) -> np.ndarray:
+    noise = rng.standard_normal(shape)
+    for f in range(1, len(noise)):
+        noise[f] = kept * noise[f - 1] + np.sqrt(1.0 - kept**2) * noise[f]
+    return noise
+
+
+@pytest.mark.parametrize("views", [3, 5])
+def test_how_long_errors_last_is_found(views):
+    rig, truth = ring(views), swinging(1200)
+    pixels = exact_pixels(rig, truth)
+    lasting = pixels + 2.0 * lasting_noise(pixels.shape, 0.9, np.random.default_rng(0))
+    laws = learn([measured(truth, rig=rig, pixels=lasting, noise_px=2.0)], ARM, TrajectoryOptions())
+    assert np.exp(-1.0 / 60.0 / laws.correlation_s) == pytest.approx(0.9, abs=0.03)
+    white = learn([measured(truth, rig=rig)], ARM, TrajectoryOptions())
+    assert white.correlation_s == 0.0
+
+
+def test_what_lasts_throughout_is_no_noise_for_motion():
+    rig, truth = ring(4), swinging(300)
+    pixels = exact_pixels(rig, truth)
+    rng = np.random.default_rng(0)
+    biased = pixels + 8.0 * rng.standard_normal(pixels[:1].shape) + rng.standard_normal(pixels.shape)
+    given = measured(truth, rig=rig, pixels=biased, noise_px=8.0)
+    laws = learn([given], ARM, TrajectoryOptions())
+    assert laws.lasting_share > 0.8
+    assert laws.correlation_s == 0.0
+    layer = solved(given, laws)
+    offset = np.asarray(layer.points_m)[:, 0] - truth
+    plain = learn([measured(truth, 1.0, rig=rig)], ARM, TrajectoryOptions())
+    assert np.isfinite(offset).all()
+    # As smooth as if there were no bias, to a few tenths, not as if all of it passed: that took 8^(1/3) times as long.
+    assert np.median(laws.lasting_s) < 1.5 * np.median(plain.lasting_s)
+    assert laws.length_sd_m[0] == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 7])
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_the_mean_cosine_is_that_of_drawn_vectors(freedom, correlation):
+    one, other = np.random.default_rng(freedom).standard_normal((2, 40_000, freedom))
+    other = correlation * one + np.sqrt(1.0 - correlation**2) * other
+    cosine = (one * other).sum(axis=1) / np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1)
+    assert cosine.mean() == pytest.approx(float(mean_cosine(np.array(correlation), freedom)), abs=0.015)
+
+
+def test_parts_tell_as_much_as_the_whole():
+    given = measured(swinging(600))
+    whole = learn([given], ARM, TrajectoryOptions())
+    parts = learn((part_of(given, start, start + 200) for start in (0, 200, 400)), ARM, TrajectoryOptions())
+    assert np.allclose(np.log(parts.density / whole.density), 0.0, atol=0.7)
+    assert np.allclose(parts.length_m, whole.length_m, rtol=2e-3)
+
+
+def test_a_given_density_is_taken():
+    laws = learn([measured(swinging(100))], ARM, TrajectoryOptions(density=12.0))
+    assert (laws.density == 12.0).all()
+
+
+def test_laws_survive_a_pickle_and_say_how_far_to_look():
+    laws = learn([measured(swinging(200))], ARM, TrajectoryOptions(max_gap_s=0.3))
+    again = pickle.loads(pickle.dumps(laws))
+    assert isinstance(again, Laws)
+    assert np.array_equal(again.density, laws.density)
+    assert 0.3 < margin_s(laws) < 3.0
+
+
+def test_nothing_to_learn_from_is_an_error():
+    with pytest.raises(DetectionsError, match="no frames"):
+        learn([], ARM, TrajectoryOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("prior", "snap"),
+        ("density", 0.0),
+        ("burst_s", -1.0),
+        ("calm", 0.0),
+        ("least_bone_share", -0.1),
+        ("rigid_bone_share", 0.001),
+        ("correlation_s", -1.0),
+        ("max_gap_s", np.inf),
+        ("max_sd_share", 0.0),
+        ("full_sigma", 6.0),
+        ("rounds", 0),
+    ],
+)
+def test_options_that_make_no_sense_are_named(name, value):
+    with pytest.raises(OptionsError, match=rf"trajectory\.{name}"):
+        TrajectoryOptions(**{name: value})
