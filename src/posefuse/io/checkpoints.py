@@ -26,7 +26,14 @@ from posefuse.errors import FileError
 _MANIFEST = "manifest.json"
 _LAYOUT = 2
 _WHOLE = "whole"
-_OURS = ("posefuse.model.", "posefuse.tracking.", "posefuse.pipeline.people.", "posefuse.kernels.")
+_OURS = (
+    "posefuse.model.",
+    "posefuse.skeleton.",
+    "posefuse.kinematics.",
+    "posefuse.tracking.",
+    "posefuse.pipeline.people.",
+    "posefuse.kernels.",
+)
 _FOREIGN = {
     ("array", "array"),
     ("array", "_array_reconstructor"),
