@@ -37,7 +37,7 @@ from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person
 from posefuse.tracking.smoothing import PeopleSmoother
-from posefuse.tracking.strategies import stages_of
+from posefuse.tracking.strategies import find_strategy
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5
@@ -362,7 +362,7 @@ class Ablation:
     def follow(self, scene: CrowdScene) -> Run:
         """Follow everybody in a scene."""
         tracker = tracker_for(scene, self.options)
-        theirs = stages_of("specification")
+        theirs = find_strategy("specification")
         tracker.stages = replace(tracker.stages, **{name: getattr(theirs, name) for name in self.stages})
         tree = tracker.settings.tree
         wide = replace(tree, shape_covariance=self.shape_spread * tree.shape_covariance)
@@ -378,7 +378,7 @@ ABLATIONS = (
     Ablation("noise believed white (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
     Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6)),
     Ablation("bones hardly known (variance x 25)", shape_spread=_WIDE),
-    Ablation("`preset` specification", TrackerOptions(preset="specification")),
+    Ablation("`preset` specification", TrackerOptions(strategy="specification")),
     *(
         Ablation(f"of it only the {what}", stages=(name,))
         for name, what in (

@@ -16,11 +16,11 @@ from posefuse.checkpoint import Spool
 from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.articulated import State, predict_people
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import chosen
+from posefuse.tracking.body_states import select_states
 from posefuse.tracking.history_entries import Entries
-from posefuse.tracking.parts import PartFollower
-from posefuse.tracking.records import People, Person, Remembered, Track
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.parts import PartTracker
+from posefuse.tracking.records import PastState, People, Person, Track
+from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _BLOCK_S = 5.0
@@ -78,7 +78,7 @@ class _Block:
     entries: dict[int, dict[int, Entries]] = field(default_factory=dict)
     spooled_at: int | None = None
 
-    def joined(self, start: int, stop: int) -> dict[int, Entries]:
+    def join_states(self, start: int, stop: int) -> dict[int, Entries]:
         """Everybody in the frames from ``start`` to ``stop`` of the history, by number, of a block in no spool."""
         found = {
             number: [entries[place] for place in sorted(entries) if start <= place < stop]
@@ -121,7 +121,7 @@ class History:
         spool: where; a temporary file without a name, which is gone when the history is, where it is left out.
     """
 
-    def __init__(self, settings: Settings, spool: Spool | None = None) -> None:
+    def __init__(self, settings: TrackerSettings, spool: Spool | None = None) -> None:
         self.settings = settings
         self.numbers = array("q")
         self.time_s = array("d")
@@ -155,7 +155,7 @@ class History:
                 fresh = not self._add_past(track.number, past, here)
             self._put(track.number, _entry(here, fresh, tracker.state, p, told[track.name]))
 
-    def add_parts(self, follower: PartFollower, tracks: list[Track], people: People) -> None:
+    def add_parts(self, follower: PartTracker, tracks: list[Track], people: People) -> None:
         """What is known of everybody's part after a frame; the history is one of that part.
 
         Raises:
@@ -182,7 +182,7 @@ class History:
                 self._blocks[-3].spool(self._spool)
         return here
 
-    def _add_past(self, number: int, past: list[Remembered], here: int) -> bool:
+    def _add_past(self, number: int, past: list[PastState], here: int) -> bool:
         """Put states from before somebody was believed where they belong; whether there are any.
 
         In frames between them that showed nothing the body moves on as it would.
@@ -193,18 +193,18 @@ class History:
         by_place = {place: each for place, each in by_place.items() if place >= earliest}
         if not by_place:
             return False
-        state, seen_s = chosen(by_place[min(by_place)].state, [0]), 0.0
+        state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0
         views, keypoints = len(s.rig), len(s.skeleton)
         for place in range(min(by_place), here):
             each = by_place.get(place)
             if each is not None:
-                state, seen_s = chosen(each.state, [0]), self.time_s[place]
+                state, last_seen_s = select_states(each.state, [0]), self.time_s[place]
                 rows, used = each.rows, np.tile(each.rows[:, None] >= 0, (1, keypoints))
             else:
                 dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
                 predict_people(dt_s, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
                 rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
-            missing_s = self.time_s[place] - seen_s
+            missing_s = self.time_s[place] - last_seen_s
             self._put(
                 number,
                 Entries.one(place, place == min(by_place), state, rows, used, TrackState.TENTATIVE, missing_s),

@@ -65,7 +65,7 @@ class Entries:
         )  # fmt: skip
 
     @classmethod
-    def joined(cls, parts: Sequence["Entries"]) -> "Entries":
+    def join_states(cls, parts: Sequence["Entries"]) -> "Entries":
         """Frames that follow each other, as one."""
         if len(parts) == 1:
             return parts[0]

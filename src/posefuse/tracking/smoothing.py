@@ -17,10 +17,10 @@ from posefuse.kernels.tracking.smoothing import add_information, carry_back, gai
 from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.model.cameras import up_vector
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import Sight, chosen, joined, uncertain
+from posefuse.tracking.body_states import ProjectedBodies, free_columns, join_states, select_states
 from posefuse.tracking.history import History, Run
-from posefuse.tracking.settings import Settings, memory_s, tempering
-from posefuse.tracking.tempering import ahead, first_with, see_pose, tell_again
+from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
+from posefuse.tracking.tempering import observe_pose, predict_states, refilter, temper_first_state
 
 _CHUNK = 64
 """Frames whose covariances are worked on at a time: few enough for the processor's cache."""
@@ -31,7 +31,7 @@ _LASTS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class SmoothedBodies:
     """One person over consecutive frames.
 
     Attributes:
@@ -69,9 +69,9 @@ class Smoothed:
         """Shape (frame, bone, 3): unit vectors from a bone's near end to its far end."""
         return self.bones[..., 2]
 
-    def frames(self, start: int, stop: int) -> "Smoothed":
+    def frames(self, start: int, stop: int) -> "SmoothedBodies":
         """The frames ``start`` to ``stop``."""
-        return Smoothed(**{name: each[start:stop] for name, each in vars(self).items()})
+        return SmoothedBodies(**{name: each[start:stop] for name, each in vars(self).items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +88,12 @@ class SmoothedPerson:
 
     number: int
     places: np.ndarray
-    body: Smoothed
+    body: SmoothedBodies
     used: np.ndarray
     missing_s: np.ndarray
 
 
-def smooth_people(history: History, start: int, stop: int, settings: Settings) -> list[SmoothedPerson]:
+def smooth_people(history: History, start: int, stop: int, settings: TrackerSettings) -> list[SmoothedPerson]:
     """Smooth everybody in the frames ``start`` to ``stop`` of a history, counted from 0; see :class:`PeopleSmoother`.
 
     What came before is gone through again for as long as it has a bearing on these frames.
@@ -111,7 +111,7 @@ class PeopleSmoother:
         settings: whose options say how to smooth; the history's where they are left out.
     """
 
-    def __init__(self, history: History, start: int = 0, settings: Settings | None = None) -> None:
+    def __init__(self, history: History, start: int = 0, settings: TrackerSettings | None = None) -> None:
         self.history = history
         self.settings = settings or history.settings
         self.done = start
@@ -128,7 +128,7 @@ class PeopleSmoother:
     def take(self, stop: int) -> list[SmoothedPerson]:
         """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended.
 
-        What the history knows of the ``look_ahead_s`` after them is made use of (and of ``shape_settle_s`` more while
+        What the history knows of the ``look_ahead_s`` after them is made use of (and of ``fix_shape_after_s`` more while
         somebody's shape is sought), or of the ``lag_s`` after each of them. Frames in which somebody has been lost for
         longer than ``bridge_s`` are left out. A person has several parts where the filter began anew, and with a fixed
         lag.
@@ -150,7 +150,7 @@ class PeopleSmoother:
         """What the next range of frames goes on from."""
         return Memory(self.done, self._from, self._windows)
 
-    def goes_on_from(self, memory: "Memory") -> None:
+    def resume_from(self, memory: "Memory") -> None:
         """Go on from where another smoother of the same history was."""
         self.done, self._from, self._windows = memory.done, memory.since, memory.windows
 
@@ -158,7 +158,7 @@ class PeopleSmoother:
         """How far other frames tell anything of one: while somebody's shape is sought, until it is kept."""
         options = self.settings.options
         sought = any(run.state.free.any() for run in self.history.runs(place, place + 1))
-        return options.look_ahead_s + (options.shape_settle_s if sought else 0.0)
+        return options.look_ahead_s + (options.fix_shape_after_s if sought else 0.0)
 
     def _take(self, stop: int, ahead_s: float) -> list[SmoothedPerson]:
         history, start = self.history, self.done
@@ -182,7 +182,7 @@ class PeopleSmoother:
 
     def _smooth(
         self, part: Run, start: int, stop: int, after: "_Ahead | None"
-    ) -> tuple[Smoothed, "_Window | None", "_Ahead | None"]:
+    ) -> tuple[SmoothedBodies, "_Window | None", "_Ahead | None"]:
         """One person's frames from ``start`` to ``stop``, what to begin with after them, and what they say before."""
         first, last = (int(np.searchsorted(part.places, place)) for place in (start, stop))
         if self.settings.options.smoother == "none":
@@ -192,7 +192,7 @@ class PeopleSmoother:
         states = _smoothed_before(window.after(first).state, part.time_s[first:], after, self.settings)
         kept = State(*(each[: last - first] for each in states))
         body = _described(kept, window.information[first:last], self.settings)
-        begins = _Ahead(part, chosen(states, [0])) if part.fresh and first == 0 else None
+        begins = _Ahead(part, select_states(states, [0])) if part.fresh and first == 0 else None
         return body, rest, begins
 
 
@@ -223,7 +223,7 @@ class _Ahead:
         return part.number == self.run.number and part.places[-1] + 1 == self.run.places[0]
 
 
-def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: Settings) -> State:
+def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, settings: TrackerSettings) -> State:
     """Smooth a run's states, in place or not, also by those of a run that began anew after it.
 
     The filter that began anew knew nothing of the run before, so that what it says of where it began is as good as an
@@ -233,9 +233,9 @@ def _smoothed_before(state: State, time_s: np.ndarray, after: _Ahead | None, set
         _smooth_in_place(state, time_s, settings)
         return state
     later_s = np.append(time_s, after.run.time_s[0])
-    last = ahead(chosen(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)
-    see_pose(last, after.state, settings)
-    both = joined(state, last)
+    last = predict_states(select_states(state, [len(time_s) - 1]), np.diff(later_s[-2:]), settings)
+    observe_pose(last, after.state, settings)
+    both = join_states(state, last)
     _smooth_in_place(both, later_s, settings)
     return State(*(each[:-1] for each in both))
 
@@ -264,7 +264,7 @@ class _Window:
         return _Window(self.root_m.copy(), State(*(each.copy() for each in self.state)), self.information.copy())
 
 
-def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window:
+def _refiltered(part: Run, known: _Window | None, settings: TrackerSettings) -> _Window:
     """A person filtered again, from frames on for which that is known."""
     told, wanted = _tempered(part, settings)
     share = np.minimum(told / wanted, 1.0)
@@ -276,13 +276,15 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
     if n == 0:
         size = settings.tree.n_pose + settings.tree.n_shape
         known = _Window(
-            part.state.root[:1], first_with(chosen(part.state, [0]), share[0], settings), np.zeros((1, size, size))
+            part.state.root[:1],
+            temper_first_state(select_states(part.state, [0]), share[0], settings),
+            np.zeros((1, size, size)),
         )
         n = 1
     assert known is not None
     rest = part.frames(n - 1, len(part))
-    again, information = tell_again(
-        rest.state, rest.time_s, share[n - 1 :], told[n - 1 :], chosen(known.state, [n - 1]), settings
+    again, information = refilter(
+        rest.state, rest.time_s, share[n - 1 :], told[n - 1 :], select_states(known.state, [n - 1]), settings
     )
     information[0] = known.information[n - 1]
     if n > 1:
@@ -291,7 +293,7 @@ def _refiltered(part: Run, known: _Window | None, settings: Settings) -> _Window
     return _Window(part.state.root, again, information)
 
 
-def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+def _tempered(part: Run, settings: TrackerSettings) -> tuple[np.ndarray, np.ndarray]:
     """By how much frames were tempered for the filter, and are to be for the smoother, shape (frame,) both."""
     dt_s = np.diff(part.time_s, prepend=2.0 * part.time_s[0] - part.time_s[min(1, len(part) - 1)])
     # Before somebody is believed, a frame shares errors with the last that showed them, not with those in between.
@@ -301,10 +303,10 @@ def _tempered(part: Run, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
         since_s[0] = np.inf
     # Births temper by the memory itself: they average over little time, whatever the views.
     n_views = (part.rows >= 0).sum(axis=1)
-    memory = memory_s(n_views, _alone_s(part), since_s, settings.options)
+    memory = filter_memory_s(n_views, _alone_s(part), since_s, settings.options)
     born = np.append(False, tentative) | (part.life == TrackState.TENTATIVE)
-    told = tempering(since_s, np.where(born, settings.options.error_memory_s, memory))
-    return told, tempering(dt_s, settings.options.smoother_error_memory_s)
+    told = tempering_factor(since_s, np.where(born, settings.options.error_memory_s, memory))
+    return told, tempering_factor(dt_s, settings.options.smoother_error_memory_s)
 
 
 def _alone_s(part: Run) -> np.ndarray:
@@ -313,16 +315,16 @@ def _alone_s(part: Run) -> np.ndarray:
     return part.time_s - np.maximum.accumulate(np.where(alone, -np.inf, part.time_s))
 
 
-def smooth_run(part: Run, settings: Settings) -> Smoothed:
+def smooth_run(part: Run, settings: TrackerSettings) -> SmoothedBodies:
     """Smooth one person over consecutive frames by all of them."""
     return _smoothed(_refiltered(part, None, settings), part.time_s, settings)
 
 
-def _smoothed(window: _Window, time_s: np.ndarray, settings: Settings) -> Smoothed:
+def _smoothed(window: _Window, time_s: np.ndarray, settings: TrackerSettings) -> SmoothedBodies:
     return _described(smooth_states(window.state, time_s, settings), window.information, settings)
 
 
-def smooth_states(filtered: State, time_s: np.ndarray, settings: Settings) -> State:
+def smooth_states(filtered: State, time_s: np.ndarray, settings: TrackerSettings) -> State:
     """Rauch, Tung and Striebel's smoother over one person's filtered states.
 
     Args:
@@ -333,21 +335,21 @@ def smooth_states(filtered: State, time_s: np.ndarray, settings: Settings) -> St
     Returns:
         A State likewise.
     """
-    out = chosen(filtered, np.arange(len(time_s)))
+    out = select_states(filtered, np.arange(len(time_s)))
     _smooth_in_place(out, time_s, settings)
     return out
 
 
-def _smooth_in_place(state: State, time_s: np.ndarray, settings: Settings) -> None:
+def _smooth_in_place(state: State, time_s: np.ndarray, settings: TrackerSettings) -> None:
     for start, stop in _chunks(state.free, len(time_s) - 1):
         part = State(*(each[start : stop + 1] for each in state))
         _smooth_chunk(part, np.diff(time_s[start : stop + 1]), settings)
 
 
-def _smooth_chunk(state: State, dt_s: np.ndarray, settings: Settings) -> None:
+def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> None:
     """Smooth frames in place by the last of them, which is smoothed."""
     n, h, free = settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0])
-    rows = uncertain(n, h, free)
+    rows = free_columns(n, h, free)
     gains, rest = np.empty((2, len(dt_s), len(rows), len(rows)))
     walk = settings.options.motion.shape_walk
     lasts = np.exp(-dt_s.max() / settings.decay_s.min()) > _LASTS
@@ -382,14 +384,16 @@ def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
         stop = start
 
 
-def _gains(state: State, rows: np.ndarray, dt_s: np.ndarray, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
+def _gains(
+    state: State, rows: np.ndarray, dt_s: np.ndarray, settings: TrackerSettings
+) -> tuple[np.ndarray, np.ndarray]:
     """What :func:`gains_back` finds, wherever there is an inverse or nearly one.
 
     With C = P F^T the covariance of a state and its successor as foretold, and P' that of the latter, the gain is
     G = C P'^-1 and the rest P - G C^T.
     """
     n = settings.tree.n_pose
-    predicted = chosen(state, np.arange(len(dt_s)))
+    predicted = select_states(state, np.arange(len(dt_s)))
     # Unclipped: that nothing is farther than its limit is knowledge of the later frame.
     nowhere = np.full(len(settings.most), np.inf)
     predict_people(dt_s, settings.decay_s, settings.power, nowhere, settings.options.motion.shape_walk, predicted)
@@ -404,7 +408,7 @@ def _gains(state: State, rows: np.ndarray, dt_s: np.ndarray, settings: Settings)
     return np.ascontiguousarray(gains), 0.5 * (rest + rest.transpose(0, 2, 1))
 
 
-def _described(state: State, information: np.ndarray | None, settings: Settings) -> Smoothed:
+def _described(state: State, information: np.ndarray | None, settings: TrackerSettings) -> SmoothedBodies:
     """Where the keypoints of states are.
 
     The smoother took errors for noise that is white, and as strong as they are in the long run; within the few frames
@@ -417,7 +421,7 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         settings: of the tracker whose states they are.
     """
     frames, n, h = len(state.root), settings.tree.n_pose, settings.tree.n_shape
-    sight = Sight.room(frames, 0, len(settings.skeleton))
+    projected = ProjectedBodies.allocate(frames, 0, len(settings.skeleton))
     shape_sd_m = np.zeros((frames, h))
     pose = np.zeros((frames, n, n))
     for start in range(0, frames, _CHUNK):
@@ -426,19 +430,19 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         if information is not None:
             _tell_more(covariance, information[to], state.free[to], settings)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
-        foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
+        foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in projected.arrays))
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
         shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
         pose[to] = covariance[:, :n, :n]
-    return Smoothed(
-        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, sight.points_m,
-        sight.covariance_m2, *_known_turns(state.turns, state.bones, pose, settings),
+    return SmoothedBodies(
+        state.root, state.turns, state.bones, state.shape, shape_sd_m, state.velocity, projected.points_m,
+        projected.covariance_m2, *_known_turns(state.turns, state.bones, pose, settings),
     )  # fmt: skip
 
 
-def _tell_more(covariance: np.ndarray, information: np.ndarray, free: np.ndarray, settings: Settings) -> None:
+def _tell_more(covariance: np.ndarray, information: np.ndarray, free: np.ndarray, settings: TrackerSettings) -> None:
     """Tell covariances, in place, a share of what frames say at face value."""
-    n, size, share = settings.tree.n_pose, information.shape[1], settings.options.smoother_own_share
+    n, size, share = settings.tree.n_pose, information.shape[1], settings.options.smoother_independent_share
     done = add_information(information, share, free, n, covariance)
     while done < len(free):
         known = covariance[done, :size, :size]
@@ -450,7 +454,7 @@ def _tell_more(covariance: np.ndarray, information: np.ndarray, free: np.ndarray
 
 
 def _known_turns(
-    turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, settings: Settings
+    turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, settings: TrackerSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How well joint angles, the root's turn and the axes that hold parts are known.
 

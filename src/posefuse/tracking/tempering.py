@@ -14,12 +14,12 @@ from posefuse.kernels.tracking.articulated import State, predict_people
 from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
 from posefuse.kernels.tracking.tempering import ROUNDING, filter_again
 from posefuse.kinematics.initial_pose import newborn_covariance
-from posefuse.tracking.body_states import chosen, put, uncertain
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.body_states import free_columns, select_states, set_state
+from posefuse.tracking.settings import TrackerSettings
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
+class FrameInformation:
     """What frames said of pose and shape, in the axes of the states they led to.
 
     Attributes:
@@ -31,14 +31,14 @@ class Said:
     gradient: np.ndarray
 
 
-def ahead(state: State, dt_s: np.ndarray, settings: Settings) -> State:
+def predict_states(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> State:
     """States so much later, as if nothing had been seen; in place."""
     walk = settings.options.motion.shape_walk
     predict_people(dt_s, settings.decay_s, settings.power, settings.most, walk, state)
     return state
 
 
-def what_was_said(before: State, dt_s: np.ndarray, after: State, settings: Settings) -> Said:
+def frame_information(before: State, dt_s: np.ndarray, after: State, settings: TrackerSettings) -> FrameInformation:
     """What frames said, from one person's filtered states in the frames before them and in them.
 
     Args:
@@ -48,10 +48,10 @@ def what_was_said(before: State, dt_s: np.ndarray, after: State, settings: Setti
         settings: of the tracker whose states they are.
     """
     frames, n, h = len(dt_s), settings.tree.n_pose, settings.tree.n_shape
-    foretold = ahead(chosen(before, np.arange(frames)), dt_s, settings)
+    foretold = predict_states(select_states(before, np.arange(frames)), dt_s, settings)
     change = np.empty((frames, 2 * n + h))
     compare_states(foretold, after, change)
-    said = Said(np.zeros((frames, n + h, n + h)), np.zeros((frames, n + h)))
+    said = FrameInformation(np.zeros((frames, n + h, n + h)), np.zeros((frames, n + h)))
     free = (before.free != 0) & (after.free != 0)
     for these, m in ((np.flatnonzero(free), n + h), (np.flatnonzero(~free), n)):
         known = np.linalg.inv(foretold.covariance[these, :m, :m])
@@ -60,8 +60,8 @@ def what_was_said(before: State, dt_s: np.ndarray, after: State, settings: Setti
     return said
 
 
-def tell_again(
-    filtered: State, time_s: np.ndarray, share: np.ndarray, told: np.ndarray, first: State, settings: Settings
+def refilter(
+    filtered: State, time_s: np.ndarray, share: np.ndarray, told: np.ndarray, first: State, settings: TrackerSettings
 ) -> tuple[State, np.ndarray]:
     """Filter one person over consecutive frames again, with another share of what each frame said.
 
@@ -79,7 +79,7 @@ def tell_again(
     """
     frames, size = len(time_s), settings.tree.n_pose + settings.tree.n_shape
     out = State(*(each.copy() for each in filtered))
-    put(out, 0, first)
+    set_state(out, 0, first)
     information = np.empty((frames, size, size))
     information[0] = 0.0
     dt_s, walk = np.diff(time_s, prepend=time_s[:1]), settings.options.motion.shape_walk
@@ -106,35 +106,37 @@ def _tell_one_again(
     told: float,
     out: State,
     information: np.ndarray,
-    settings: Settings,
+    settings: TrackerSettings,
 ) -> None:
     """Frame ``k`` of the same, by itself: where a shape begins or ends to be sought, and where rounding counts.
 
     Where a limb was set anew the filter knew less after the frame than before it. No share can be told of that, and it
     is nothing that the frame says: the state is the filter's.
     """
-    seen = chosen(filtered, [k])
-    said = what_was_said(chosen(filtered, [k - 1]), np.array([dt_s]), seen, settings)
-    now = next_with(chosen(out, [k - 1]), dt_s, seen, said.curvature[0], said.gradient[0], share, settings)
+    seen = select_states(filtered, [k])
+    said = frame_information(select_states(filtered, [k - 1]), np.array([dt_s]), seen, settings)
+    now = temper_next_state(
+        select_states(out, [k - 1]), dt_s, seen, said.curvature[0], said.gradient[0], share, settings
+    )
     forgot = _forgets(said.curvature[0], seen, settings) or not _is_covariance(now, settings)
     if forgot and _is_covariance(seen, settings):
-        put(out, k, seen)
+        set_state(out, k, seen)
         information[k] = 0.0
         return
-    put(out, k, now)
+    set_state(out, k, now)
     turn = bone_axes(now, seen, settings)[0]
     information[k] = told * turn.T @ said.curvature[0] @ turn
 
 
-def _forgets(curvature: np.ndarray, seen: State, settings: Settings) -> bool:
+def _forgets(curvature: np.ndarray, seen: State, settings: TrackerSettings) -> bool:
     """Whether a frame said less than nothing of a number, by more than rounding."""
     m = settings.tree.n_pose + (settings.tree.n_shape if seen.free[0] else 0)
     after, said = np.diag(np.linalg.inv(seen.covariance[0, :m, :m])), np.diag(curvature)[:m]
     return bool((said < -ROUNDING * (after - said)).any())
 
 
-def _is_covariance(state: State, settings: Settings) -> bool:
-    rows = uncertain(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0]))
+def _is_covariance(state: State, settings: TrackerSettings) -> bool:
+    rows = free_columns(settings.tree.n_pose, settings.tree.n_shape, bool(state.free[0]))
     try:
         np.linalg.cholesky(state.covariance[0][np.ix_(rows, rows)])
     except np.linalg.LinAlgError:
@@ -142,14 +144,14 @@ def _is_covariance(state: State, settings: Settings) -> bool:
     return True
 
 
-def first_with(state: State, share: float, settings: Settings) -> State:
+def temper_first_state(state: State, share: float, settings: TrackerSettings) -> State:
     """One person's first state, had only that share of its frame been told to a filter that knew nothing."""
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    rows = uncertain(n, h, bool(state.free[0]))
+    rows = free_columns(n, h, bool(state.free[0]))
     m = len(rows) - n
     at, pose = np.ix_(rows, rows), rows[:m]
     nothing = newborn_covariance(settings.tree, settings.tree.shape_covariance, settings.options.motion)
-    state = chosen(state, [0])
+    state = select_states(state, [0])
     block = state.covariance[0][at]
     prior = np.linalg.inv(nothing[np.ix_(pose, pose)])
     wider = np.linalg.inv((1.0 - share) * prior + share * np.linalg.inv(block[:m, :m]))
@@ -158,14 +160,14 @@ def first_with(state: State, share: float, settings: Settings) -> State:
     return state
 
 
-def next_with(
+def temper_next_state(
     state: State,
     dt_s: float,
     told: State,
     curvature: np.ndarray,
     gradient: np.ndarray,
     share: float,
-    settings: Settings,
+    settings: TrackerSettings,
 ) -> State:
     """One person's next state where another share of what a frame said is told.
 
@@ -173,34 +175,34 @@ def next_with(
         state: of the frame before; it is left as it is.
         dt_s: since then.
         told: what the filter found in this frame.
-        curvature: shape (pose + shape, pose + shape): what the frame said, see :class:`Said`.
+        curvature: shape (pose + shape, pose + shape): what the frame said, see :class:`FrameInformation`.
         gradient: shape (pose + shape,): likewise.
         share: which of what the filter was told; with 1 it finds what it found.
         settings: of the tracker whose states they are.
     """
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    now = ahead(chosen(state, [0]), np.array([dt_s]), settings)
+    now = predict_states(select_states(state, [0]), np.array([dt_s]), settings)
     was_free, is_free = bool(state.free[0]), bool(told.free[0])
     if was_free and not is_free:
         _keep_shape(now, told.shape[0])
     # What the frame said is in the axes of the first run's bones, whose frames went other ways.
     turn = bone_axes(now, told, settings)[0]
-    rows = uncertain(n, h, was_free and is_free)
+    rows = free_columns(n, h, was_free and is_free)
     _learn(now, told, share * (turn.T @ curvature @ turn), share * (turn.T @ gradient), rows, len(rows) - n)
     if is_free and not was_free:
         _reopen_shape(now, told)
     return now
 
 
-def see_pose(state: State, seen: State, settings: Settings) -> None:
+def observe_pose(state: State, seen: State, settings: TrackerSettings) -> None:
     """Tell a state of one person, in place, the pose that another source has, as an observation of that covariance."""
     n, h = settings.tree.n_pose, settings.tree.n_shape
     turn = bone_axes(state, seen, settings)[0, :n, :n]
     curvature = turn.T @ np.linalg.inv(seen.covariance[0, :n, :n]) @ turn
-    _learn(state, seen, curvature, np.zeros(n), uncertain(n, h, bool(state.free[0])), n)
+    _learn(state, seen, curvature, np.zeros(n), free_columns(n, h, bool(state.free[0])), n)
 
 
-def see_of_pose(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
+def update_pose(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: TrackerSettings) -> None:
     """Tell a state of one person, in place, what is known of the pose beside detections.
 
     Args:
@@ -210,10 +212,10 @@ def see_of_pose(state: State, curvature: np.ndarray, gradient: np.ndarray, setti
         settings: of the tracker whose states they are.
     """
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    _learn(state, chosen(state, [0]), curvature, gradient, uncertain(n, h, bool(state.free[0])), n)
+    _learn(state, select_states(state, [0]), curvature, gradient, free_columns(n, h, bool(state.free[0])), n)
 
 
-def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: Settings) -> None:
+def update_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, settings: TrackerSettings) -> None:
     """Tell a state of one person, in place, whose lengths are sought, what another source knows of them.
 
     Args:
@@ -225,10 +227,10 @@ def see_lengths(state: State, curvature: np.ndarray, gradient: np.ndarray, setti
     n, h = settings.tree.n_pose, settings.tree.n_shape
     whole, pull = np.zeros((n + h, n + h)), np.zeros(n + h)
     whole[n:, n:], pull[n:] = curvature, gradient
-    _learn(state, chosen(state, [0]), whole, pull, uncertain(n, h, free=True), n + h)
+    _learn(state, select_states(state, [0]), whole, pull, free_columns(n, h, free=True), n + h)
 
 
-def bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
+def bone_axes(state: State, seen: State, settings: TrackerSettings) -> np.ndarray:
     """For each frame what makes changes in the axes of one state those in another's, whose bones' frames lie otherwise.
 
     Args:
@@ -245,7 +247,7 @@ def bone_axes(state: State, seen: State, settings: Settings) -> np.ndarray:
     compare_states(state, seen, change)
     change[:, :first] = 0.0
     change[:, n:] = 0.0
-    carried = chosen(state, frames)
+    carried = select_states(state, frames)
     apply_changes(change, carried)
     turn = np.tile(np.eye(n + settings.tree.n_shape), (len(frames), 1, 1))
     columns = np.arange(first, n).reshape(-1, 2)

@@ -42,7 +42,7 @@ def all_records() -> list[type]:
 
 RECORDS = all_records()
 EXEMPT = {
-    "AlignOptions", "AnimalOptions", "AssociationOptions", "BirthOptions", "ButterworthOptions", "ConsensusOptions",
+    "AlignOptions", "AnimalOptions", "AssociationOptions", "InitiationOptions", "ButterworthOptions", "ConsensusOptions",
     "CrowdOptions", "DetectorOptions", "HampelOptions", "KalmanOptions", "MedianOptions", "MotionOptions",
     "NoiseOptions", "OneEuroOptions", "Options", "OverlayOptions", "PairOptions", "PartOptions",
     "PercentileFilterOptions", "PostprocessOptions", "RansacOptions", "RefineOptions", "RptOptions", "SavgolOptions",

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import joined
-from posefuse.tracking.identity_audit import Contact, Finding, audit, contacts
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.body_states import join_states
+from posefuse.tracking.identity_audit import Contact, AuditResult, audit, contacts
+from posefuse.tracking.settings import TrackerSettings
 from tests.unit.tracking.test_forgetting import somebody
 from tests.unit.tracking.test_track_initiation import settings_with, standing_still
 
@@ -18,16 +18,16 @@ APART_S = 1.3
 TIMES_S = np.arange(0.0, APART_S, 0.04)
 
 
-def found(settings: Settings, known: tuple[float, float], shown: tuple[float, float]) -> Finding:
+def found(settings: TrackerSettings, known: tuple[float, float], shown: tuple[float, float]) -> AuditResult:
     """Of two whose sizes were known, and who have shown others since."""
     tracks, bodies = zip(*(somebody(settings, TrackState.ACTIVE) for _ in NAMES), strict=True)
     for track, name, size in zip(tracks, NAMES, known, strict=True):
-        track.name, track.sought_s = name, settings.options.shape_settle_s
-        track.trusted = size * settings.tree.shape_m, np.diag((0.005 + 0.0 * settings.tree.shape_m) ** 2)
+        track.name, track.shape_observed_s = name, settings.options.fix_shape_after_s
+        track.known_shape = size * settings.tree.shape_m, np.diag((0.005 + 0.0 * settings.tree.shape_m) ** 2)
     contact = Contact(NAMES, 1.0, 0.0)
     for name, size in zip(NAMES, shown, strict=True):
         contact.shown[name] = deque(standing_still(settings, TIMES_S, size))
-    return audit({NAMES: contact}, list(tracks), joined(*bodies), APART_S, settings)[0]
+    return audit({NAMES: contact}, list(tracks), join_states(*bodies), APART_S, settings)[0]
 
 
 def test_who_differ_are_told_from_each_other():
@@ -72,7 +72,7 @@ def test_only_who_are_or_were_near_are_known_together(others):
     state = bodies[0]
     for k, (track, body) in enumerate(zip(tracks, bodies, strict=True)):
         track.name = f"person_{k + 1}"
-        state = joined(state, body) if k else body
+        state = join_states(state, body) if k else body
     seen, known = np.ones((len(tracks), len(settings.rig)), dtype=bool), {}
     alone = seen.copy()
     alone[0] = False

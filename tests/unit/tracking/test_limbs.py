@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.articulated import State, foresee_people
 from posefuse.kinematics.initial_pose import aim, bones_shown
-from posefuse.tracking.body_states import Sight
+from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.state_initiation import begin
 from tests.unit.tracking.test_track_initiation import SKELETON, settings_with, standing
 
@@ -50,6 +50,6 @@ def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
     for each in seen[:3]:
         each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
     state = begin(seen, settings)[0]
-    sight = Sight.room(1, 0, len(SKELETON))
-    foresee_people(settings.cameras[:0], settings.body, state, *sight.arrays)
-    np.testing.assert_allclose(sight.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)
+    projected = ProjectedBodies.allocate(1, 0, len(SKELETON))
+    foresee_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    np.testing.assert_allclose(projected.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

@@ -9,26 +9,26 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.silent_cameras import Silence, listen
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.silent_cameras import CameraActivity, update_camera_activity
 
 VIEWS = 3
 ALL = np.ones(VIEWS, dtype=bool)
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
+def settings() -> TrackerSettings:
     rig = build_rig("ring", VIEWS)
-    return Settings.of(rig, shipped_skeleton("body_20"), NoiseModel(np.full(VIEWS, 4.5), 1.0), TrackerOptions())
+    return TrackerSettings.of(rig, shipped_skeleton("body_20"), NoiseModel(np.full(VIEWS, 4.5), 1.0), TrackerOptions())
 
 
-def run(settings: Settings, seconds, dt_s: float = 0.04) -> list[tuple[float, int, bool, str]]:
+def run(settings: TrackerSettings, seconds, dt_s: float = 0.04) -> list[tuple[float, int, bool, str]]:
     """What is said, and when, of frames given by (for how long, recorded, shown, due)."""
-    silence, said, time_s = Silence.over(VIEWS), [], 0.0
+    silence, said, time_s = CameraActivity.over(VIEWS), [], 0.0
     for length_s, recorded, shown, due in seconds:
         for _ in range(round(length_s / dt_s)):
             time_s += dt_s
-            found = listen(silence, np.array(recorded), np.array(shown), np.array(due), dt_s, settings)
+            found = update_camera_activity(silence, np.array(recorded), np.array(shown), np.array(due), dt_s, settings)
             said.extend((round(time_s, 3), *each) for each in found)
     return said
 

@@ -55,7 +55,7 @@ def follow_subject(
     # Whoever comes back is the subject.
     anywhere = replace(options.tracker.specification, reacquire_gate=_ANYWHERE)
     tracker = replace(
-        options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
+        options.tracker, max_people=1, terminate_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
         specification=anywhere,
     )  # fmt: skip
     return follow(rig, alone, replace(options, tracker=tracker), progress, keeper)

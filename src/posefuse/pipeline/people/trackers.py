@@ -25,12 +25,12 @@ def idle_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     """What is asked for that does nothing here, each with what would make it do something."""
     tracker, usual = options.tracker, TrackerOptions()
     said = []
-    if tracker.preset != "specification" and tracker.specification != usual.specification:
+    if tracker.strategy != "specification" and tracker.specification != usual.specification:
         said.append(
             "tracker.specification has options of the preset 'specification', and the preset is "
-            f"{tracker.preset!r}: they do nothing. Add --tracker.preset specification, or leave them out."
+            f"{tracker.strategy!r}: they do nothing. Add --tracker.strategy specification, or leave them out."
         )
-    if tracker.preset == "specification" and tracker.smoother != "none":
+    if tracker.strategy == "specification" and tracker.smoother != "none":
         said.append(
             f"tracker.smoother = {tracker.smoother!r} does nothing with the preset 'specification', whose states "
             "forget how well they are known: nothing is smoothed. Say --smoother none, or take the preset 'posefuse'."
