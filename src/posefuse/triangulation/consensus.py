@@ -54,13 +54,13 @@ def solve(
         pairs_to_try(len(rig)),
         enough_tries(len(rig)),
         brief_tries(len(rig)),
-        chosen.bound_sigma,
-        chosen.full_sigma,
-        chosen.none_sigma,
+        chosen.saturation_sigma,
+        chosen.full_weight_sigma,
+        chosen.zero_weight_sigma,
         *out.arrays,
     )
     layer = out.finish()
-    lost = reweighting_loss(chosen.full_sigma, chosen.none_sigma)
+    lost = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
     return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * lost)
 
 

@@ -17,7 +17,7 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from tests.reference.pairs import cheapest
 
-FULL, NONE = ConsensusOptions().full_sigma ** 2, ConsensusOptions().none_sigma ** 2
+FULL, NONE = ConsensusOptions().full_weight_sigma ** 2, ConsensusOptions().zero_weight_sigma ** 2
 FAULTS = {"outlier": 0.1, "missing": 0.1}
 # Steps end at a hundredth of a standard error, which is some 15 mm here.
 CLOSE_M = 1e-3
@@ -222,7 +222,7 @@ def test_evidence_names_the_swapped_views():
 def test_the_frame_before_decides_between_explanations():
     data = scene(900, 4, walk=True, outlier=0.15, missing=0.15, seed=5)
     alone = solved(data, enumerated.solve)
-    helped = solved(data, enumerated.solve, PairOptions(prior_m=0.05))
+    helped = solved(data, enumerated.solve, PairOptions(motion_sd_m=0.05))
 
     def wrong(result: SolvedPairs) -> int:
         points = result.points_m[:, 0]
@@ -246,7 +246,7 @@ def test_weights_of_sds_are_options():
     ("make", "message"),
     [
         (lambda: Options(**{"pairs": "enumerated"}), "pairs: no 'enumerated'"),
-        (lambda: PairOptions(prior_m=0.0), "pair_search.prior_m must be positive"),
+        (lambda: PairOptions(motion_sd_m=0.0), "pair_search.motion_sd_m must be a number above 0"),
         (lambda: PairOptions(seed=-1), "pair_search.seed must be 0 or more"),
         (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be 0 or more"),
         (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be positive"),

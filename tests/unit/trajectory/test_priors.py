@@ -53,7 +53,7 @@ def test_rigid_bones_vary_no_more_than_reason_has_it():
     truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
     given = measured(truth)
     soft = learn([given], ARM, TrajectoryOptions())
-    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(rigid_bone_share=0.02))
+    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02))
     assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
     assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
     assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]

@@ -176,9 +176,9 @@ class TestConsensus:
 
     def test_the_limits_must_be_in_order(self):
         with pytest.raises(OptionsError, match="less than none_sigma"):
-            ConsensusOptions(full_sigma=5.0, none_sigma=3.0)
+            ConsensusOptions(full_weight_sigma=5.0, zero_weight_sigma=3.0)
         with pytest.raises(OptionsError, match="bound_sigma must be positive"):
-            ConsensusOptions(bound_sigma=0.0)
+            ConsensusOptions(saturation_sigma=0.0)
 
 
 class TestWeightedSubsets:
