@@ -22,8 +22,8 @@ from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.pairs import PairOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.skeleton.skeletons import Skeleton

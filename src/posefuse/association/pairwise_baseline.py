@@ -129,7 +129,8 @@ def _groups(bodies: Bodies, skeleton: Skeleton, options: RptOptions) -> list[lis
             apart = np.linalg.norm(mean - core[i], axis=-1)
             centre = np.linalg.norm(_centres(mean[None])[0] - _centres(core[i : i + 1])[0])
             common = np.isfinite(apart)
-            if centre < options.center_distance_m and common.any() and apart[common].mean() < options.keypoint_distance_m:
+            near = common.any() and apart[common].mean() < options.keypoint_distance_m
+            if centre < options.center_distance_m and near:
                 group.append(i)
                 break
         else:

@@ -11,8 +11,9 @@ from posefuse.errors import OptionsError
 from posefuse.left_right.pairs import enumerated, population_search
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options.options import ConsensusOptions, Options
+from posefuse.model.options.options import Options
 from posefuse.model.options.pairs import PairOptions, SdsOptions
+from posefuse.model.options.triangulation import ConsensusOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from tests.reference.pairs import cheapest
@@ -245,13 +246,13 @@ def test_weights_of_sds_are_options():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Options(**{"pairs": "enumerated"}), "pairs: no 'enumerated'"),
+        (lambda: Options(**{"pairs": "enumerated"}), "pairs must be one of enumerate, sds, labels, got 'enumerated'"),
         (lambda: PairOptions(motion_sd_m=0.0), "pair_search.motion_sd_m must be a number above 0"),
-        (lambda: PairOptions(seed=-1), "pair_search.seed must be 0 or more"),
-        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be 0 or more"),
-        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be positive"),
-        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be at least 2"),
-        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be at least 1"),
+        (lambda: PairOptions(seed=-1), "pair_search.seed must be an integer of at least 0"),
+        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be a finite number of at least 0"),
+        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be a finite number above 0"),
+        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be an integer of at least 2"),
+        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be an integer of at least 1"),
     ],
 )
 def test_options_say_what_is_wrong(make, message):

@@ -17,8 +17,8 @@ from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.pairs import PairOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
 from posefuse.triangulation.results import rows_by_person_frame

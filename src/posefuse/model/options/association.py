@@ -9,7 +9,7 @@ from posefuse.model.options.bounds import check_fields, option
 ProposalMethod = Literal["groups", "rpt"]
 
 PROPOSAL_METHODS: dict[ProposalMethod, str] = {
-    "groups": "detection pairs extended to at most one detection per view, scored by the odds that they show one person",
+    "groups": "pairs extended to at most one detection per view, scored by the odds that they show one person",
     "rpt": "pairs triangulated, scored and averaged in 3D (the baseline, after RapidPoseTriangulation)",
 }
 """Proposal methods and their line in help; one file each under ``association/``."""

@@ -126,7 +126,9 @@ class Options:
                 )
         both = sorted(set(self.cameras) & set(self.exclude_camera))
         if both:
-            raise OptionsError(f"cameras and exclude_camera must not name the same camera, got {choices(both)} in both.")
+            raise OptionsError(
+                f"cameras and exclude_camera must not name the same camera, got {choices(both)} in both."
+            )
 
     @property
     def rates_hz(self) -> dict[str, float]:
