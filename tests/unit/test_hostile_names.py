@@ -72,7 +72,7 @@ def all_in(folder: Path) -> None:
 
 @pytest.mark.parametrize("form", [form.name for form in RESULTS if form.writes])
 def test_writers_of_results_write_where_they_are_told(form, tmp_path):
-    result, suits = posed("body_20", 2, 5), next(f.suits for f in RESULTS if f.name == form) or f"p.{form}"
+    result, suits = posed("body_20", 2, 5), RESULTS.find(form).additional_name or f"p.{form}"
     for i in range(0, len(PATHS), 5):
         people = distinct(list(PATHS[i:]), 5)
         given_ = renamed(result, people, distinct(list(PATHS[::-1][i:]), len(result.rig)))

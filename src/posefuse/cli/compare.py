@@ -10,7 +10,8 @@ from posefuse.cli.console import Bars, count, note, say, table, wrote
 from posefuse.cli.reading import read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.options.options import METHODS, Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import METHODS
 
 if TYPE_CHECKING:
     from posefuse.evaluation.comparison import Comparison

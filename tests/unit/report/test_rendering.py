@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.filtering import error_profile
-from posefuse.model.options.options import METHODS, Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import METHODS, TriangulationOptions
 from posefuse.pipeline.compare_methods import compare_methods
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report.comparison import comparison_figure
