@@ -56,8 +56,8 @@ def _row(each: Outcome) -> str:
         share = None if n.points_share is None else 100.0 * n.points_share
         cells = [
             f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames),
-            _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2), _format(n.p90_px, 2),
-            _format(n.sd_mm, 1),
+            _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2),
+            _format(n.p90_px, 2), _format(n.sd_mm, 1),
         ]  # fmt: skip
     notes = "".join(f'<br><span class="hint">{escape(warning)}</span>' for warning in each.warnings)
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from posefuse.evaluation.comparison import SHARES, Comparison, ErrorSpread, MethodNumbers
 from posefuse.report.numbers import format_three_digits
-from posefuse.report.rendering import BLUE, GREY, INK, ORANGE, PALE, RenderedFigure, remove_frame, render_figure
+from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, remove_frame, render_figure
 
 _MAX_COLUMNS = 4
 _MISSING = "points missing, %"
@@ -57,7 +57,7 @@ def _draw_distributions(grid: np.ndarray, rows: Sequence[MethodNumbers]) -> None
         axes.set_xlabel("reprojection error, px")
     for axes in grid[:, 0]:
         axes.set_ylabel("cumulative share, %")
-    legend = (("views it used", BLUE), ("all detections", ORANGE), ("other methods, all", GREY))
+    legend = (("views it used", BLUE), ("all detections", ORANGE), ("other methods, all", GRAY))
     for line, (text, color) in enumerate(legend):
         grid[0, 0].text(0.97, 0.26 - 0.1 * line, text, color=color, size=7, ha="right", transform=grid[0, 0].transAxes)
 

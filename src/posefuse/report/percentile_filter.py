@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from posefuse.evaluation.filtering import ErrorProfile
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.numbers import format_three_digits
-from posefuse.report.rendering import BLUE, GREY, INK, ORANGE, PALE, RenderedFigure, render_figure
+from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, render_figure
 
 _WIDTH_IN = 8.5
 
@@ -61,14 +61,14 @@ def _draw(before: ErrorProfile, after: ErrorProfile, result: Reconstruction) -> 
 
 def _draw_frame_means(axes: Axes, before: ErrorProfile, after: ErrorProfile, threshold_px: float) -> None:
     """Draw the mean error of each frame."""
-    axes.plot(*_with_gaps(before), color=GREY, linewidth=0.9)
+    axes.plot(*_with_gaps(before), color=GRAY, linewidth=0.9)
     axes.plot(*_with_gaps(after), color=BLUE, linewidth=0.9)
     axes.axhline(threshold_px, color=ORANGE, linewidth=0.9, linestyle=(0, (3, 1.5)))
     high = np.nanmax([threshold_px, *before.frame_mean_px, *after.frame_mean_px])
     first, last = int(before.frame_numbers[0]), int(before.frame_numbers[-1])
     axes.set(xlim=(first, max(last, first + 1)), ylim=(0, 1.05 * high), xlabel="frame", ylabel="px")
     axes.set_title("by frame: mean reprojection error over the views used")
-    for place, text, color in ((0.82, "before (simple)", GREY), (0.89, "after", BLUE), (1.0, "threshold", ORANGE)):
+    for place, text, color in ((0.82, "before (simple)", GRAY), (0.89, "after", BLUE), (1.0, "threshold", ORANGE)):
         axes.text(place, 1.04, text, color=color, weight="bold", ha="right", transform=axes.transAxes)
 
 
@@ -85,7 +85,7 @@ def _draw_dots(
     """Draw one line per name from the value before to the value after, from the top."""
     places = np.arange(len(names))
     axes.hlines(places, before_px, after_px, color=PALE, linewidth=1.5)
-    axes.plot(before_px, places, "o", color=GREY, markersize=4)
+    axes.plot(before_px, places, "o", color=GRAY, markersize=4)
     axes.plot(after_px, places, "o", color=BLUE, markersize=4)
     axes.axvline(threshold_px, color=ORANGE, linewidth=0.9, linestyle=(0, (3, 1.5)))
     high = np.nanmax([threshold_px, *before_px, *after_px])

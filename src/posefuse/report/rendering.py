@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 BLUE = "#0072b2"
 ORANGE = "#d55e00"
 INK = "#222222"
-GREY = "#888888"
+GRAY = "#888888"
 PALE = "#cfcfcf"
 
 _STYLE: Any = {
@@ -23,13 +23,13 @@ _STYLE: Any = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.labelcolor": INK,
-    "axes.edgecolor": GREY,
+    "axes.edgecolor": GRAY,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "text.color": INK,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
+    "xtick.color": GRAY,
+    "ytick.color": GRAY,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
     "lines.linewidth": 1.2,

@@ -156,7 +156,6 @@ def time_series_data(result: Reconstruction, series: TimeSeries) -> dict[str, An
     scale = 1000.0 if result.unit == "m" else 1.0
     lengths = mean_per_interval(scale * series.bones_m.astype(np.float64), starts)
     states = majority_per_interval(series.point_state, starts)
-    _, n_people, n_keypoints = states.shape
     return {
         "frameIndex": starts.tolist(),
         "time": np.asarray(times)[starts].round(3).tolist(),

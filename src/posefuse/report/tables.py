@@ -148,8 +148,8 @@ def bone_section(result: Reconstruction, series: TimeSeries) -> str:
     head = _head(("Bone", "Person", f"Median, {unit}", f"SD, {unit}", "SD, relative"))
     return (
         "<section><h2>Bone lengths</h2><p>Measured lengths. Bones are rigid, so a varying length reveals an error at "
-        "one end. SD is the robust standard deviation over time. Click a bone to plot it; click the plot to see the frame."
-        "</p>"
+        "one end. SD is the robust standard deviation over time. Click a bone to plot it; click the plot to see "
+        "the frame.</p>"
         '<p id="bone-name" aria-live="polite"></p><div id="bones" class="chart" role="img" '
         'aria-label="Length of the selected bone over time"></div>'
         f"{_collapsed('All bones', head + ''.join(rows))}</section>"
