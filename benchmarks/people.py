@@ -31,7 +31,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
@@ -117,7 +117,7 @@ def scenario_of(name: str, seed: int) -> CrowdOptions:
 def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracker:
     """A live tracker, as the public one makes it."""
     chosen = Options(tracker=options)
-    return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
+    return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, chosen), chosen)
 
 
 def follow(
@@ -138,10 +138,11 @@ def follow(
     for i in range(len(spent)):
         frame = Frame.of(scene.detections, i)
         start = time.process_time()
-        told.append(tracker.update(frame))
+        tracked = tracker.process(frame)
+        told.append(tracked.people)
         spent[i] = time.process_time() - start
         if smoothed:
-            history.add(tracker, told[-1])
+            history.add(tracker, tracked)
             numbers.append({track.name: track.number for track in tracker.tracks})
     events = tuple(event for people in told for event in people.events)
     data = _points(scene, _smoothed(history, told, numbers) if smoothed else told)
@@ -150,7 +151,7 @@ def follow(
         score_people(data, scoring or ScoringOptions()),
         is_right(data),
         events,
-        tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
+        tuple(dict.fromkeys(event.person for event in events if event.what == "camera_rejected")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
         alone_in(scene, told),
@@ -232,7 +233,7 @@ def is_right(data: PeoplePoints) -> bool:
 
 def baseline(scene: CrowdScene) -> PeopleScores:
     """The same scene by pairs, nearest poses and a Kalman filter per keypoint."""
-    noise = usual_noise(scene.rig, Options())
+    noise = default_noise(scene.rig, Options())
     names, points = rpt_kalman.follow(scene.rig, scene.detections, noise)
     truth = scene.truth
     known = np.asarray(truth.layers["measured"].points_m)
@@ -318,7 +319,7 @@ def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
     """What a table does not say: which seeds are wrong, and what was said of identities and cameras."""
     said = [f"{name}: not right are the seeds {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
     if name in ("hug", "equal"):
-        for what in ("identity uncertain", "identities exchanged"):
+        for what in ("possible_identity_switch", "identities_swapped"):
             n = sum(any(event.what == what for event in run.events) for run in runs)
             said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
     if name == "one_camera":

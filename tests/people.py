@@ -116,7 +116,7 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
         name, when = tracks.person_ids[p], (int(numbers[f]), float(time_s[f]))
         if state[f, p] == TrackState.ACTIVE:
             known = (state[:f, p] == TrackState.LOST).any()
-            events.append(Event(*when, name, "returned" if known else "born", "seen by 4 cameras"))
+            events.append(Event(*when, name, "reidentified" if known else "confirmed", "seen by 4 cameras"))
         elif state[f, p] == TrackState.LOST:
             events.append(Event(*when, name, "lost", "not seen for 0.3 s, though 3 cameras should see them"))
         elif state[f, p] == TrackState.ABSENT:

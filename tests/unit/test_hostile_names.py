@@ -72,7 +72,7 @@ def all_in(folder: Path) -> None:
 
 @pytest.mark.parametrize("form", [form.name for form in RESULTS if form.writes])
 def test_writers_of_results_write_where_they_are_told(form, tmp_path):
-    result, suits = posed("body_20", 2, 5), next(f.suits for f in RESULTS if f.name == form) or f"p.{form}"
+    result, suits = posed("body_20", 2, 5), RESULTS.find(form).additional_name or f"p.{form}"
     for i in range(0, len(PATHS), 5):
         people = distinct(list(PATHS[i:]), 5)
         given_ = renamed(result, people, distinct(list(PATHS[::-1][i:]), len(result.rig)))
@@ -167,7 +167,7 @@ def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
         skeleton = Skeleton(words[4], names, ((names[0], names[1]),), description=words[7])
         notes = ("Health: " + words[7], words[7])
         provenance = Provenance({"posefuse": words[7]}, {words[6]: "0" * 64}, notes)
-        events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera silent", words[7]))
+        events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera_silent", words[7]))
         return Shape(render_report(replace(result, skeleton=skeleton, provenance=provenance, events=events)))
 
     plain, hostile = page([f"name {i}" for i in range(8)]), page(names)

@@ -21,7 +21,7 @@ def evidence_of(rig: CameraRig, detections: Detections, subjects: Subjects) -> E
     """What there is to look at: all of a recording, or evenly spread pieces of a long one."""
     spans = _spans(detections)
     starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
-    tracks = Tracks.concatenate([subjects.follow(*span) for span in spans])
+    tracks = Tracks.concatenate([subjects.tracks(*span) for span in spans])
     return gather(rig, detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 

@@ -19,7 +19,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import select_states
 from posefuse.tracking.history_entries import Entries
 from posefuse.tracking.parts import PartTracker
-from posefuse.tracking.records import PastState, People, Person, Track
+from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -140,16 +140,21 @@ class History:
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def add(self, tracker: ArticulatedTracker, people: People) -> None:
-        """What a tracker knows after a frame, and the frames before it of those who are new.
+    def add(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
+        """Add the tracks of a frame, and earlier frames of tracks that were just confirmed.
+
+        Args:
+            tracker: The tracker after the frame.
+            tracked: What it found in the frame.
 
         Raises:
-            DetectionsError: if the frame is not later than the last.
+            DetectionsError: If the frame is not later than the last one.
         """
+        people = tracked.people
         here = self._next(people.number, people.time_s)
         told = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
-            past = tracker.remembered.get(track.name)
+            past = tracked.past_states.get(track.name)
             fresh = past is not None
             if past:
                 fresh = not self._add_past(track.number, past, here)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from posefuse.association.one_subject import OneSubject
+from posefuse.association.one_subject import SingleSubject
 from posefuse.diagnostics.observations import Evidence, gather
 from posefuse.synthetic.faults import Scene, healthy, plant
 from posefuse.synthetic.options import CLEAN, DetectorOptions
@@ -17,7 +17,7 @@ def walk() -> Scene:
 def evidence_of(scene: Scene, options: DetectorOptions = CLEAN) -> Evidence:
     """What a detector makes of a scene, gathered."""
     rig, detections = scene.watch(options)
-    return gather(rig, detections, OneSubject.of(detections, None).follow(0, detections.n_frames))
+    return gather(rig, detections, SingleSubject.of(detections, None).tracks(0, detections.n_frames))
 
 
 __all__ = ["evidence_of", "plant", "walk"]

@@ -11,7 +11,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, fix_shape, restore_track
+from posefuse.tracking.lifecycle import LifecycleThresholds, fix_shape, new_track, restore_track
 from posefuse.tracking.records import Track
 from posefuse.tracking.reidentification import same_body_log_odds
 from posefuse.tracking.settings import TrackerSettings
@@ -110,7 +110,9 @@ def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
         assert truly[within].mean() == pytest.approx(expected, abs=3.5 * 0.5 / np.sqrt(within.sum()))
 
 
-def followed(settings: TrackerSettings, track: Track, state: State, seconds: float, start_s: float, views: int = 2) -> float:
+def followed(
+    settings: TrackerSettings, track: Track, state: State, seconds: float, start_s: float, views: int = 2
+) -> float:
     """Look at somebody for so long; the time after it."""
     frames = round(25 * seconds)
     for k in range(1, frames + 1):

@@ -10,8 +10,9 @@ import pytest
 from posefuse.errors import OptionsError, PosefuseWarning
 from posefuse.io.stream import encoded, lines_of
 from posefuse.live.session import Session
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.stream import StreamOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 
@@ -69,7 +70,7 @@ def test_lines_say_who_is_where(scene, lines):
         assert seen == [
             label in ("ok", "two_views", "weak_geometry", "ambiguous") for label in person["keypoint_status"]
         ]
-    assert [event["what"] for frame in frames for event in frame["events"]].count("born") == 2
+    assert [event["what"] for frame in frames for event in frame["events"]].count("confirmed") == 2
 
 
 def test_it_goes_on_without_a_camera_and_says_which(scene, lines):
@@ -140,7 +141,7 @@ def test_people_stay_who_they_are_where_clocks_jump(scene, lines):
     assert len(frames) == 75
     assert frames[-1]["time_s"] < -4000.0
     assert {person["id"] for person in frames[-1]["people"]} == {person["id"] for person in frames[30]["people"]}
-    assert sum(event["what"] == "born" for frame in frames for event in frame["events"]) == 2
+    assert sum(event["what"] == "confirmed" for frame in frames for event in frame["events"]) == 2
 
 
 def test_one_camera_is_none_to_follow_by(scene):

@@ -16,7 +16,7 @@ from posefuse.synthetic.animals import animal_rig
 from posefuse.tracking import fast_motion, reinitialize
 from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
 from posefuse.tracking.records import Track
-from posefuse.tracking.reidentification import population_is_known, find_lost_track
+from posefuse.tracking.reidentification import find_lost_track, population_is_known
 from posefuse.tracking.settings import TrackerSettings
 
 MOUSE = shipped_skeleton("mouse_22")

@@ -14,7 +14,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.lifecycle import LifecycleThresholds, tracks_to_terminate, new_track, update_last_inside
+from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, tracks_to_terminate, update_last_inside
 from posefuse.tracking.records import Track
 from posefuse.tracking.settings import TrackerSettings
 

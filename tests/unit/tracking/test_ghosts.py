@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posefuse.tracking.missed_views import is_occluded
 
 from posefuse.kernels.tracking.articulated import foresee_people
 from posefuse.kinematics.initial_pose import newborn
@@ -11,11 +12,10 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.missed_views import is_occluded
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -28,7 +28,7 @@ FIRM_S = 0.6
 
 def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
     options = Options(tracker=TrackerOptions(strategy=preset))  # pyright: ignore[reportArgumentType]
-    return tracker_of(RIG, SKELETON, usual_noise(RIG, options), options)
+    return tracker_of(RIG, SKELETON, default_noise(RIG, options), options)
 
 
 def standing_px(tracker: ArticulatedTracker) -> np.ndarray:

@@ -11,9 +11,9 @@ from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.articulated import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking import history as history_module
-from posefuse.tracking.body_states import select_states, join_states, empty_state
+from posefuse.tracking.body_states import empty_state, join_states, select_states
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People, Person, PastState
+from posefuse.tracking.records import PastState, People, Person
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
 from posefuse.tracking.tempering import predict_states
@@ -45,7 +45,13 @@ def history_of(settings: TrackerSettings, states: State, lost=None) -> History:
     history = History(settings)
     for k in range(len(states.root)):
         past = {"person_1": []} if k == 0 else {}
-        tell(history, k, {"person_1": select_states(states, [k])}, past, {"person_1": lost[k]} if lost and k in lost else {})
+        tell(
+            history,
+            k,
+            {"person_1": select_states(states, [k])},
+            past,
+            {"person_1": lost[k]} if lost and k in lost else {},
+        )
     return history
 
 

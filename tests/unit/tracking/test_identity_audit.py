@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import join_states
-from posefuse.tracking.identity_audit import Contact, AuditResult, audit, contacts
+from posefuse.tracking.identity_audit import AuditResult, Contact, audit, contacts
 from posefuse.tracking.settings import TrackerSettings
 from tests.unit.tracking.test_forgetting import somebody
 from tests.unit.tracking.test_track_initiation import settings_with, standing_still

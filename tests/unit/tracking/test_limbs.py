@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from posefuse.tracking.state_initiation import begin
 from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.articulated import State, foresee_people
 from posefuse.kinematics.initial_pose import aim, bones_shown
 from posefuse.tracking.body_states import ProjectedBodies
-from posefuse.tracking.state_initiation import begin
 from tests.unit.tracking.test_track_initiation import SKELETON, settings_with, standing
 
 

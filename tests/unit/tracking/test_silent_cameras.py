@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posefuse.tracking.silent_cameras import CameraActivity, update_camera_activity
 
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.silent_cameras import CameraActivity, update_camera_activity
 
 VIEWS = 3
 ALL = np.ones(VIEWS, dtype=bool)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posefuse.tracking.single_view_height import apply_height_prior, observe_height
 
 from posefuse.kernels.tracking.articulated import State, foresee_people
 from posefuse.kernels.tracking.postures import find_lowest
@@ -12,20 +13,19 @@ from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.cameras import UpAxis, up_vector
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.records import RecentHistory
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.single_view_height import apply_height_prior, observe_height
 
 DT_S = 0.04
 
 
 def settings_of(up: UpAxis | None = "z") -> TrackerSettings:
     rig = replace(build_rig("ring", 2), up_axis=up)
-    return TrackerSettings.of(rig, shipped_skeleton("body_20"), usual_noise(rig, Options()), TrackerOptions())
+    return TrackerSettings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
 @pytest.fixture(scope="module")

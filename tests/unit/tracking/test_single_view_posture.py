@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from posefuse.tracking.single_view_posture import _leaning, apply_posture_prior, observe_posture
 from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.articulated import State
@@ -9,13 +10,12 @@ from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import select_states, join_states
+from posefuse.tracking.body_states import join_states, select_states
 from posefuse.tracking.records import RecentHistory
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.single_view_posture import _leaning, apply_posture_prior, observe_posture
 
 DT_S = 0.04
 
@@ -23,7 +23,7 @@ DT_S = 0.04
 @pytest.fixture(scope="module")
 def settings() -> TrackerSettings:
     rig = build_rig("ring", 2)
-    return TrackerSettings.of(rig, shipped_skeleton("body_20"), usual_noise(rig, Options()), TrackerOptions())
+    return TrackerSettings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
 def somebody(settings: TrackerSettings, seed: int) -> State:
@@ -64,7 +64,9 @@ def test_what_is_learnt_is_the_mean_and_the_variance(settings: TrackerSettings):
     leans = np.array([leans_of(state) for state in shown])
     np.testing.assert_allclose(recent.leans[0], leans.mean(axis=0), atol=1e-12)
     np.testing.assert_allclose(recent.leans_variance[0], leans.var(axis=0), atol=1e-12)
-    np.testing.assert_allclose(recent.trunk_axis[0], np.mean([axes_of(state)[0] for state in shown], axis=0), atol=1e-12)
+    np.testing.assert_allclose(
+        recent.trunk_axis[0], np.mean([axes_of(state)[0] for state in shown], axis=0), atol=1e-12
+    )
     assert recent.posture_observed_s[0] == pytest.approx(6 * DT_S)
 
 

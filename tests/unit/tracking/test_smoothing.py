@@ -13,11 +13,11 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import select_states, join_states, empty_state, free_columns
+from posefuse.tracking.body_states import empty_state, free_columns, join_states, select_states
 from posefuse.tracking.history import Run
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.smoothing import smooth_run, smooth_states
-from posefuse.tracking.tempering import predict_states, bone_axes, temper_first_state, refilter
+from posefuse.tracking.tempering import bone_axes, predict_states, refilter, temper_first_state
 from tests.reference import tempering_factor as reference
 
 SKELETON = shipped_skeleton("body_20")
@@ -360,7 +360,9 @@ def test_frames_before_somebody_was_believed_were_tempered_by_another_memory(set
     run = run_of(states)
     before = smooth_run(replace(run, life=life), settings)
     five = replace(run, rows=np.zeros((15, 5), dtype=np.int64))
-    rate = filter_memory_s(np.array([5]), np.zeros(1), np.array([DT_S]), replace(settings.options, error_memory_s=1.0))[0]
+    rate = filter_memory_s(np.array([5]), np.zeros(1), np.array([DT_S]), replace(settings.options, error_memory_s=1.0))[
+        0
+    ]
     memory = settings.options.error_memory_s
     alike = replace(settings, options=replace(settings.options, error_memory_s=memory / rate))
     np.testing.assert_allclose(

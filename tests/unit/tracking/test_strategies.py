@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from posefuse.tracking.state_initiation import put_right
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError
@@ -20,19 +21,18 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
-from posefuse.tracking.records import Observation, RecentHistory, People, TentativeTrack, Track
+from posefuse.tracking.records import Observation, People, RecentHistory, TentativeTrack, Track
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.strategy import FrameOutcome
-from posefuse.tracking.state_initiation import put_right
 from posefuse.tracking.strategies import default, specification
 from posefuse.tracking.strategies.specification import proposal_distance
+from posefuse.tracking.strategy import FrameOutcome
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -41,7 +41,9 @@ VIEWS, KEYPOINTS = len(RIG), len(SKELETON)
 SIGMA_PX = 5.0
 
 STRATEGY = specification.STRATEGY
-SETTINGS = TrackerSettings.of(RIG, SKELETON, NoiseModel(np.full(VIEWS, SIGMA_PX), 1.0), TrackerOptions(strategy="specification"))
+SETTINGS = TrackerSettings.of(
+    RIG, SKELETON, NoiseModel(np.full(VIEWS, SIGMA_PX), 1.0), TrackerOptions(strategy="specification")
+)
 SEED = SETTINGS.options.specification
 TREE = SETTINGS.tree
 
@@ -78,7 +80,9 @@ def shown(state: State, off_px: float, confidence: float = 1.0, used: bool = Tru
     labels = np.tile(np.arange(KEYPOINTS), (1, VIEWS, 1))
     supported = np.full((1, VIEWS), used)
     counted = np.full((1, VIEWS, KEYPOINTS), used)
-    return FrameOutcome(frame, dt_s, dt_s, np.arange(VIEWS)[None], labels, counted, supported, np.ones((1, VIEWS), dtype=bool))
+    return FrameOutcome(
+        frame, dt_s, dt_s, np.arange(VIEWS)[None], labels, counted, supported, np.ones((1, VIEWS), dtype=bool)
+    )
 
 
 def proposal(points_m: np.ndarray, time_s: float = 0.0, n_pairs: int = 1, log_odds: float = 1.0) -> Observation:
@@ -294,7 +298,7 @@ def scene() -> CrowdScene:
 
 def tracker_for(scene: CrowdScene) -> ArticulatedTracker:
     options = Options(tracker=TrackerOptions(strategy="specification"))
-    return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, options), options)
+    return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, options), options)
 
 
 def follow(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> list[People]:

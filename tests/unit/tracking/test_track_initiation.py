@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posefuse.tracking.state_initiation import begin
 
 from posefuse.kernels.tracking.articulated import State, foresee_people
 from posefuse.kinematics.initial_pose import newborn
@@ -15,7 +16,6 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.state_initiation import begin
 
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 4)
