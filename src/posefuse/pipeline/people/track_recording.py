@@ -209,7 +209,7 @@ class _Stage:
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = checkpoint.spool(name)
             assert spool is not None
-            history.goes_on_in(spool)
+            history.attach_spool(spool)
         return self
 
     def go_on(self, chunk: Detections, times_s: np.ndarray) -> None:
