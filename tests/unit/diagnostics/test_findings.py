@@ -5,16 +5,16 @@ import pytest
 from benchmarks.faults import is_named, views_of
 
 from posefuse.diagnostics.examine import examine, findings_of
-from posefuse.diagnostics.findings import Finding, Kind
+from posefuse.diagnostics.findings import Finding, FindingKind
 from posefuse.pipeline.diagnose import inspect_health
 from posefuse.synthetic.faults import FAULTS, USUAL, Fault, healthy, plant
 from posefuse.synthetic.options import DetectorOptions
 
-from .conftest import evidence_of
+from .conftest import observations_of
 
 
 def found(scene, options: DetectorOptions | None = None) -> tuple[Finding, ...]:
-    return findings_of(examine(evidence_of(scene, options or DetectorOptions())))
+    return findings_of(examine(observations_of(scene, options or DetectorOptions())))
 
 
 def test_nothing_is_said_of_a_healthy_recording(walk):
@@ -24,15 +24,15 @@ def test_nothing_is_said_of_a_healthy_recording(walk):
 @pytest.mark.parametrize(
     ("fault", "size", "views", "kind", "measured", "tolerance"),
     [
-        ("turned", 3.0, (1,), Kind.POSE, 3.0, 0.5),
-        ("late", 3.0, (2,), Kind.LATE, 3.0, 0.4),
-        ("dropped", 4.0, (0,), Kind.DROPPED, 4.0, 0.5),
-        ("rotated image", 180.0, (1,), Kind.IMAGE, 180.0, 0.0),
-        ("resized image", 0.5, (3,), Kind.IMAGE, 0.5, 0.0),
-        ("focal", 1.2, (2,), Kind.FOCAL, 1.2, 0.03),
-        ("sides", 1.0, (0,), Kind.SIDES, 1.0, 0.1),
-        ("repeated", 0.1, (1,), Kind.REPEATED, 0.1, 0.04),
-        ("order", 0.0, (0, 2), Kind.ORDER, 2.0, 0.0),
+        ("turned", 3.0, (1,), FindingKind.CAMERA_POSE, 3.0, 0.5),
+        ("late", 3.0, (2,), FindingKind.TIME_OFFSET, 3.0, 0.4),
+        ("dropped", 4.0, (0,), FindingKind.DROPPED_FRAMES, 4.0, 0.5),
+        ("rotated image", 180.0, (1,), FindingKind.IMAGE_TRANSFORM, 180.0, 0.0),
+        ("resized image", 0.5, (3,), FindingKind.IMAGE_TRANSFORM, 0.5, 0.0),
+        ("focal", 1.2, (2,), FindingKind.FOCAL_LENGTH, 1.2, 0.03),
+        ("sides", 1.0, (0,), FindingKind.LEFT_RIGHT_SWAP, 1.0, 0.1),
+        ("repeated", 0.1, (1,), FindingKind.REPEATED_FRAMES, 0.1, 0.04),
+        ("order", 0.0, (0, 2), FindingKind.CAMERA_ORDER, 2.0, 0.0),
     ],
 )
 def test_a_fault_is_named_with_its_camera_and_its_size(walk, fault: Fault, size, views, kind, measured, tolerance):
@@ -47,19 +47,19 @@ def test_a_fault_is_named_with_its_camera_and_its_size(walk, fault: Fault, size,
 def test_a_copied_pose_is_named_with_the_original(walk):
     scene, _ = plant(walk, "copied pose", (3, 1))
     first = found(scene)[0]
-    assert (first.kind, first.cameras) == (Kind.COPY, ("cam_3",))
+    assert (first.kind, first.cameras) == (FindingKind.COPIED_POSE, ("cam_3",))
     assert "'cam_1'" in first.sentence
 
 
 def test_another_rig_is_said_once_and_nothing_else(walk):
     scene, _ = plant(walk, "another rig", ())
-    assert [f.kind for f in found(scene)] == [Kind.RIG]
+    assert [f.kind for f in found(scene)] == [FindingKind.WRONG_CALIBRATION]
 
 
 def test_two_faults_are_told_apart(walk):
     scene, _ = plant(walk, "turned", (0,), 3.0)
     scene, _ = plant(scene, "late", (2,), 4.0)
-    assert {(f.kind, f.cameras) for f in found(scene)} == {(Kind.POSE, ("cam_0",)), (Kind.LATE, ("cam_2",))}
+    assert {(f.kind, f.cameras) for f in found(scene)} == {(FindingKind.CAMERA_POSE, ("cam_0",)), (FindingKind.TIME_OFFSET, ("cam_2",))}
 
 
 def test_views_that_share_nothing_are_said_to(walk):
@@ -71,7 +71,7 @@ def test_views_that_share_nothing_are_said_to(walk):
     from dataclasses import replace
 
     findings = found(replace(walk, after=(apart,)))
-    assert [f.kind for f in findings] == [Kind.OVERLAP]
+    assert [f.kind for f in findings] == [FindingKind.LOW_OVERLAP]
     assert findings[0].size == 0.0
 
 
@@ -79,7 +79,7 @@ def test_the_worst_comes_first_and_every_finding_says_what_to_do(walk):
     scene, _ = plant(walk, "rotated image", (1,), 90.0)
     scene, _ = plant(scene, "late", (3,), 2.0)
     findings = found(scene)
-    assert findings[0].kind is Kind.IMAGE
+    assert findings[0].kind is FindingKind.IMAGE_TRANSFORM
     assert [f.gain for f in findings] == sorted((f.gain for f in findings), reverse=True)
     assert all(f.sentence.endswith(".") and f.remedy for f in findings)
 

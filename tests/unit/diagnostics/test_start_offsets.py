@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.diagnostics.findings import Kind
+from posefuse.diagnostics.findings import FindingKind
 from posefuse.diagnostics.start_offsets import joined
 from posefuse.errors import DetectionsError
 from posefuse.pipeline.diagnose import inspect_health, measure_sync
@@ -36,7 +36,7 @@ def test_views_are_joined_by_the_pairs_that_agree_best(rng):
 def test_every_clock_is_measured_where_no_two_agree(offsets):
     scene = started_apart(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), offsets)
     views, sync = measure_sync(*scene.watch(), reference=scene.rig.names[0])
-    errors = [RATE_HZ * view.late_s[0] - offset for view, offset in zip(views, offsets, strict=True)]
+    errors = [RATE_HZ * view.offset_s[0] - offset for view, offset in zip(views, offsets, strict=True)]
     assert np.abs(errors).max() < 0.2
     assert set(sync.cameras) == set(scene.rig.names[1:])
 
@@ -47,13 +47,13 @@ def test_cameras_out_of_step_are_not_said_to_stand_elsewhere():
         healthy(1002, duration_s=60.0, rate_hz=RATE_HZ, activities=("walk",)), (-1.4, -0.9, 0.0, 1.5, -0.6, 1.4)
     )
     findings = inspect_health(*scene.watch())
-    assert {finding.kind for finding in findings} == {Kind.LATE}
+    assert {finding.kind for finding in findings} == {FindingKind.TIME_OFFSET}
     assert {finding.cameras[0] for finding in findings} >= {"cam_0", "cam_3", "cam_5"}
 
 
 def test_what_nothing_had_to_be_added_to_has_a_standard_deviation():
     scene = started_apart(healthy(2001, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 10))
-    late = [finding for finding in inspect_health(*scene.watch()) if finding.kind is Kind.LATE]
+    late = [finding for finding in inspect_health(*scene.watch()) if finding.kind is FindingKind.TIME_OFFSET]
     assert late
     assert all(0.0 < finding.sd < 0.3 for finding in late)
 
@@ -81,7 +81,7 @@ def test_views_in_step_keep_their_times():
     scene = started_apart(healthy(12, cameras=4, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 2.3))
     views, sync = measure_sync(*scene.watch())
     assert set(sync.cameras) == {"cam_2"}
-    assert RATE_HZ * views[2].late_s[0] == pytest.approx(2.3, abs=0.2)
+    assert RATE_HZ * views[2].offset_s[0] == pytest.approx(2.3, abs=0.2)
 
 
 def test_a_view_that_shows_nothing_has_no_clock():
@@ -95,7 +95,7 @@ def test_a_view_that_shows_nothing_has_no_clock():
 
 def test_a_late_view_may_go_blind():
     scene = started_apart(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 0, 2))
-    (late,) = [f for f in inspect_health(*blind(scene, 3, 250).watch()) if f.kind is Kind.LATE]
+    (late,) = [f for f in inspect_health(*blind(scene, 3, 250).watch()) if f.kind is FindingKind.TIME_OFFSET]
     assert late.cameras == ("cam_3",)
     assert late.size == pytest.approx(2.0, abs=0.3)
 
@@ -108,9 +108,9 @@ def test_frames_are_dropped_at_a_time_of_the_view_itself():
     views, _ = measure_sync(*scene.watch())
     jump = views[2]
     assert len(jump.since_s) == 2
-    assert RATE_HZ * np.diff(jump.late_s)[0] == pytest.approx(4.0, abs=0.5)
+    assert RATE_HZ * np.diff(jump.offset_s)[0] == pytest.approx(4.0, abs=0.5)
     # To a second, in which 25 frames are.
     assert RATE_HZ * jump.since_s[1] == pytest.approx(begins, abs=30)
-    (dropped,) = [f for f in inspect_health(*scene.watch()) if f.kind is Kind.DROPPED]
+    (dropped,) = [f for f in inspect_health(*scene.watch()) if f.kind is FindingKind.DROPPED_FRAMES]
     assert dropped.frames is not None
     assert dropped.frames[0] == pytest.approx(begins, abs=30)
