@@ -22,6 +22,7 @@ check: lint types borders
 lint: .venv/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/python scripts/check_vocabulary.py
 
 types: .venv/.installed-dev
 	$(BIN)/pyright

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
@@ -35,7 +35,7 @@ from posefuse.model.options.tracker import Smoother
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from posefuse.io.checkpoints import Parts
+    from posefuse.io.checkpoints import CheckpointFolder
     from posefuse.pipeline.measured_layer import Plan
 
 FILTER_FIGURE = "debug/percentile_filter.png"
@@ -157,16 +157,16 @@ def reconstruct_into(
     from posefuse.pipeline.reconstruct import prepare
 
     done = None if edits is None else Done.read(edits)
-    keeper, forget = keeper_of(parts, inputs, options)
+    checkpoint, forget = checkpoint_of(parts, inputs, options)
 
     def make(path: Path) -> "Plan":
-        plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, keeper))
+        plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, checkpoint))
         plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
-        write_chunks(plan, progress, keeper, path)
+        write_chunks(plan, progress, checkpoint, path)
         return plan
 
     path = folder / "reconstruction.nc"
-    plan = write_once(keeper, path, make)
+    plan = write_once(checkpoint, path, make)
     if done is not None:
         path = path.rename(folder / "unedited.nc")
         write_edited(netcdf.read_reconstruction(path), done, folder / "reconstruction.nc")
@@ -177,11 +177,11 @@ def reconstruct_into(
     return Made(["reconstruction.nc", *files, *debug], layer, partial_remark(result), forget)
 
 
-def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "Plan | None":
+def write_once(checkpoint: Checkpoint, path: Path, make: Callable[[Path], "Plan"]) -> "Plan | None":
     """Write ``reconstruction.nc`` unless it was kept; from then on it is kept instead of its parts.
 
     Args:
-        keeper: of the parts.
+        checkpoint: of the parts.
         path: of the file.
         make: writes it; the plan of what it holds.
 
@@ -190,7 +190,7 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
     """
     from posefuse.io.results import netcdf
 
-    before = keeper.take_file(path)
+    before = checkpoint.load_file(path)
     if before is not None:
         for remark in before:
             warnings.warn(remark, PosefuseWarning, stacklevel=2)
@@ -204,7 +204,7 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
     with hearing(hear):
         plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
-        keeper.keep_file(path, tuple(said))
+        checkpoint.save_file(path, tuple(said))
     return plan
 
 
@@ -215,34 +215,34 @@ def partial_remark(result: Reconstruction) -> str:
     return next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
 
 
-def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> None:
+def write_chunks(plan: "Plan", progress: Bars, checkpoint: Checkpoint, path: Path) -> None:
     """Write the reconstruction; if that is interrupted and chunks are kept, those that are done."""
     from posefuse.io.results import netcdf
     from posefuse.pipeline.measured_layer import finished_chunks, reconstruct_chunks
 
     try:
-        netcdf.write(reconstruct_chunks(plan, progress, keeper), path)
+        netcdf.write(reconstruct_chunks(plan, progress, checkpoint), path)
     except KeyboardInterrupt:
         progress.finish()
-        if next(finished_chunks(plan, keeper), None) is None:
+        if next(finished_chunks(plan, checkpoint), None) is None:
             raise
         warn("Interrupted: the result is made of what is done. Ctrl-C again stops at once.")
-        netcdf.write(finished_chunks(plan, keeper), path)
+        netcdf.write(finished_chunks(plan, checkpoint), path)
 
 
-def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Keeper, Callable[[], None]]:
+def checkpoint_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Checkpoint, Callable[[], None]]:
     """What keeps finished parts of a long recording, and what removes them; of a short one none are kept.
 
     Those of an earlier run with shorter chunks go.
     """
     short = inputs.detections.n_frames <= options.chunk_frames
     if parts is None or (short and not parts.exists()):
-        return NOTHING, lambda: None
-    keeper = parts_of(parts, inputs, options)
-    return NOTHING if short else keeper, keeper.remove
+        return NO_CHECKPOINT, lambda: None
+    checkpoint = parts_of(parts, inputs, options)
+    return NO_CHECKPOINT if short else checkpoint, checkpoint.remove
 
 
-def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "Parts":
+def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "CheckpointFolder":
     """The finished parts in a folder, if they are of the same input, options and versions; it is said what is there.
 
     Args:
@@ -251,7 +251,7 @@ def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | No
         options: of the reconstruction.
         window_s: of the windows that the recording is divided into, if it is.
     """
-    from posefuse.io.checkpoints import Parts, digest_of
+    from posefuse.io.checkpoints import CheckpointFolder, digest_of
     from posefuse.io.netcdf import skeleton_text
 
     told = {
@@ -262,12 +262,12 @@ def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | No
         | {name: version(name) for name in ("posefuse", "numpy", "numba", "scipy")},
         "window_s": window_s,
     }
-    keeper, others = Parts.opened(parts, digest_of(told))
+    checkpoint, others = CheckpointFolder.opened(parts, digest_of(told))
     if others:
         note(f"note: {parts} held {count(others, 'part')} of other input, options or versions; they are not used.")
     elif parts.exists():
         note(f"note: going on from the finished parts in {parts}.")
-    return keeper
+    return checkpoint
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:

@@ -6,11 +6,12 @@ import numpy as np
 
 from posefuse.diagnostics.copied_poses import copies_of
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind, certainty_of
+from posefuse.diagnostics.findings import certainty_of
 from posefuse.diagnostics.fine_search import AcceptedFault
 from posefuse.diagnostics.hypotheses import Hypothesis
 from posefuse.diagnostics.recording_model import Parameter
 from posefuse.model.cameras import vector_from_rotation
+from posefuse.model.findings import Finding, FindingKind
 
 POSE_KINDS = ("pose", "axial", "lateral", "rotation")
 SMALL_FOCAL = 0.04

@@ -3,10 +3,10 @@
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.recording_model import RecordingModel
 from posefuse.diagnostics.sample_points import SamplePoints
+from posefuse.model.findings import Finding, FindingKind
 
 _MIN_ERRORS, _MIN_CORRELATION, _CORRELATED_ERRORS = 500, 0.055, 8.0
 _MIN_CONFIDENCE_SD = 0.02

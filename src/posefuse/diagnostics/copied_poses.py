@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
 from posefuse.model.cameras import CameraRig
+from posefuse.model.findings import Finding, FindingKind
 
 _SAME_POSITION, _SAME_ROTATION = 1e-3, 1e-3
 _MIN_DIFFERENCE = 0.1

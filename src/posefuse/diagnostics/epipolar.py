@@ -30,7 +30,7 @@ class PosedView:
         translation_m: shape (point, 3) or (1, 3).
     """
 
-    at: np.ndarray
+    xy: np.ndarray
     sigma: np.ndarray
     rotation: np.ndarray
     translation_m: np.ndarray

@@ -1,66 +1,13 @@
-"""Records of what the recording check finds."""
+"""Rank the findings of the recording check and estimate their certainty."""
 
 import math
-from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
-
-class FindingKind(StrEnum):
-    """Enumerate the faults of a recording that the recording check can identify."""
-
-    WRONG_CALIBRATION = "wrong calibration"
-    CAMERA_ORDER = "camera order"
-    COPIED_POSE = "copied pose"
-    IMAGE_TRANSFORM = "image rotated or resized"
-    CAMERA_POSE = "camera pose"
-    FOCAL_LENGTH = "focal length"
-    LENS_DISTORTION = "lens distortion"
-    TIME_OFFSET = "time offset"
-    CLOCK_DRIFT = "clock drift"
-    DROPPED_FRAMES = "dropped frames"
-    REPEATED_FRAMES = "repeated frames"
-    LEFT_RIGHT_SWAP = "left/right swap"
-    CONFIDENCE = "confidence"
-    LOW_OVERLAP = "low overlap"
-
+from posefuse.model.findings import Finding
 
 NOTE_PREFIX = "Recording check: "
 """Prefix of the notes of a result that are findings of the recording check."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Describe one fault of a recording.
-
-    Attributes:
-        kind: type of the fault.
-        cameras: names of the affected cameras; empty if all are affected.
-        frames: numbers of the first and the last affected frame, or None if all are affected.
-        size: magnitude of the fault, NaN where it has none.
-        unit: unit of the size.
-        sd: standard deviation of the size, NaN where unknown.
-        certainty: probability from 0 to 1 that this fault and no other is present.
-        gain: improvement of the log-likelihood once the fault is corrected; findings are ranked by it.
-        sentence: description for the user.
-        remedy: recommended action.
-    """
-
-    kind: FindingKind
-    cameras: tuple[str, ...]
-    frames: tuple[int, int] | None
-    size: float
-    unit: str
-    sd: float
-    certainty: float
-    gain: float
-    sentence: str
-    remedy: str
-
-    def __str__(self) -> str:
-        """Return the description, its certainty, and the remedy."""
-        return f"{self.sentence} ({100 * self.certainty:.0f} % certain) {self.remedy}"
 
 
 def rank_findings(findings: list[Finding]) -> tuple[Finding, ...]:

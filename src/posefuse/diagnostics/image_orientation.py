@@ -3,8 +3,8 @@
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
 from posefuse.diagnostics.recording_model import ImageTransform
+from posefuse.model.findings import Finding, FindingKind
 
 _ROTATIONS = {
     1: "rotated by 90 degrees clockwise",

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.recording_model import RecordingModel
 from posefuse.diagnostics.sample_points import STUDENT_T_DOF, SamplePoints
+from posefuse.model.findings import Finding, FindingKind
 
 _DECISIVE = 4.0
 _MIN_SHARE, _MIN_RATIO = 0.1, 3.0

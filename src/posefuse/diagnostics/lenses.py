@@ -4,10 +4,11 @@ import numpy as np
 
 from posefuse.diagnostics.camera_poses import is_pose
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind, certainty_of
+from posefuse.diagnostics.findings import certainty_of
 from posefuse.diagnostics.fine_search import AcceptedFault
 from posefuse.diagnostics.recording_model import Parameter
 from posefuse.model.cameras import CameraRig
+from posefuse.model.findings import Finding, FindingKind
 
 _MIN_FOCAL_PER_WIDTH = 0.1
 
@@ -94,17 +95,15 @@ def _distortion(name: str, k1: float, sd: float, score: float, certainty: float)
         f"{k1:+.2f} +- {sd:.2f}."
     )
     remedy = (
-        "Check whether the calibration lacks the distortion, is of another lens, or whether the keypoints were detected "
-        "in undistorted images; posefuse refine-calibration --refine lens estimates it."
+        "Check whether the calibration lacks the distortion or is of another lens, or whether the keypoints were "
+        "detected in undistorted images; posefuse refine-calibration --refine lens estimates it."
     )
     kind = FindingKind.LENS_DISTORTION
     return Finding(kind, (name,), None, k1, "k1", sd, certainty, 0.5 * score, sentence, remedy)
 
 
 def _aspect(name: str, ratio: float, score: float, certainty: float) -> Finding:
-    sentence = (
-        f"The images of camera {name!r} are {ratio:.3f} times as wide, relative to their height, as calibrated."
-    )
+    sentence = f"The aspect ratio of the images of camera {name!r} is {ratio:.3f} times that of its calibration."
     remedy = "The focal lengths fx and fy are exchanged, or the images were stretched after the calibration."
     kind = FindingKind.FOCAL_LENGTH
     return Finding(kind, (name,), None, ratio, "width / height", np.nan, certainty, 0.5 * score, sentence, remedy)

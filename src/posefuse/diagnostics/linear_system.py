@@ -47,7 +47,7 @@ class LinearSystem:
 
     blocks: NormalEquations
     columns: NormalEquations
-    time_blocks: np.ndarray
+    block_index: np.ndarray
     time_s: np.ndarray
     n_checked: np.ndarray
     duration_s: float
@@ -136,8 +136,8 @@ def _clustered_equations(
         normal[cluster] = -(coupling.T @ coupling)
         own = direct[members].sum(axis=(0, 1))
         for v in range(views):
-            at = slice(v * N_PARAMETERS, (v + 1) * N_PARAMETERS)
-            normal[cluster, at, at] += own[v]
+            rows = slice(v * N_PARAMETERS, (v + 1) * N_PARAMETERS)
+            normal[cluster, rows, rows] += own[v]
         total[cluster] = right[members].sum(axis=(0, 1))
     return NormalEquations(curve * normal, total)
 
@@ -147,21 +147,21 @@ def derivatives(points: SamplePoints, velocity_m_s: np.ndarray, model: Recording
 
     Derivatives are by view parameters and in units of the noise.
     """
-    jacobian, inside, sigma = points.jacobian, points.camera_xyz, points.sigma
-    x, y, z = np.moveaxis(inside, -1, 0)
+    jacobian, camera_xyz, sigma = points.jacobian, points.camera_xyz, points.sigma
+    x, y, z = np.moveaxis(camera_xyz, -1, 0)
     zero = np.zeros_like(x)
     by_rotation = -np.stack([np.stack(row, axis=-1) for row in ([zero, -z, y], [z, zero, -x], [-y, x, zero])], axis=-2)
     with np.errstate(invalid="ignore", divide="ignore"):
-        at = inside[..., :2] / z[..., None]
-        at = np.where((points.weight > 0)[..., None], at / sigma[..., None], 0.0)
+        projected = camera_xyz[..., :2] / z[..., None]
+        projected = np.where((points.weight > 0)[..., None], projected / sigma[..., None], 0.0)
         radius2 = np.where(points.weight > 0, (x**2 + y**2) / z**2, 0.0)
     moved = np.einsum("svij,scj->scvi", model.rotation, velocity_m_s)
     out = np.zeros((*jacobian.shape[:-1], N_PARAMETERS))
     out[..., :3] = jacobian @ by_rotation
     out[..., 3:6] = jacobian
-    out[..., Parameter.FOCAL] = at
-    out[..., Parameter.ASPECT] = at * np.array([0.5, -0.5])
-    out[..., Parameter.K1] = at * radius2[..., None]
+    out[..., Parameter.FOCAL] = projected
+    out[..., Parameter.ASPECT] = projected * np.array([0.5, -0.5])
+    out[..., Parameter.K1] = projected * radius2[..., None]
     out[..., Parameter.OFFSET] = (jacobian @ moved[..., None])[..., 0]
     return out
 
@@ -177,11 +177,15 @@ def velocities(points_m: np.ndarray, time_s: np.ndarray, runs: np.ndarray) -> np
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
     reach = max(1, round(_WINDOW_S / step))
     for shift in range(-reach, reach + 1):
-        at = np.clip(np.arange(len(time_s)) + shift, 0, len(time_s) - 1)
-        apart = time_s[at] - time_s
-        near = (runs[at] == runs) & (np.abs(apart) < (reach + 0.5) * step) & ((at - np.arange(len(time_s))) == shift)
-        known = near[:, None] & np.isfinite(points_m[at]).all(axis=-1)
-        value = np.where(known[..., None], points_m[at], 0.0)
+        neighbor = np.clip(np.arange(len(time_s)) + shift, 0, len(time_s) - 1)
+        apart = time_s[neighbor] - time_s
+        near = (
+            (runs[neighbor] == runs)
+            & (np.abs(apart) < (reach + 0.5) * step)
+            & ((neighbor - np.arange(len(time_s))) == shift)
+        )
+        known = near[:, None] & np.isfinite(points_m[neighbor]).all(axis=-1)
+        value = np.where(known[..., None], points_m[neighbor], 0.0)
         total += value
         moment += value * apart[:, None, None]
         first += known * apart[:, None]

@@ -4,12 +4,12 @@ import numpy as np
 
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.examine import Effort, examine
-from posefuse.diagnostics.findings import Finding
 from posefuse.diagnostics.observations import TrackedObservations, gather_observations
 from posefuse.diagnostics.registry import list_findings
 from posefuse.diagnostics.time_offsets import ViewTiming, time_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.findings import Finding
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
@@ -23,7 +23,7 @@ def collect_observations(rig: CameraRig, detections: Detections, subjects: Subje
     """Return the observations of a whole recording, or of evenly spaced pieces of a long one."""
     spans = _spans(detections)
     starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
-    tracks = Tracks.concatenate([subjects.follow(*span) for span in spans])
+    tracks = Tracks.concatenate([subjects.tracks(*span) for span in spans])
     return gather_observations(rig, detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 

@@ -16,7 +16,8 @@ from posefuse.diagnostics import (
     wrong_calibration,
 )
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, rank_findings
+from posefuse.diagnostics.findings import rank_findings
+from posefuse.model.findings import Finding
 
 FINDERS: tuple[Callable[[Examination], tuple[Finding, ...]], ...] = (
     wrong_calibration.find,

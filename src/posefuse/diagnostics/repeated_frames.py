@@ -3,7 +3,7 @@
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
+from posefuse.model.findings import Finding, FindingKind
 
 _MIN_POINTS, _MIN_FRAMES, _MIN_SHARE = 4, 4, 0.01
 

@@ -46,7 +46,7 @@ class SamplePoints:
     """
 
     points_m: np.ndarray
-    inside: np.ndarray
+    camera_xyz: np.ndarray
     jacobian: np.ndarray
     residual: np.ndarray
     weight: np.ndarray
@@ -137,7 +137,7 @@ def pairwise_consensus(
 
 
 def _view_pairs(sigma: np.ndarray, rays: np.ndarray) -> list[tuple[int, int]]:
-    """Return all pairs of views, or, of many, those with the most shared points at good angles."""
+    """Return all pairs of views, or, of many, those with the most shared points at valid angles."""
     views = sigma.shape[2]
     all_pairs = list(combinations(range(views), 2))
     if len(all_pairs) <= _MAX_PAIRS:
@@ -169,8 +169,8 @@ def _midpoint(c1: np.ndarray, d1: np.ndarray, c2: np.ndarray, d2: np.ndarray) ->
         s = (along1 - cosine * along2) / slack
         t = (cosine * along1 - along2) / slack
         middle = 0.5 * (c1 + s[..., None] * d1 + c2 + t[..., None] * d2)
-    good = (slack > np.sin(_MIN_ANGLE) ** 2) & (s > 0) & (t > 0)
-    return np.where(good[..., None], middle, np.nan)
+    valid = (slack > np.sin(_MIN_ANGLE) ** 2) & (s > 0) & (t > 0)
+    return np.where(valid[..., None], middle, np.nan)
 
 
 def _residuals(
@@ -180,13 +180,13 @@ def _residuals(
 
     Residuals are in units of the noise: 0 where not observed, 1000 where the point lies behind the camera.
     """
-    inside = np.einsum("svij,scj->scvi", model.rotation, points) + model.translation_m[:, None]
-    depth = inside[..., 2]
+    camera_xyz = np.einsum("svij,scj->scvi", model.rotation, points) + model.translation_m[:, None]
+    depth = camera_xyz[..., 2]
     with np.errstate(invalid="ignore", divide="ignore"):
-        residual = (normalized.xy - inside[..., :2] / depth[..., None]) / sigma[..., None]
+        residual = (normalized.xy - camera_xyz[..., :2] / depth[..., None]) / sigma[..., None]
     seen = np.isfinite(sigma) & np.isfinite(depth)
     residual = np.where((seen & (depth > 1e-6))[..., None], residual, np.where(seen[..., None], 1e3, 0.0))
-    return residual, inside, seen
+    return residual, camera_xyz, seen
 
 
 def _refine(model: RecordingModel, normalized: NormalizedViews, sigma: np.ndarray, points: np.ndarray) -> SamplePoints:
@@ -213,8 +213,8 @@ def _linearize(
     model: RecordingModel, normalized: NormalizedViews, sigma: np.ndarray, points: np.ndarray
 ) -> SamplePoints:
     """Return residuals, Jacobians and weights at the given points."""
-    residual, inside, seen = _residuals(model, normalized, sigma, points)
-    x, y, z = np.moveaxis(inside, -1, 0)
+    residual, camera_xyz, seen = _residuals(model, normalized, sigma, points)
+    x, y, z = np.moveaxis(camera_xyz, -1, 0)
     with np.errstate(invalid="ignore", divide="ignore"):
         inverse = 1.0 / (z * sigma)
         zero = np.zeros_like(z)
@@ -225,12 +225,12 @@ def _linearize(
             ],
             axis=-2,
         )
-    good = seen & (z > 1e-6)
-    weight = np.where(good, (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + np.square(residual).sum(axis=-1)), 0.0)
+    valid = seen & (z > 1e-6)
+    weight = np.where(valid, (STUDENT_T_DOF + 2.0) / (STUDENT_T_DOF + np.square(residual).sum(axis=-1)), 0.0)
     return SamplePoints(
         points_m=points,
-        camera_xyz=np.where(good[..., None], inside, 0.0),
-        jacobian=np.where(good[..., None, None], jacobian, 0.0),
+        camera_xyz=np.where(valid[..., None], camera_xyz, 0.0),
+        jacobian=np.where(valid[..., None, None], jacobian, 0.0),
         residual=residual,
         weight=weight,
         sigma=sigma,

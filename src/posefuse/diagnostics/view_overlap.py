@@ -3,7 +3,7 @@
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
+from posefuse.model.findings import Finding, FindingKind
 
 _MIN_SHARED, _MIN_SHARED_OVERALL = 0.15, 0.3
 _MIN_OBSERVATIONS = 200

@@ -38,4 +38,4 @@ def scale_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, meters_per
         if unit
         else "Check the length unit of the calibration (--length-unit) and the size of its calibration board."
     )
-    return f"The scale does not fit this skeleton: {examples[0]}. {remedy}"
+    return f"The scale is wrong for this skeleton: {examples[0]}. {remedy}"

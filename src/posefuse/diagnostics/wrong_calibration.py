@@ -3,7 +3,7 @@
 import numpy as np
 
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.findings import Finding, FindingKind
+from posefuse.model.findings import Finding, FindingKind
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:

@@ -163,7 +163,7 @@ def find_noise(
 def _sample(detections: Detections, subjects: Subjects, *, few: bool) -> Sample:
     spans = noise_scale.spans(detections, few=few)
     starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
-    tracks = Tracks.concatenate([subjects.follow(*span) for span in spans])
+    tracks = Tracks.concatenate([subjects.tracks(*span) for span in spans])
     return Sample(detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 

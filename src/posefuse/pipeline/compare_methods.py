@@ -89,7 +89,7 @@ def triangulation_cpu_s(plan: Plan) -> float:
     makes a turn slower, never faster.
     """
     chunk = next(plan.detections.chunks())
-    tracks = plan.subjects.follow(0, chunk.n_frames)
+    tracks = plan.subjects.tracks(0, chunk.n_frames)
     turns: list[float] = []
     for _ in range(1 + _MOST_TURNS):
         start_s = process_time()

@@ -132,6 +132,6 @@ def settle_method(
     if settle is None or len(rig) == 1:
         return options, ()
     spans = ranges(detections.n_frames, CHUNK_FRAMES)
-    pieces = ((detections.frames(*span), subjects.follow(*span)) for span in spans)
+    pieces = ((detections.frames(*span), subjects.tracks(*span)) for span in spans)
     settled, notes = settle(rig, pieces, noise, options.triangulation)
     return replace(options, triangulation=settled), notes

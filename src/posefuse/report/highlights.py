@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from posefuse.diagnostics.findings import HEALTH
+from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.cells import REJECTED, USED, Cells
@@ -26,7 +26,7 @@ _USUAL_RATE_HZ = 30.0
 
 def look_section(result: Reconstruction, summary: Summary, cells: Cells, series: Series, gaps: list[Gap]) -> str:
     """A list of sentences, the findings first."""
-    health = [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
+    health = [note.removeprefix(NOTE_PREFIX) for note in result.provenance.notes if note.startswith(NOTE_PREFIX)]
     findings = (
         "<h3>Findings of the health check</h3><ol>" + "".join(f"<li>{escape(text)}</li>" for text in health) + "</ol>"
         if health

@@ -279,7 +279,7 @@ class TestFindings:
     def test_people_on_their_heads(self, walker, true_points):
         rig = replace(walker.rig, up_axis="-z")
         (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
-        assert "head down" in said
+        assert "upside down" in said
         assert "--up z" in said
 
     def test_a_camera_under_the_floor(self, walker, true_points):

@@ -327,7 +327,7 @@ def test_turning_puts_up_along_y(up):
 def test_unknown_formats(result, tmp_path):
     with pytest.raises(ResultError, match="No format 'bvhh'"):
         posefuse.write(result, tmp_path / "a.nc", "bvhh")
-    with pytest.raises(ResultError, match="ends in no known format. Formats: netcdf, csv, trc, c3d"):
+    with pytest.raises(ResultError, match="ends in no known format. Formats: netcdf, parquet, anipose"):
         posefuse.write(result, tmp_path / "a.xyz")
     posefuse.write(result, tmp_path / "a.xyz", "trc")
     assert trc.read(tmp_path / "a.xyz").rate_hz == 60

@@ -10,8 +10,8 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import joined
 from posefuse.tracking.identity_audit import Contact, Finding, audit, contacts
 from posefuse.tracking.settings import Settings
-from tests.unit.tracking.test_births import settings_with, standing_still
 from tests.unit.tracking.test_forgetting import somebody
+from tests.unit.tracking.test_track_initiation import settings_with, standing_still
 
 NAMES = ("person_1", "person_2")
 APART_S = 1.3

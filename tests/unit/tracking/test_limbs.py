@@ -8,7 +8,7 @@ from posefuse.kernels.tracking.articulated import State, foresee_people
 from posefuse.kinematics.initial_pose import aim, bones_shown
 from posefuse.tracking.body_states import Sight
 from posefuse.tracking.state_initiation import begin
-from tests.unit.tracking.test_births import SKELETON, settings_with, standing
+from tests.unit.tracking.test_track_initiation import SKELETON, settings_with, standing
 
 
 def test_bones_are_turned_to_where_they_are_shown(rng):
