@@ -191,10 +191,10 @@ def _key(job: Job, inputs: Mapping[str, str], window_s: float | None) -> str:
 
 
 def _numbers(result: Reconstruction) -> Numbers:
-    from posefuse.report.summary import summarise
+    from posefuse.report.summary import summarize
 
     layer, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), layer)
+    summary = summarize(result.chunks(), layer)
     there = sum(n for code, n in summary.status_counts.items() if code.has_point)
     return Numbers(
         frames=result.n_frames,
