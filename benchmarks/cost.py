@@ -104,7 +104,7 @@ def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
             with contextlib.redirect_stdout(None), contextlib.redirect_stderr(None):
                 write_beside(netcdf.read_reconstruction(out / "reconstruction.nc"), out, Bars())
             spent = middle_s - start_s, time.process_time() - middle_s
-            state = np.asarray(plan.subjects.follow(0, scene.detections.n_frames).state)
+            state = np.asarray(plan.subjects.tracks(0, scene.detections.n_frames).state)
             there = float((state != TrackState.ABSENT).sum(axis=1).mean())
     per_frame = 1e3 / scene.detections.n_frames
     return Case(there, cameras, keypoints, spent[0] * per_frame, spent[1] * per_frame)

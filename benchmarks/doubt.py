@@ -40,7 +40,7 @@ def main() -> None:
         crowd = CrowdOptions("crowd", seed=0, duration_s=DURATION_S)
         scene = scene_of(replace(crowd, detector=replace(crowd.detector, swap_share=share)))
         plan = prepare(scene.rig, scene.detections, Options(people="many"), Silent())
-        given = plan.rig, plan.detections, plan.subjects.follow(0, plan.detections.n_frames), plan.noise
+        given = plan.rig, plan.detections, plan.subjects.tracks(0, plan.detections.n_frames), plan.noise
         believed = consensus.solve(*given, plan.options.triangulation)
         layers, spent = [believed], []
         for solve, more in ((relabel.put_right, (believed,)), (relabel.solve, ())):

@@ -22,7 +22,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.options.association import PROPOSAL_METHODS, AssociationOptions, ProposalMethod
 from posefuse.model.options.options import Options
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 JOINTS = (
@@ -268,7 +268,7 @@ def score(data: Mvor, proposals_m: Sequence[np.ndarray]) -> AssociationScores:
 
 def proposed(data: Mvor, method: ProposalMethod) -> list[np.ndarray]:
     """By frame, joints of the people a method proposes from all detections, shape (person, 10, 3)."""
-    noise, options = usual_noise(data.rig, Options()), AssociationOptions(method=method)
+    noise, options = default_noise(data.rig, Options()), AssociationOptions(method=method)
     found = []
     for f in range(data.detections.n_frames):
         frame = Frame.of(data.detections, f)

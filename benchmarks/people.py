@@ -31,7 +31,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.synthetic.crowd_options import SCENARIOS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
@@ -117,7 +117,7 @@ def scenario_of(name: str, seed: int) -> CrowdOptions:
 def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracker:
     """A live tracker, as the public one makes it."""
     chosen = Options(tracker=options)
-    return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, chosen), chosen)
+    return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, chosen), chosen)
 
 
 def follow(
@@ -232,7 +232,7 @@ def is_right(data: PeoplePoints) -> bool:
 
 def baseline(scene: CrowdScene) -> PeopleScores:
     """The same scene by pairs, nearest poses and a Kalman filter per keypoint."""
-    noise = usual_noise(scene.rig, Options())
+    noise = default_noise(scene.rig, Options())
     names, points = rpt_kalman.follow(scene.rig, scene.detections, noise)
     truth = scene.truth
     known = np.asarray(truth.layers["measured"].points_m)

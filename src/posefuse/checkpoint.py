@@ -1,89 +1,80 @@
-"""What long work keeps of itself, so that the same work goes on from there after it was ended, however it was."""
+"""The protocol by which long work stores finished parts, so that an interrupted run can resume.
 
-from pathlib import Path
+:class:`posefuse.io.checkpoints.CheckpointFolder` stores parts in a folder; :data:`NO_CHECKPOINT` stores nothing.
+"""
+
 from typing import Any, Protocol
 
 
 class Spool(Protocol):
-    """Takes values that are needed again later, and not now."""
+    """An append-only store for values that are needed again later, but not in between."""
 
     def add(self, value: Any) -> int:
-        """Take a value; its place."""
+        """Append a value and return its position."""
         ...
 
     def read(self, place: int) -> Any:
-        """The value at a place."""
+        """Return the value at a position."""
         ...
 
 
-class Keeper(Protocol):
-    """Keeps finished parts of one piece of work by name."""
+class Checkpoint(Protocol):
+    """Stores the finished parts of one piece of work by name."""
 
     @property
-    def keeps(self) -> bool:
-        """Whether anything is kept at all."""
+    def enabled(self) -> bool:
+        """Whether parts are stored at all."""
         ...
 
-    def has(self, name: str) -> bool:
-        """Whether a part of that name was kept."""
+    def contains(self, name: str) -> bool:
+        """Return whether a part of this name is stored."""
         ...
 
-    def get(self, name: str) -> Any:
-        """The part of that name, None where there is none."""
+    def load(self, name: str) -> Any:
+        """Return the part of this name, or None if it is absent or damaged."""
         ...
 
-    def put(self, name: str, value: Any) -> Any:
-        """Keep a part, in place of one of that name; the part as :meth:`get` gives it.
+    def save(self, name: str, value: Any) -> Any:
+        """Store a part, replacing one of the same name, and return it as :meth:`load` would.
 
-        Work that goes on with what this returns does not differ from work that goes on after it was ended.
+        Callers continue with the returned value, so that an uninterrupted run computes the same as a resumed one.
         """
         ...
 
     def spool(self, name: str) -> Spool | None:
-        """Room for what parts refer to: what was added to it before the last part was kept is there again."""
+        """Open the spool that stored parts refer to, truncated to its length at the last :meth:`save`.
+
+        Return None where nothing is stored.
+        """
         ...
 
-    def within(self, name: str) -> "Keeper":
-        """A keeper of a part of the work, whose names are its own."""
-        ...
-
-    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
-        """Keep a finished file instead of all parts, and what was said while it was made."""
-        ...
-
-    def take_file(self, target: Path) -> tuple[str, ...] | None:
-        """Put the file that is kept at a place; what was said while it was made, None if none is there and whole."""
+    def child(self, name: str) -> "Checkpoint":
+        """Return a checkpoint for a part of the work, with names of its own."""
         ...
 
 
-class KeepsNothing:
-    """Work is done in one go."""
+class NoCheckpoint:
+    """A checkpoint that stores nothing; interrupted work starts again from the beginning."""
 
-    keeps = False
+    enabled = False
 
-    def has(self, name: str) -> bool:
-        """Nothing is."""
+    def contains(self, name: str) -> bool:
+        """Return False."""
         return False
 
-    def get(self, name: str) -> Any:
-        """Nothing."""
+    def load(self, name: str) -> Any:
+        """Return None."""
 
-    def put(self, name: str, value: Any) -> Any:
-        """The same part."""
+    def save(self, name: str, value: Any) -> Any:
+        """Return the value unchanged."""
         return value
 
     def spool(self, name: str) -> Spool | None:
-        """None: what is spooled is gone when the work is."""
+        """Return None; values stay in memory."""
 
-    def within(self, name: str) -> Keeper:
-        """The same."""
+    def child(self, name: str) -> Checkpoint:
+        """Return this object."""
         return self
 
-    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
-        """Nothing."""
 
-    def take_file(self, target: Path) -> tuple[str, ...] | None:
-        """None is there."""
-
-
-NOTHING = KeepsNothing()
+NO_CHECKPOINT = NoCheckpoint()

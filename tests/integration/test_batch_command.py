@@ -17,7 +17,7 @@ from posefuse.batch.jobs import jobs_of
 from posefuse.cli import batch_work
 from posefuse.cli.batch_work import do_job
 from posefuse.io.calibration import anipose
-from posefuse.io.checkpoints import Parts
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.files import PARTS, alone_in
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
@@ -113,17 +113,17 @@ def test_a_batch_that_was_ended_goes_on_within_a_recording(tmp_path, monkeypatch
     """Of 30 frames in chunks of 10, the third is not finished."""
     (folder,) = recordings(tmp_path / "recs", 1, {}, 1.0)
     options = Options(chunk_frames=10, solve="frame", pairs="labels")
-    put = Parts.put
+    put = CheckpointFolder.save
     made: list[str] = []
 
     def work(name: str, ends: bool) -> str:
-        def noted(parts: Parts, part: str, value: object) -> object:
+        def noted(parts: CheckpointFolder, part: str, value: object) -> object:
             if ends and part == "measured_000002":
                 raise OSError(28, "No space left on device", str(parts.folder / part))
             made.append(part)
             return put(parts, part, value)
 
-        monkeypatch.setattr(Parts, "put", noted)
+        monkeypatch.setattr(CheckpointFolder, "save", noted)
         (job,) = jobs_of([folder], tmp_path / name, None, options)
         return do_job(job).state
 

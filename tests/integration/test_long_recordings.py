@@ -16,7 +16,7 @@ import pytest
 import posefuse
 from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
-from posefuse.io.checkpoints import Parts
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.files import PARTS
 from posefuse.io.keypoints import detection_tables
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -82,16 +82,16 @@ def uninterrupted(two_people, tmp_path_factory) -> Path:
 
 def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10; the third is interrupted."""
-    put = Parts.put
+    put = CheckpointFolder.save
 
-    def interrupted(parts: Parts, name: str, value: object) -> object:
+    def interrupted(parts: CheckpointFolder, name: str, value: object) -> object:
         if name == "measured_000002":
             raise KeyboardInterrupt
         return put(parts, name, value)
 
     command = ("reconstruct", recording, "-o", tmp_path / "out", "--chunk-frames", 10)
     with monkeypatch.context() as patched:
-        patched.setattr(Parts, "put", interrupted)
+        patched.setattr(CheckpointFolder, "save", interrupted)
         code, said, wrong = run(*command)
     assert code == 130
     assert "Partial: made of the first 20 of 30 frames" in " ".join(said.split())
@@ -200,7 +200,7 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
 def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
-    """Parts, files of the result as they are written, and as they come to its folder; before and after in turn."""
+    """CheckpointFolder, files of the result as they are written, and as they come to its folder; before and after in turn."""
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
         assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)[0] == 0

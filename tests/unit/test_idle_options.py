@@ -9,7 +9,7 @@ from posefuse.model.options.association import AssociationOptions, RptOptions
 from posefuse.model.options.options import Options
 from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import PartOptions, TrackerOptions
-from posefuse.pipeline.people import idle_options, warn_of_idle
+from posefuse.pipeline.people import unused_options, warn_of_unused_options
 from posefuse.pipeline.reconstruct import Tracker
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
@@ -29,7 +29,7 @@ OF_SPECIFICATION = SpecificationOptions(promote_score=3.0)
     ],
 )
 def test_what_does_nothing_is_said_with_its_remedy(tracker, remedy):
-    (said,) = idle_options(Options(tracker=tracker), BODY)
+    (said,) = unused_options(Options(tracker=tracker), BODY)
     assert "nothing" in said
     assert remedy in said
 
@@ -44,19 +44,19 @@ def test_what_does_nothing_is_said_with_its_remedy(tracker, remedy):
     ],
 )
 def test_what_does_something_is_not(tracker, skeleton):
-    assert idle_options(Options(tracker=tracker), skeleton) == ()
+    assert unused_options(Options(tracker=tracker), skeleton) == ()
 
 
 def test_options_of_another_method_of_proposals():
     baseline = AssociationOptions(rpt=RptOptions(min_score=0.9))
-    assert "--association.method rpt" in idle_options(Options(association=baseline), BODY)[0]
-    assert idle_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
+    assert "--association.method rpt" in unused_options(Options(association=baseline), BODY)[0]
+    assert unused_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
 
 
 def test_each_is_a_warning_and_live_there_is_no_smoother_to_warn_of():
     options = Options(tracker=TrackerOptions(parts=PartOptions(model_floor_m=0.01), lag_s=0.5))
     with pytest.warns(PosefuseWarning) as said:
-        warn_of_idle(options, BODY)
+        warn_of_unused_options(options, BODY)
     assert len(said) == 2
     with pytest.warns(PosefuseWarning) as said:
         Tracker(build_rig("ring", 3), "body_20", options)

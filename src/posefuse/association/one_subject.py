@@ -16,7 +16,7 @@ PERSON = "person_1"
 
 
 @dataclass(frozen=True)
-class OneSubject:
+class SingleSubject:
     """Follows the one subject of a recording; see :func:`follow`.
 
     Attributes:
@@ -34,7 +34,7 @@ class OneSubject:
         """The subject of a recording."""
         return cls(detections, pick, longest_ids(detections))
 
-    def follow(self, start: int, stop: int) -> Tracks:
+    def tracks(self, start: int, stop: int) -> Tracks:
         """Which detections are the subject's in a range of frames."""
         return follow(self.detections.frames(start, stop), self.pick, self.ids)
 

@@ -7,19 +7,14 @@ from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say
 from posefuse.errors import FileError, OptionsError, choices, suggestion
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.registry import CALIBRATIONS
-from posefuse.io.formats import Format, by_name
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.model.cameras import UpAxis
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName, LengthUnit, Options, ThirdChannel
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
-
-# What a name ends in tells the format, where one format is meant.
-_BY_ENDING = {
-    ".csv": "tidy", ".parquet": "tidy", ".jsonl": "replay", ".nc": "posefuse", ".toml": "anipose",
-    ".qca.txt": "qualisys",
-}  # fmt: skip
 
 
 def convert(
@@ -63,7 +58,9 @@ def convert(
 
         convert_result(path, to, output, layer)
         return
-    name = to or next((form for ending, form in _BY_ENDING.items() if output.name.endswith(ending)), None)
+    written = (*KEYPOINTS.written(), *CALIBRATIONS.written())
+    names = list(dict.fromkeys(form.name for form in written))
+    name = to or next((form.name for form in written if output.name.endswith(form.endings)), None)
     if path.is_file() and _holds_points(path):
         raise OptionsError(
             f"{path.name} holds 3D points, which are read to compare with (posefuse evaluate RESULT {path.name}), not "
@@ -72,11 +69,11 @@ def convert(
     if name is None and output.suffix in (".trc", ".c3d", ".bvh", ".glb"):
         raise OptionsError(f"{output.name} would hold 3D results: posefuse reconstruct makes them of a recording.")
     if name is None:
-        raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(_written(), 20)}.")
-    keypoints, calibration = _writer(KEYPOINTS, name), _writer(CALIBRATIONS, name)
+        raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(names, 20)}.")
+    keypoints, calibration = KEYPOINTS.find_written(name), CALIBRATIONS.find_written(name)
     if keypoints is None and calibration is None:
         raise OptionsError(f"--to: {name!r} is no format that keypoints or calibrations are written in. "
-                           f"{suggestion(name, _written())}")  # fmt: skip
+                           f"{suggestion(name, names)}")  # fmt: skip
     source, reads = _source(path, keypoints, calibration)
     if reads == "keypoints" and keypoints is not None:
         _convert_keypoints(source, output, keypoints, onto, options)
@@ -111,16 +108,7 @@ def _holds_points(path: Path) -> bool:
     return find_format(path) is None and holds_points(path)
 
 
-def _writer(formats: tuple[Format, ...], name: str) -> Format | None:
-    form = by_name(formats, name)
-    return form if form is not None and form.writes else None
-
-
-def _written() -> list[str]:
-    return list(dict.fromkeys(form.name for form in (*KEYPOINTS, *CALIBRATIONS) if form.writes))
-
-
-def _source(path: Path, keypoints: Format | None, calibration: Format | None) -> tuple[Path, str]:
+def _source(path: Path, keypoints: KeypointFormat | None, calibration: CalibrationFormat | None) -> tuple[Path, str]:
     """What is to be read, and whether it is ``keypoints`` or ``a calibration``."""
     from posefuse.io.calibration.read import find_format as calibration_format
     from posefuse.io.files import must_exist
@@ -144,7 +132,7 @@ def _source(path: Path, keypoints: Format | None, calibration: Format | None) ->
     return choose_calibration(found), "a calibration"
 
 
-def _convert_keypoints(source: Path, output: Path, form: Format, onto: str | None, options: Options) -> None:
+def _convert_keypoints(source: Path, output: Path, form: KeypointFormat, onto: str | None, options: Options) -> None:
     from posefuse.io.keypoints.read import read_keypoints
     from posefuse.io.keypoints.request import Request
 
@@ -153,9 +141,9 @@ def _convert_keypoints(source: Path, output: Path, form: Format, onto: str | Non
         note(f"note: {text}")
     if onto is not None:
         detections = _mapped(detections, find_skeleton(onto))
-    module = form.load()
-    module.write(detections, output)
-    lost = module.lost(detections, output)
+    assert form.write is not None
+    form.write(detections, output)
+    lost = form.lost(detections, output) if form.lost is not None else ()
     people = int(detections.people_counts.max(initial=0))
     say(
         f"{count(detections.n_frames, 'frame')}, {count(detections.n_views, 'view')}, up to "
@@ -179,7 +167,7 @@ def _mapped(detections: Detections, skeleton: Skeleton) -> Detections:
     return detections.to_skeleton(skeleton)
 
 
-def _convert_calibration(source: Path, output: Path, form: Format, options: Options) -> None:
+def _convert_calibration(source: Path, output: Path, form: CalibrationFormat, options: Options) -> None:
     from posefuse.io.calibration.read import read_cameras
     from posefuse.io.calibration.write import write_as
 

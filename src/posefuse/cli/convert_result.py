@@ -43,11 +43,12 @@ def must_be_written(also: Sequence[str]) -> None:
         OptionsError: if one is of no format that is written beside a result.
     """
     from posefuse.errors import OptionsError, suggestion
-    from posefuse.io.results.write import ALSO
+    from posefuse.io.results.write import additional_names
 
+    offered = additional_names() if also else {}
     for name in also:
-        if name not in ALSO:
-            raise OptionsError(f"--also {name}: no such format beside a result. {suggestion(name, ALSO)}")
+        if name not in offered:
+            raise OptionsError(f"--also {name}: no such format beside a result. {suggestion(name, offered)}")
 
 
 def also_into(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

@@ -76,11 +76,10 @@ def inspect(
 def _given(path: Path, *, calibration: bool) -> Found:
     """What the user names, with the format that it is in."""
     from posefuse.io.calibration.read import find_format as calibration_format
-    from posefuse.io.format_signatures import known_by
     from posefuse.io.keypoints.read import find_format as keypoint_format
 
     form = (calibration_format if calibration else keypoint_format)(path)
-    return Found(path, "unknown") if form is None else Found(path, form.name, known_by(form))
+    return Found(path, "unknown") if form is None else Found(path, form.name, form.recognized_by)
 
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
@@ -35,7 +35,7 @@ from posefuse.model.options.tracker import Smoother
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from posefuse.io.checkpoints import Parts
+    from posefuse.io.checkpoints import CheckpointFolder
     from posefuse.pipeline.measured_layer import Plan
 
 FILTER_FIGURE = "debug/percentile_filter.png"
@@ -157,16 +157,16 @@ def reconstruct_into(
     from posefuse.pipeline.reconstruct import prepare
 
     done = None if edits is None else Done.read(edits)
-    keeper, forget = keeper_of(parts, inputs, options)
+    checkpoint, forget = checkpoint_of(parts, inputs, options)
 
     def make(path: Path) -> "Plan":
-        plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, keeper))
+        plan = with_health(prepare(inputs.rig, inputs.detections, options, progress, checkpoint))
         plan = replace(plan, provenance=replace(plan.provenance, inputs=inputs.digests))
-        write_chunks(plan, progress, keeper, path)
+        write_chunks(plan, progress, checkpoint, path)
         return plan
 
     path = folder / "reconstruction.nc"
-    plan = write_once(keeper, path, make)
+    plan = write_once(checkpoint, path, make)
     if done is not None:
         path = path.rename(folder / "unedited.nc")
         write_edited(netcdf.read_reconstruction(path), done, folder / "reconstruction.nc")
@@ -177,11 +177,11 @@ def reconstruct_into(
     return Made(["reconstruction.nc", *files, *debug], layer, partial_remark(result), forget)
 
 
-def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "Plan | None":
+def write_once(checkpoint: Checkpoint, path: Path, make: Callable[[Path], "Plan"]) -> "Plan | None":
     """Write ``reconstruction.nc`` unless it was kept; from then on it is kept instead of its parts.
 
     Args:
-        keeper: of the parts.
+        checkpoint: of the parts.
         path: of the file.
         make: writes it; the plan of what it holds.
 
@@ -190,7 +190,7 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
     """
     from posefuse.io.results import netcdf
 
-    before = keeper.take_file(path)
+    before = checkpoint.load_file(path)
     if before is not None:
         for remark in before:
             warnings.warn(remark, PosefuseWarning, stacklevel=2)
@@ -204,7 +204,7 @@ def write_once(keeper: Keeper, path: Path, make: Callable[[Path], "Plan"]) -> "P
     with hearing(hear):
         plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
-        keeper.keep_file(path, tuple(said))
+        checkpoint.save_file(path, tuple(said))
     return plan
 
 
@@ -215,34 +215,34 @@ def partial_remark(result: Reconstruction) -> str:
     return next((remark for remark in result.provenance.notes if remark.startswith(PARTIAL)), "")
 
 
-def write_chunks(plan: "Plan", progress: Bars, keeper: Keeper, path: Path) -> None:
+def write_chunks(plan: "Plan", progress: Bars, checkpoint: Checkpoint, path: Path) -> None:
     """Write the reconstruction; if that is interrupted and chunks are kept, those that are done."""
     from posefuse.io.results import netcdf
     from posefuse.pipeline.measured_layer import finished_chunks, reconstruct_chunks
 
     try:
-        netcdf.write(reconstruct_chunks(plan, progress, keeper), path)
+        netcdf.write(reconstruct_chunks(plan, progress, checkpoint), path)
     except KeyboardInterrupt:
         progress.finish()
-        if next(finished_chunks(plan, keeper), None) is None:
+        if next(finished_chunks(plan, checkpoint), None) is None:
             raise
         warn("Interrupted: the result is made of what is done. Ctrl-C again stops at once.")
-        netcdf.write(finished_chunks(plan, keeper), path)
+        netcdf.write(finished_chunks(plan, checkpoint), path)
 
 
-def keeper_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Keeper, Callable[[], None]]:
+def checkpoint_of(parts: Path | None, inputs: Inputs, options: Options) -> tuple[Checkpoint, Callable[[], None]]:
     """What keeps finished parts of a long recording, and what removes them; of a short one none are kept.
 
     Those of an earlier run with shorter chunks go.
     """
     short = inputs.detections.n_frames <= options.chunk_frames
     if parts is None or (short and not parts.exists()):
-        return NOTHING, lambda: None
-    keeper = parts_of(parts, inputs, options)
-    return NOTHING if short else keeper, keeper.remove
+        return NO_CHECKPOINT, lambda: None
+    checkpoint = parts_of(parts, inputs, options)
+    return NO_CHECKPOINT if short else checkpoint, checkpoint.remove
 
 
-def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "Parts":
+def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | None = None) -> "CheckpointFolder":
     """The finished parts in a folder, if they are of the same input, options and versions; it is said what is there.
 
     Args:
@@ -251,7 +251,7 @@ def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | No
         options: of the reconstruction.
         window_s: of the windows that the recording is divided into, if it is.
     """
-    from posefuse.io.checkpoints import Parts, digest_of
+    from posefuse.io.checkpoints import CheckpointFolder, digest_of
     from posefuse.io.netcdf import skeleton_text
 
     told = {
@@ -262,12 +262,12 @@ def parts_of(parts: Path, inputs: Inputs, options: Options, window_s: float | No
         | {name: version(name) for name in ("posefuse", "numpy", "numba", "scipy")},
         "window_s": window_s,
     }
-    keeper, others = Parts.opened(parts, digest_of(told))
+    checkpoint, others = CheckpointFolder.opened(parts, digest_of(told))
     if others:
         note(f"note: {parts} held {count(others, 'part')} of other input, options or versions; they are not used.")
     elif parts.exists():
         note(f"note: going on from the finished parts in {parts}.")
-    return keeper
+    return checkpoint
 
 
 def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[list[str], LayerName]:
@@ -301,10 +301,10 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     from posefuse.evaluation.filtering import error_profile
     from posefuse.pipeline.measured_layer import reconstruct_chunks
     from posefuse.pipeline.reconstruct import settle
-    from posefuse.report.percentile_filter import filter_picture
+    from posefuse.report.percentile_filter import percentile_filter_figure
 
     before = error_profile(reconstruct_chunks(settle(plan, "simple"), progress))
-    picture = filter_picture(before, error_profile(result.chunks()), result)
+    picture = percentile_filter_figure(before, error_profile(result.chunks()), result)
     (folder / FILTER_FIGURE).parent.mkdir()
     (folder / FILTER_FIGURE).write_bytes(picture.png)
     return [FILTER_FIGURE]
@@ -321,10 +321,10 @@ def has_debug(plan: "Plan") -> bool:
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
-    from posefuse.report.summary import sources_in_words, summarise
+    from posefuse.report.summary import format_sources, summarize
 
     name, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), name)
+    summary = summarize(result.chunks(), name)
     there = sum(n for code, n in summary.status_counts.items() if code.has_point)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(
@@ -340,7 +340,7 @@ def describe(result: Reconstruction) -> None:
     share = there / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{whose} have coordinates (layer {name})")
     if there:
-        say(f"of these: {sources_in_words(summary.source_counts)}")
+        say(f"of these: {format_sources(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
@@ -366,20 +366,20 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
     """Say who was there when, and what happened to them."""
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
-    from posefuse.report.people import events_in_words, lives, span_of
+    from posefuse.report.people import format_event_counts, presence_interval, summarize_people
 
     if not result.person_ids:
         warn("nobody was found.")
     elif not people_with_frames(result):
         warn("nobody is left in any frame; there is no TRC or C3D to write.")
     if result.events:
-        note(f"events: {events_in_words(result.events)}")
+        note(f"events: {format_event_counts(result.events)}")
     uncertain = [
         event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
     ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
-    everybody = lives(result.chunks(), layer)
+    everybody = summarize_people(result.chunks(), layer)
     if not everybody:
         return
     timed = bool(np.isfinite(result.time_s).all())
@@ -388,6 +388,6 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
         span = max(life.last - life.first + 1, 1)
         shares = [percent(life.frames[state] / span) for state in (TrackState.ACTIVE, TrackState.LOST)]
         numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
-        rows.append([life.name, *span_of(result, life), *shares, *numbers])
+        rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
     unit = "s" if timed else "frame"
     table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], rows)

@@ -65,15 +65,15 @@ def _keeping(path: Path) -> Iterator[None]:
         ) from None
 
 
-class Parts:
-    """Keeps parts in a folder, which is made with the first of them; see :class:`posefuse.checkpoint.Keeper`.
+class CheckpointFolder:
+    """Keeps parts in a folder, which is made with the first of them; see :class:`posefuse.checkpoint.Checkpoint`.
 
     Args:
         folder: of parts alone.
         key: what they depend on, from :func:`digest_of`.
     """
 
-    keeps = True
+    enabled = True
 
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
@@ -94,11 +94,11 @@ class Parts:
             raise FileError(f"{folder} is a file, and finished parts go into a folder of that name. Move it away.")
         return cls(folder, key), others
 
-    def has(self, name: str) -> bool:
+    def contains(self, name: str) -> bool:
         """Whether a part of that name was kept."""
         return self._path(name).is_file()
 
-    def get(self, name: str) -> Any:
+    def load(self, name: str) -> Any:
         """The part of that name; None where there is none that is whole and of the same work.
 
         Raises:
@@ -120,8 +120,8 @@ class Parts:
         except pickle.UnpicklingError as error:
             raise FileError(f"{self._path(name)}: {error}. Where is it from? Remove {self.folder}.") from None
 
-    def put(self, name: str, value: Any) -> Any:
-        """Keep a part, in place of one of that name; the part as :meth:`get` gives it."""
+    def save(self, name: str, value: Any) -> Any:
+        """Keep a part, in place of one of that name; the part as :meth:`load` gives it."""
         content = pickle.dumps(value, protocol=5)
         packed = _packed(content)
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
@@ -153,9 +153,9 @@ class Parts:
         self.begin()
         return FileSpool(self._spool_path(name))
 
-    def within(self, name: str) -> "Parts":
+    def child(self, name: str) -> "CheckpointFolder":
         """Parts in a folder of their own."""
-        return Parts(self.folder / name, self.key)
+        return CheckpointFolder(self.folder / name, self.key)
 
     def begin(self) -> None:
         """Make the folder, which says what it is of, if it is not there."""
@@ -167,7 +167,7 @@ class Parts:
             temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
             os.replace(temporary, self.folder / _MANIFEST)
 
-    def keep_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
+    def save_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
         """Keep a finished file instead of all parts, which takes no room, and what was said while it was made.
 
         Where a file cannot have a second name, the parts stay.
@@ -181,12 +181,12 @@ class Parts:
             return
         with _keeping(kept), kept.open("rb+") as opened:
             os.fsync(opened.fileno())
-            self.put(_WHOLE, (hashlib.file_digest(opened, "sha256").hexdigest(), said))
+            self.save(_WHOLE, (hashlib.file_digest(opened, "sha256").hexdigest(), said))
         _remove_but(self.folder, (kept, self._path(_WHOLE), self.folder / _MANIFEST))
 
-    def take_file(self, target: Path) -> tuple[str, ...] | None:
+    def load_file(self, target: Path) -> tuple[str, ...] | None:
         """Put the file that is kept at a place; what was said while it was made, None if none is there and whole."""
-        known, kept = self.get(_WHOLE), self._file_path()
+        known, kept = self.load(_WHOLE), self._file_path()
         if known is None or not kept.is_file():
             return None
         digest, said = known

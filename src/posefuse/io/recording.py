@@ -12,10 +12,9 @@ from posefuse.io import timestamps
 from posefuse.io.calibration.read import find_format as calibration_format
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at, must_exist, natural_key, read_npz
-from posefuse.io.format_signatures import known_by
-from posefuse.io.formats import Format, by_name
 from posefuse.io.ignored_files import Ignored, find_ignored
 from posefuse.io.keypoints import deepfly, openpose
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import recordings_in, view_names
 from posefuse.io.keypoints.openpose import camera_folders
 from posefuse.io.keypoints.read import find_format as keypoint_format
@@ -78,10 +77,10 @@ def _lone_file(file: Path) -> Recording:
     """Keypoints, with the calibrations above them, or a calibration to look at."""
     form = keypoint_format(file)
     if form is not None:
-        return Recording(file, _calibrations_above(file), (Found(file, form.name, known_by(form)),))
+        return Recording(file, _calibrations_above(file), (Found(file, form.name, form.recognized_by),))
     form = calibration_format(file)
     if form is not None:
-        return Recording(file, (Found(file, form.name, known_by(form)),), ())
+        return Recording(file, (Found(file, form.name, form.recognized_by),), ())
     raise FileError(
         f"{file} is a file, but no keypoints and no calibration in a known format, or was cut short. Give the "
         "recording's folder."
@@ -168,7 +167,7 @@ def _entries(folder: Path) -> list[Path]:
 def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
     form = _try_format(folder)
     if form is not None:
-        yield Found(folder, form.name, known_by(form))
+        yield Found(folder, form.name, form.recognized_by)
         return
     for entry in _entries(folder):
         if entry.is_dir():
@@ -179,7 +178,7 @@ def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
             continue
         form = _try_format(entry)
         if form is not None:
-            yield Found(entry, form.name, known_by(form))
+            yield Found(entry, form.name, form.recognized_by)
 
 
 def camera_like(folder: Path) -> bool:
@@ -194,7 +193,7 @@ def _find_calibrations(folder: Path, depth: int, known: frozenset[str] = frozens
     entries = _entries(folder)
     whole = calibration_format(folder)
     if whole is not None and whole.name not in known:
-        yield Found(folder, whole.name, known_by(whole))
+        yield Found(folder, whole.name, whole.recognized_by)
         known |= {whole.name}
     # More than a few are the frames of a recording.
     too_many = sum(entry.suffix == ".json" for entry in entries) > _MOST_JSON_FILES
@@ -205,7 +204,7 @@ def _find_calibrations(folder: Path, depth: int, known: frozenset[str] = frozens
         elif entry.suffix in _CALIBRATION_SUFFIXES and entry.name not in _SETTINGS:
             form = None if too_many and entry.suffix == ".json" else calibration_format(entry)
             if form is not None and form.name not in known:
-                yield Found(entry, form.name, known_by(form))
+                yield Found(entry, form.name, form.recognized_by)
 
 
 def _calibrations_above(folder: Path) -> tuple[Found, ...]:
@@ -222,7 +221,7 @@ def _calibrations_above(folder: Path) -> tuple[Found, ...]:
     return ()
 
 
-def _try_format(path: Path) -> Format | None:
+def _try_format(path: Path) -> KeypointFormat | None:
     try:
         return keypoint_format(path)
     except (PosefuseError, OSError):
@@ -231,12 +230,12 @@ def _try_format(path: Path) -> Format | None:
 
 def _recordings_of(found: Found, calibrations: tuple[Found, ...]) -> list[Found]:
     """The recordings of a folder of a file a camera: usually one; several are told by the files' names."""
-    form = by_name(KEYPOINTS, found.format)
-    trials_in = None if form is None else getattr(form.load(), "trials_in", None)
-    if trials_in is not None and len(trials := trials_in(found.path)) > 1:
+    form = KEYPOINTS.find(found.format)
+    if form is None:
+        return [found]
+    if form.trials_in is not None and len(trials := form.trials_in(found.path)) > 1:
         return [replace(found, path=trial) for trial in trials]
-    files_of = None if form is None else getattr(form.load(), "files_of", None)
-    files = files_of(found.path) if files_of is not None and found.path.is_dir() else []
+    files = form.camera_files(found.path) if form.camera_files is not None and found.path.is_dir() else []
     if len({file.parent for file in files}) != 1:
         return [found]
     try:
@@ -276,9 +275,8 @@ def _calibration_files(path: Path) -> list[Path]:
 
 def _keypoint_files(item: Found) -> list[Path]:
     """The files of keypoints that are read, or whole folders of them."""
-    form = by_name(KEYPOINTS, item.format)
-    module = None if form is None else form.load()
-    files_of = getattr(module, "files_of", getattr(module, "arrays_in", None))
+    form = KEYPOINTS.find(item.format)
+    files_of = None if form is None else form.input_files
     if not item.path.is_dir():
         beside = files_of(item.path) if files_of is not None and item.path.is_file() else []
         return [*files_at(item.path), *beside]

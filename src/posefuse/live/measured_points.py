@@ -12,7 +12,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.defaults import settle_min_views
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.records import People
 from posefuse.triangulation.registry import Method, load_method
@@ -65,7 +65,7 @@ class Measuring:
                 f"triangulation.method {options.triangulation.method!r} looks at the whole recording first, and a "
                 "stream has none. Choose another: posefuse methods lists them."
             )
-        return cls(rig, skeleton, usual_noise(rig, options), settled, method)
+        return cls(rig, skeleton, default_noise(rig, options), settled, method)
 
     def points(self, frame: Frame, people: People) -> Measured:
         """Of everybody in a frame, in the order they are told in."""

@@ -31,7 +31,7 @@ _OF_RECORDINGS = (
 """Options that do nothing live."""
 
 
-def warn_of_idle(options: Options) -> None:
+def warn_of_unused_options(options: Options) -> None:
     """Warn once of all options that do nothing in a stream."""
     usual = Options()
     idle = [name for name in _OF_RECORDINGS if getattr(options, name) != getattr(usual, name)]
@@ -59,7 +59,7 @@ class Session:
     def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options, stream: StreamOptions) -> None:
         if len(rig) < 2:
             raise OptionsError(f"People are followed by two cameras or more; this calibration has {len(rig)}.")
-        warn_of_idle(options)
+        warn_of_unused_options(options)
         self.rig, self.skeleton, self.stream = rig, find_skeleton(skeleton), stream
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)

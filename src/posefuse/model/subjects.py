@@ -8,6 +8,6 @@ from posefuse.model.tracks import Tracks
 class Subjects(Protocol):
     """Answers who is followed, however that was found."""
 
-    def follow(self, start: int, stop: int) -> Tracks:
+    def tracks(self, start: int, stop: int) -> Tracks:
         """Who is whose in the frames ``start`` to ``stop`` (counted from 0)."""
         ...

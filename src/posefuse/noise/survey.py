@@ -15,7 +15,8 @@ from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choi
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
@@ -163,7 +164,7 @@ def find_noise(
 def _sample(detections: Detections, subjects: Subjects, *, few: bool) -> Sample:
     spans = noise_scale.spans(detections, few=few)
     starts = np.cumsum([0, *(stop - start for start, stop in spans[:-1])])
-    tracks = Tracks.concatenate([subjects.follow(*span) for span in spans])
+    tracks = Tracks.concatenate([subjects.tracks(*span) for span in spans])
     return Sample(detections.pieces(spans), tracks, tuple(starts.tolist()))
 
 

@@ -10,7 +10,8 @@ from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.subjects import Subjects
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.triangulation.registry import load_method
@@ -132,6 +133,6 @@ def settle_method(
     if settle is None or len(rig) == 1:
         return options, ()
     spans = ranges(detections.n_frames, CHUNK_FRAMES)
-    pieces = ((detections.frames(*span), subjects.follow(*span)) for span in spans)
+    pieces = ((detections.frames(*span), subjects.tracks(*span)) for span in spans)
     settled, notes = settle(rig, pieces, noise, options.triangulation)
     return replace(options, triangulation=settled), notes

@@ -19,8 +19,8 @@ from typing import Any, Protocol
 
 from posefuse.alignment.apply import laid
 from posefuse.arrays import ranges
-from posefuse.association.one_subject import OneSubject
-from posefuse.io.checkpoints import Parts
+from posefuse.association.one_subject import SingleSubject
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
@@ -29,9 +29,9 @@ from posefuse.model.result_ranges import Piece
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.measured_layer import Plan, context_frames, head_of, measure
-from posefuse.pipeline.people.stitching import Stitched, stitch
+from posefuse.pipeline.people.stitching import StitchedPeople, stitch
 from posefuse.pipeline.people.track_recording import keep_trackers
-from posefuse.pipeline.people.tracked_people import Followed
+from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
 from posefuse.pipeline.reconstruct import prepare, who_is_followed
 from posefuse.pipeline.solved_layer import BLOCK_FRAMES, Solver, clock_of, windows
@@ -56,7 +56,7 @@ class Team:
         window_s: about how long a window is.
     """
 
-    parts: Parts
+    parts: CheckpointFolder
     do: Do
     window_s: float
 
@@ -66,7 +66,7 @@ class Team:
         self.parts.begin()
         for i, piece in enumerate(pieces):
             names.append(f"{name}_{i:05d}")
-            if self.parts.get(names[-1]) is None:
+            if self.parts.load(names[-1]) is None:
                 todo.append(self.parts.folder / f"{names[-1]}.todo")
                 todo[-1].write_bytes(pickle.dumps((self.parts.key, piece()), protocol=pickle.HIGHEST_PROTOCOL))
         self.do(work, todo)
@@ -79,11 +79,11 @@ class Team:
 class Given:
     """Whose detections are whose, known."""
 
-    tracks: Tracks
+    recording_tracks: Tracks
 
-    def follow(self, start: int, stop: int) -> Tracks:
+    def tracks(self, start: int, stop: int) -> Tracks:
         """Who is whose in a range of frames."""
-        return self.tracks.frames(start, stop)
+        return self.recording_tracks.frames(start, stop)
 
 
 def is_long(detections: Detections, options: Options, window_s: float) -> bool:
@@ -102,13 +102,13 @@ def prepare_divided(rig: CameraRig, detections: Detections, options: Options, te
 
     def who(
         rig: CameraRig, detections: Detections, options: Options, progress: Progress
-    ) -> tuple[Subjects, Followed | None]:
+    ) -> tuple[Subjects, TrackedPeople | None]:
         if options.people != "many":
             return who_is_followed(rig, detections, options, progress)
         return _followed(rig, detections, options, team, progress), None
 
     plan = prepare(rig, detections, options, progress, who=who)
-    if not isinstance(plan.subjects, Stitched):
+    if not isinstance(plan.subjects, StitchedPeople):
         return plan
     number, beside_s = len(plan.subjects.starts) - 1, options.tracker.forget_after_s
     note = (
@@ -127,14 +127,14 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
     spans = list(ranges(n_frames, CHUNK_FRAMES))
     done = team.round(measure_piece, "measured", (partial(_alone, plan, *span) for span in spans))
     parts = (
-        _whole(plan, team.parts.get(name).of_result(head), span[0]) for name, span in zip(done, spans, strict=True)
+        _whole(plan, team.parts.load(name).of_result(head), span[0]) for name, span in zip(done, spans, strict=True)
     )
     if plan.bodies is not None:
         parts = _with_body(plan, parts)
     if plan.solver is not None:
         solver, size = plan.solver, max(BLOCK_FRAMES, plan.solver.margin)
         pieces = (partial(solver.alone, window) for window in windows(parts, n_frames, solver.margin, size))
-        parts = (team.parts.get(name).of_result(head) for name in team.round(solve_piece, "solved", pieces))
+        parts = (team.parts.load(name).of_result(head) for name in team.round(solve_piece, "solved", pieces))
     if plan.alignment is not None:
         parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "putting together", progress)
@@ -143,29 +143,31 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
 def follow_piece(path: Path) -> None:
     """Follow everybody through a window."""
     parts, piece = _read(path)
-    parts.put(path.stem, follow_window(*piece))
+    parts.save(path.stem, follow_window(*piece))
 
 
 def measure_piece(path: Path) -> None:
     """Measure a range of frames."""
     parts, piece = _read(path)
-    parts.put(path.stem, Piece.of(measure(*piece)))
+    parts.save(path.stem, Piece.of(measure(*piece)))
 
 
 def solve_piece(path: Path) -> None:
     """Solve a block of frames over time."""
     parts, (solver, window) = _read(path)
     assert isinstance(solver, Solver)
-    parts.put(path.stem, Piece.of(solver.solved(window)))
+    parts.save(path.stem, Piece.of(solver.solved(window)))
 
 
-def _read(path: Path) -> tuple[Parts, Any]:
+def _read(path: Path) -> tuple[CheckpointFolder, Any]:
     """What is to be done, and where what comes of it is kept."""
     key, piece = pickle.loads(path.read_bytes())
-    return Parts(path.parent, key), piece
+    return CheckpointFolder(path.parent, key), piece
 
 
-def _followed(rig: CameraRig, detections: Detections, options: Options, team: Team, progress: Progress) -> Stitched:
+def _followed(
+    rig: CameraRig, detections: Detections, options: Options, team: Team, progress: Progress
+) -> StitchedPeople:
     """Everybody, of all windows."""
     skeleton, fixed = agreed(rig, detections, options)
     rate_hz = 1.0 / clock_of(detections).period_s
@@ -176,11 +178,11 @@ def _followed(rig: CameraRig, detections: Detections, options: Options, team: Te
 
     def piece(window: Window, tracker: str) -> tuple[Any, ...]:
         theirs = replace(detections.frames(window.first, window.last), skeleton=skeleton)
-        return rig, theirs, fixed, window, team.parts.get(tracker)
+        return rig, theirs, fixed, window, team.parts.load(tracker)
 
     pieces = (partial(piece, *each) for each in zip(spans, trackers, strict=True))
     done = team.round(follow_piece, "followed", pieces)
-    seen: list[Seen] = [team.parts.get(name)[0] for name in done]
+    seen: list[Seen] = [team.parts.load(name)[0] for name in done]
     found = stitch(seen, detections.frame_numbers, _Bodies(team.parts, done))
     return found.only(options.person) if options.person else found
 
@@ -188,13 +190,13 @@ def _followed(rig: CameraRig, detections: Detections, options: Options, team: Te
 class _Bodies:
     """Reads the bodies of windows, which are wanted in order: the last is at hand."""
 
-    def __init__(self, parts: Parts, names: Sequence[str]) -> None:
+    def __init__(self, parts: CheckpointFolder, names: Sequence[str]) -> None:
         self._parts, self._names = parts, names
         self._last: tuple[int, Bodies] | None = None
 
     def __call__(self, window: int) -> Bodies:
         if self._last is None or self._last[0] != window:
-            self._last = window, self._parts.get(self._names[window])[1]
+            self._last = window, self._parts.load(self._names[window])[1]
         return self._last[1]
 
 
@@ -202,7 +204,7 @@ def _alone(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
     """A plan that knows a range of frames and what it looks at around it, and where the range is in that."""
     around = context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
-    subjects = Given(plan.subjects.follow(first, last))
+    subjects = Given(plan.subjects.tracks(first, last))
     part = replace(
         plan, detections=plan.detections.frames(first, last), subjects=subjects, bodies=None, solver=None,
         alignment=None,
@@ -213,7 +215,7 @@ def _alone(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
 def _head(plan: Plan) -> Reconstruction:
     """What all ranges of a result share, with no frames."""
     head, subjects = head_of(plan), plan.subjects
-    if not isinstance(subjects, Stitched):
+    if not isinstance(subjects, StitchedPeople):
         return head
     head = replace(head, events=subjects.events)
     return head if plan.options.bodies == "none" else replace(head, skeleton=subjects.skeleton)
@@ -222,7 +224,7 @@ def _head(plan: Plan) -> Reconstruction:
 def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
     """A measured range with the bodies of many."""
     subjects = plan.subjects
-    if isinstance(subjects, Stitched) and plan.options.bodies != "none":
+    if isinstance(subjects, StitchedPeople) and plan.options.bodies != "none":
         return subjects.with_bodies(part, start)
     return part
 
@@ -230,7 +232,7 @@ def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
 def _with_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:
     """Ranges with the one subject's body."""
     assert plan.bodies is not None
-    assert isinstance(plan.subjects, OneSubject)
+    assert isinstance(plan.subjects, SingleSubject)
     smoother, start = plan.bodies.smoother(), 0
     for part in parts:
         stop = start + part.n_frames

@@ -8,7 +8,7 @@ import numpy as np
 
 from posefuse.alignment.apply import laid
 from posefuse.arrays import ranges
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.left_right import relabel
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
@@ -22,7 +22,7 @@ from posefuse.model.subjects import Subjects
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline import solved_layer
-from posefuse.pipeline.people import Followed, WholeSmoother
+from posefuse.pipeline.people import TrackedPeople, WholeSmoother
 from posefuse.pipeline.solved_layer import Solver
 from posefuse.progress import Progress, watched
 from posefuse.triangulation import single_view
@@ -54,38 +54,40 @@ class Plan:
     detections: Detections
     options: Options
     subjects: Subjects
-    bodies: Followed | None
+    bodies: TrackedPeople | None
     noise: NoiseModel
     provenance: Provenance
     solver: Solver | None = None
     alignment: Alignment | None = None
 
 
-def reconstruct_chunks(plan: Plan, progress: Progress, keeper: Keeper = NOTHING) -> Iterator[Reconstruction]:
+def reconstruct_chunks(
+    plan: Plan, progress: Progress, checkpoint: Checkpoint = NO_CHECKPOINT
+) -> Iterator[Reconstruction]:
     """The reconstruction in consecutive ranges of frames, for recordings that do not fit in memory.
 
     Args:
         plan: what is settled.
         progress: told how far the work is.
-        keeper: keeps ranges that are done, and gives those that were done before.
+        checkpoint: keeps ranges that are done, and gives those that were done before.
     """
     n_frames = plan.detections.n_frames
-    keeper = keeper.within(_stage_of(plan))
-    parts = _measured(plan, keeper) if plan.solver is None else _solved(plan, plan.solver, keeper)
+    checkpoint = checkpoint.child(_stage_of(plan))
+    parts = _measured(plan, checkpoint) if plan.solver is None else _solved(plan, plan.solver, checkpoint)
     if plan.alignment is not None:
         parts = laid(parts, plan.alignment)
     yield from watched(parts, n_frames, "triangulating", progress)
 
 
-def finished_chunks(plan: Plan, keeper: Keeper) -> Iterator[Reconstruction]:
+def finished_chunks(plan: Plan, checkpoint: Checkpoint) -> Iterator[Reconstruction]:
     """The ranges from the first on that are done and kept, of a plan that was not carried out to its end.
 
     They say that the rest is missing, and of nothing that happened in it.
     """
-    keeper = keeper.within(_stage_of(plan))
+    checkpoint = checkpoint.child(_stage_of(plan))
     size, name = (plan.options.chunk_frames, _MEASURED) if plan.solver is None else (plan.solver.size, _SOLVED)
     spans = ranges(plan.detections.n_frames, size)
-    kept = list(takewhile(lambda each: keeper.has(name.format(each[0])), enumerate(spans)))
+    kept = list(takewhile(lambda each: checkpoint.contains(name.format(each[0])), enumerate(spans)))
     if not kept:
         return
     last = kept[-1][1][1]
@@ -94,7 +96,7 @@ def finished_chunks(plan: Plan, keeper: Keeper) -> Iterator[Reconstruction]:
     provenance = replace(plan.provenance, notes=(note, *plan.provenance.notes))
     events = tuple(event for event in _events(plan) if event.number <= until)
     head = replace(head_of(plan), provenance=provenance, events=events)
-    parts = (keeper.get(name.format(i)).of_result(head) for i, _ in kept)
+    parts = (checkpoint.load(name.format(i)).of_result(head) for i, _ in kept)
     yield from parts if plan.alignment is None else laid(parts, plan.alignment)
 
 
@@ -114,24 +116,24 @@ def _stage_of(plan: Plan) -> str:
     return f"frames_{plan.detections.n_frames}"
 
 
-def _measured(plan: Plan, keeper: Keeper, first: int = 0) -> Iterator[Reconstruction]:
+def _measured(plan: Plan, checkpoint: Checkpoint, first: int = 0) -> Iterator[Reconstruction]:
     """The measured and model layers from chunk ``first`` on; those that are kept are not made again."""
     smoother = None if plan.bodies is None else plan.bodies.smoother()
-    head, given = head_of(plan) if keeper.keeps else None, 0
+    head, given = head_of(plan) if checkpoint.enabled else None, 0
     for i, (start, stop) in enumerate(ranges(plan.detections.n_frames, plan.options.chunk_frames)):
         name = _MEASURED.format(i)
-        if i < first and keeper.has(name):
+        if i < first and checkpoint.contains(name):
             continue
-        piece = keeper.get(name)
+        piece = checkpoint.load(name)
         if piece is None:
             if smoother is not None and given != start:
-                smoother = _smoother_at(plan, keeper, start)
+                smoother = _smoother_at(plan, checkpoint, start)
             part = measure(plan, start, stop, smoother)
             given = stop
-            if smoother is not None and keeper.keeps:
+            if smoother is not None and checkpoint.enabled:
                 # Of two, one is always whole, and of where the chunk that is not kept yet begins.
-                smoother.goes_on_from(keeper.put(_SMOOTHER.format(i % 2), smoother.memory))
-            piece = keeper.put(name, Piece.of(part)) if keeper.keeps else None
+                smoother.goes_on_from(checkpoint.save(_SMOOTHER.format(i % 2), smoother.memory))
+            piece = checkpoint.save(name, Piece.of(part)) if checkpoint.enabled else None
             if piece is None:
                 yield part
                 continue
@@ -139,11 +141,11 @@ def _measured(plan: Plan, keeper: Keeper, first: int = 0) -> Iterator[Reconstruc
         yield piece.of_result(head)
 
 
-def _smoother_at(plan: Plan, keeper: Keeper, start: int) -> WholeSmoother:
+def _smoother_at(plan: Plan, checkpoint: Checkpoint, start: int) -> WholeSmoother:
     """The smoother of the followed people that has given the frames up to ``start``."""
     assert plan.bodies is not None
     smoother = plan.bodies.smoother()
-    memories = (keeper.get(_SMOOTHER.format(i)) for i in range(2))
+    memories = (checkpoint.load(_SMOOTHER.format(i)) for i in range(2))
     memory = next((each for each in memories if each is not None and each[0].done == start), None)
     if memory is not None:
         smoother.goes_on_from(memory)
@@ -154,27 +156,27 @@ def _smoother_at(plan: Plan, keeper: Keeper, start: int) -> WholeSmoother:
     return smoother
 
 
-def _solved(plan: Plan, solver: Solver, keeper: Keeper) -> Iterator[Reconstruction]:
+def _solved(plan: Plan, solver: Solver, checkpoint: Checkpoint) -> Iterator[Reconstruction]:
     """The measured, solved and model layers; those that are kept are not made again."""
     n_frames, chunk = plan.detections.n_frames, plan.options.chunk_frames
     spans = list(ranges(n_frames, solver.size))
     done = 0
-    if keeper.keeps:
+    if checkpoint.enabled:
         head = head_of(plan)
-        while done < len(spans) and (piece := keeper.get(_SOLVED.format(done))) is not None:
+        while done < len(spans) and (piece := checkpoint.load(_SOLVED.format(done))) is not None:
             done += 1
             yield piece.of_result(head)
     if done == len(spans):
         return
     first = max(spans[done][0] - solver.margin, 0) // chunk
-    parts = _measured(plan, keeper, first)
+    parts = _measured(plan, checkpoint, first)
     for i, part in enumerate(solver.solve(parts, n_frames, done=done, begin=first * chunk), done):
-        yield keeper.put(_SOLVED.format(i), Piece.of(part)).of_result(part) if keeper.keeps else part
+        yield checkpoint.save(_SOLVED.format(i), Piece.of(part)).of_result(part) if checkpoint.enabled else part
 
 
 def head_of(plan: Plan) -> Reconstruction:
     """What all ranges of a result share, with no frames."""
-    people = plan.subjects.follow(0, 0).person_ids
+    people = plan.subjects.tracks(0, 0).person_ids
     skeleton = plan.detections.skeleton if plan.bodies is None else plan.bodies.skeleton
     points, views = (0, len(people), len(skeleton)), len(plan.rig)
     codes, seen = np.empty(points, dtype=np.int8), (*points, views)
@@ -211,7 +213,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
     around = context_frames(plan)
     first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
     seen = plan.detections.frames(first, last)
-    followed = plan.subjects.follow(first, last)
+    followed = plan.subjects.tracks(first, last)
     layer, swaps = measure_layer(plan, seen, followed)
     detections, tracks = seen.frames(start - first, stop - first), followed.frames(start - first, stop - first)
     layers = {"measured": layer.frames(start - first, stop - first)}
@@ -230,7 +232,7 @@ def measure(plan: Plan, start: int, stop: int, smoother: WholeSmoother | None = 
 
 def _events(plan: Plan) -> tuple[Event, ...]:
     known = plan.bodies or plan.subjects
-    return known.events if isinstance(known, Followed) else ()
+    return known.events if isinstance(known, TrackedPeople) else ()
 
 
 def context_frames(plan: Plan) -> int:

@@ -13,8 +13,8 @@ from posefuse.alignment.lay import lay
 from posefuse.alignment.size import scale_of
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
-from posefuse.association.one_subject import OneSubject
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.association.one_subject import SingleSubject
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import gathered
@@ -39,7 +39,7 @@ from posefuse.pipeline.defaults import (
     settle_solve,
 )
 from posefuse.pipeline.measured_layer import Plan, measure, partial_note, reconstruct_chunks
-from posefuse.pipeline.people import Followed
+from posefuse.pipeline.people import TrackedPeople
 from posefuse.pipeline.solved_layer import Postprocess, Solver, Step
 from posefuse.postprocess.bones import usual_bones
 from posefuse.preprocess import time_offsets
@@ -57,7 +57,7 @@ def reconstruct(
     options: Options | None = None,
     *,
     progress: Progress | None = None,
-    keeper: Keeper = NOTHING,
+    checkpoint: Checkpoint = NO_CHECKPOINT,
 ) -> Reconstruction:
     """Reconstruct people in 3D from calibrated views.
 
@@ -66,7 +66,7 @@ def reconstruct(
         detections: 2D keypoints.
         options: what to do; the defaults suit one person.
         progress: told how far the work is.
-        keeper: keeps finished parts of long work (:class:`posefuse.io.checkpoints.Parts`), from which the same call goes on
+        checkpoint: keeps finished parts of long work (:class:`posefuse.io.checkpoints.CheckpointFolder`), from which the same call goes on
             after it was ended.
 
     Returns:
@@ -76,8 +76,8 @@ def reconstruct(
         MatchError: if views and cameras do not belong together.
         DetectionsError: if the detections do not allow what the options ask for.
     """
-    plan = prepare(rig, detections, options or Options(), progress or Silent(), keeper)
-    return gathered(reconstruct_chunks(plan, progress or Silent(), keeper), plan.detections.n_frames)
+    plan = prepare(rig, detections, options or Options(), progress or Silent(), checkpoint)
+    return gathered(reconstruct_chunks(plan, progress or Silent(), checkpoint), plan.detections.n_frames)
 
 
 def triangulate(rig: CameraRig, detections: Detections, options: Options | None = None) -> Reconstruction:
@@ -95,7 +95,7 @@ def prepare(
     detections: Detections,
     options: Options,
     progress: Progress,
-    keeper: Keeper = NOTHING,
+    checkpoint: Checkpoint = NO_CHECKPOINT,
     who: "Who | None" = None,
 ) -> Plan:
     """Settle everything that needs the whole recording: views, frames, subjects, noise, method, world, solver.
@@ -105,16 +105,16 @@ def prepare(
         detections: 2D keypoints.
         options: what to do.
         progress: told how far the work is.
-        keeper: keeps what was followed of a long recording. If it does, the plan of a recording whose following is
+        checkpoint: keeps what was followed of a long recording. If it does, the plan of a recording whose following is
             interrupted is of the frames that were followed.
         who: finds whose detections are whose, by default :func:`who_is_followed`.
     """
-    examined, sample = look(rig, detections, options, progress, who or partial(who_is_followed, keeper=keeper))
+    examined, sample = look(rig, detections, options, progress, who or partial(who_is_followed, checkpoint=checkpoint))
     plan, scale = settle(examined), None
     if options.align.scales:
         scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
-        again = keeper.within(f"resized_{examined.detections.n_frames}")
-        who = who or partial(who_is_followed, keeper=again)
+        again = checkpoint.child(f"resized_{examined.detections.n_frames}")
+        who = who or partial(who_is_followed, checkpoint=again)
         plan, sample = resized(examined, plan, sample, scale, progress, who)
     return settle_solver(settle_world(with_findings(plan, sample), scale))
 
@@ -136,7 +136,7 @@ def resized(
         who: finds whose detections are whose.
     """
     rig = scaled_rig(plan.rig, scale)
-    if plan.bodies is None and isinstance(plan.subjects, OneSubject):
+    if plan.bodies is None and isinstance(plan.subjects, SingleSubject):
         return replace(plan, rig=rig), None if sample is None else scaled_layer(sample, scale)
     subjects, bodies = who(rig, examined.detections, examined.options, progress)
     detections, notes = as_far_as_followed(examined.detections, bodies or subjects)
@@ -208,7 +208,7 @@ def look(
     if step is not None:
         n = detections.n_frames
         step = replace(step, detections=detections, time_s=step.time_s[:n])
-        detections = time_offsets.at_frame_times(step, subjects.follow(0, n))
+        detections = time_offsets.at_frame_times(step, subjects.tracks(0, n))
     if options.people == "one":
         notes = (*notes, *one_subject.remarks(detections, options.pick))
     noise, sample = survey.survey(rig, detections, options, subjects, progress)
@@ -222,7 +222,7 @@ def look(
 def as_far_as_followed(detections: Detections, known: Subjects) -> tuple[Detections, tuple[str, ...]]:
     """The frames through which people were followed, and what is to be said if those are not all."""
     n_frames = detections.n_frames
-    if not isinstance(known, Followed) or known.n_frames == n_frames:
+    if not isinstance(known, TrackedPeople) or known.n_frames == n_frames:
         return detections, ()
     return detections.between(0, known.n_frames), (partial_note(known.n_frames, n_frames),)
 
@@ -246,8 +246,8 @@ def own_noise(rig: CameraRig, detections: Detections, options: Options) -> tuple
 
 
 def who_is_followed(
-    rig: CameraRig, detections: Detections, options: Options, progress: Progress, keeper: Keeper = NOTHING
-) -> tuple[Subjects, Followed | None]:
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint = NO_CHECKPOINT
+) -> tuple[Subjects, TrackedPeople | None]:
     """Whose detections are whose, and their bodies if any are fitted.
 
     Args:
@@ -255,7 +255,7 @@ def who_is_followed(
         detections: of the recording.
         options: of its reconstruction.
         progress: told how far the work is.
-        keeper: keeps what was followed.
+        checkpoint: keeps what was followed.
 
     Raises:
         DetectionsError: if one subject is asked for and nobody said which, or frames of many have no times.
@@ -263,18 +263,18 @@ def who_is_followed(
         SkeletonError: if bodies are asked for and nothing tells how they move.
     """
     if options.people == "many" or options.bodies == "fit":
-        people.warn_of_idle(options, detections.skeleton)
+        people.warn_of_unused_options(options, detections.skeleton)
     if options.people == "many":
-        many = people.follow(rig, detections, options, progress, keeper)
+        many = people.track_people(rig, detections, options, progress, checkpoint)
         many = many.only(options.person) if options.person else many
         return many, None if options.bodies == "none" else many
-    subject = OneSubject.of(detections, options.pick)
+    subject = SingleSubject.of(detections, options.pick)
     if options.bodies != "fit":
         return subject, None
     if len(rig) == 1:
         raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
-    followed = people.follow_subject(rig, detections, subject, options, progress, keeper)
-    if not followed.tracks.person_ids:
+    followed = people.track_subject(rig, detections, subject, options, progress, checkpoint)
+    if not followed.recording_tracks.person_ids:
         raise DetectionsError(
             "bodies = 'fit' found no frame in which two cameras show the subject well enough to begin. Look at the "
             "measured points first (bodies = 'auto')."
@@ -282,7 +282,7 @@ def who_is_followed(
     return subject, followed
 
 
-Who = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, Followed | None]]
+Who = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, TrackedPeople | None]]
 """Finds whose detections are whose, and bodies if any are fitted, as :func:`who_is_followed` does."""
 
 
@@ -315,7 +315,7 @@ def settle_solver(plan: Plan) -> Plan:
     steps: list[Step] = []
     # In ranges: of a long recording in a file no more than one is read at a time.
     pieces = ranges(plan.detections.n_frames, CHUNK_FRAMES)
-    state = np.concatenate([np.asarray(plan.subjects.follow(*piece).state) for piece in pieces])
+    state = np.concatenate([np.asarray(plan.subjects.tracks(*piece).state) for piece in pieces])
     if plan.options.solve == "trajectory" and state.shape[1]:
         spans = solved_layer.telling_spans(state)
         measured = partial(measure, plan)
@@ -357,10 +357,10 @@ class Tracker:
 
     def __init__(self, rig: CameraRig, skeleton: Skeleton | str, options: Options | None = None) -> None:
         options = options or Options()
-        noise, known = people.usual_noise(rig, options), find_skeleton(skeleton)
+        noise, known = people.default_noise(rig, options), find_skeleton(skeleton)
         # Nothing is smoothed live, whatever the options say of it.
         live = replace(options, tracker=replace(options.tracker, smoother="none", lag_s=TrackerOptions().lag_s))
-        people.warn_of_idle(live, known)
+        people.warn_of_unused_options(live, known)
         self._tracker = people.tracker_of(rig, known, noise, options)
 
     def update(self, frame: Frame) -> People:
@@ -400,4 +400,4 @@ def calibrate_noise(
     options = options or Options()
     rig, detections, _ = match_views(rig, detections, options)
     detections = cut_time(detections, options)
-    return survey.find_law(rig, detections, options, OneSubject.of(detections, options.pick), progress or Silent())
+    return survey.find_law(rig, detections, options, SingleSubject.of(detections, options.pick), progress or Silent())

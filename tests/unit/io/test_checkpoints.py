@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import FileError
-from posefuse.io.checkpoints import Parts
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.results import netcdf
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
@@ -40,27 +40,27 @@ class Ended(BaseException):
 
 
 class Ending:
-    """A keeper that ends the work when it is given so many parts: before or after they are kept."""
+    """A checkpoint that ends the work when it is given so many parts: before or after they are kept."""
 
-    keeps = True
+    enabled = True
 
-    def __init__(self, keeper: Keeper, left: list[int], how: type[BaseException], *, after: bool) -> None:
-        self.keeper, self.left, self.how, self.after = keeper, left, how, after
+    def __init__(self, checkpoint: Checkpoint, left: list[int], how: type[BaseException], *, after: bool) -> None:
+        self.checkpoint, self.left, self.how, self.after = checkpoint, left, how, after
 
-    def put(self, name: str, value: Any) -> Any:
+    def save(self, name: str, value: Any) -> Any:
         self.left[0] -= 1
         if self.left[0] == 0 and not self.after:
             raise self.how
-        kept = self.keeper.put(name, value)
+        kept = self.checkpoint.save(name, value)
         if self.left[0] == 0:
             raise self.how
         return kept
 
-    def within(self, name: str) -> "Ending":
-        return Ending(self.keeper.within(name), self.left, self.how, after=self.after)
+    def child(self, name: str) -> "Ending":
+        return Ending(self.checkpoint.child(name), self.left, self.how, after=self.after)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.keeper, name)
+        return getattr(self.checkpoint, name)
 
 
 @pytest.fixture(scope="module")
@@ -78,9 +78,9 @@ def walker():
     return scene.rig, scene.detections
 
 
-def made(recording, options: Options, path: Path, keeper: Keeper = NOTHING) -> bytes:
-    plan = prepare(*recording, options, Silent(), keeper)
-    netcdf.write(reconstruct_chunks(plan, Silent(), keeper), path)
+def made(recording, options: Options, path: Path, checkpoint: Checkpoint = NO_CHECKPOINT) -> bytes:
+    plan = prepare(*recording, options, Silent(), checkpoint)
+    netcdf.write(reconstruct_chunks(plan, Silent(), checkpoint), path)
     return path.read_bytes()
 
 
@@ -97,29 +97,29 @@ def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_pat
     """While people are followed, chunks are measured and smoothed, and windows are solved."""
     recording = request.getfixturevalue(who)
     whole = request.getfixturevalue("whole") if options is MANY else made(recording, options, tmp_path / "whole.nc")
-    keeper = Parts(tmp_path / "parts", "key")
+    checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     for moment in moments:
         with pytest.raises(Ended):
-            made(recording, options, tmp_path / "made.nc", Ending(keeper, [moment], Ended, after=after))
+            made(recording, options, tmp_path / "made.nc", Ending(checkpoint, [moment], Ended, after=after))
         assert not (tmp_path / "made.nc").exists()
-    assert made(recording, options, tmp_path / "made.nc", keeper) == whole
-    keeper.remove()
+    assert made(recording, options, tmp_path / "made.nc", checkpoint) == whole
+    checkpoint.remove()
     assert not (tmp_path / "parts").exists()
 
 
 def test_what_is_finished_is_not_made_again(crowd, whole, tmp_path, monkeypatch):
-    keeper = Parts(tmp_path / "parts", "key")
-    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+    checkpoint = CheckpointFolder(tmp_path / "parts", "key")
+    assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
     monkeypatch.setattr("posefuse.pipeline.measured_layer.measure", None)
     monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", None)
-    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+    assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
 @pytest.mark.parametrize(("moment", "frames"), [(3, 32), (7, 16)])
 def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment, frames):
     """While people are followed the recording ends there; afterwards, what is made of it is a result that says so."""
-    keeper = Parts(tmp_path / "parts", "key")
-    ending = Ending(keeper, [moment], KeyboardInterrupt, after=False)
+    checkpoint = CheckpointFolder(tmp_path / "parts", "key")
+    ending = Ending(checkpoint, [moment], KeyboardInterrupt, after=False)
     if moment == 3:
         with pytest.warns(UserWarning, match="followed through 32 of 40 frames"):
             made(crowd, MANY, tmp_path / "part.nc", ending)
@@ -127,12 +127,12 @@ def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment,
         plan = prepare(*crowd, MANY, Silent(), ending)
         with pytest.raises(KeyboardInterrupt):
             netcdf.write(reconstruct_chunks(plan, Silent(), ending), tmp_path / "part.nc")
-        netcdf.write(finished_chunks(plan, keeper), tmp_path / "part.nc")
+        netcdf.write(finished_chunks(plan, checkpoint), tmp_path / "part.nc")
     part = netcdf.read_reconstruction(tmp_path / "part.nc")
     assert part.n_frames == frames
     assert part.provenance.notes[0].startswith(f"{PARTIAL}made of the first {frames} of 40 frames")
     assert {event.number for event in part.events} <= set(part.frame_numbers.tolist())
-    assert made(crowd, MANY, tmp_path / "made.nc", keeper) == whole
+    assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
 def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
@@ -147,11 +147,11 @@ def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
 KILLED = """
 from pathlib import Path
 import numpy as np
-from posefuse.io.checkpoints import Parts
-parts = Parts(Path({folder!r}), "key")
-parts.put("first", np.arange(3))
+from posefuse.io.checkpoints import CheckpointFolder
+parts = CheckpointFolder(Path({folder!r}), "key")
+parts.save("first", np.arange(3))
 while True:
-    parts.put("second", np.random.default_rng(0).random(3_000_000))
+    parts.save("second", np.random.default_rng(0).random(3_000_000))
 """
 
 
@@ -165,38 +165,38 @@ def test_a_part_is_whole_or_not_there(tmp_path):
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    parts = Parts(tmp_path / "parts", "key")
-    np.testing.assert_array_equal(parts.get("first"), np.arange(3))
-    np.testing.assert_array_equal(parts.get("second"), np.random.default_rng(0).random(3_000_000))
+    parts = CheckpointFolder(tmp_path / "parts", "key")
+    np.testing.assert_array_equal(parts.load("first"), np.arange(3))
+    np.testing.assert_array_equal(parts.load("second"), np.random.default_rng(0).random(3_000_000))
 
 
-def with_parts(folder: Path) -> Parts:
-    """Parts, in a folder of their own and with a spool, and a file that is made of them."""
-    parts = Parts(folder / "parts", "key")
+def with_parts(folder: Path) -> CheckpointFolder:
+    """CheckpointFolder, in a folder of their own and with a spool, and a file that is made of them."""
+    parts = CheckpointFolder(folder / "parts", "key")
     parts.spool("a.b").add([1])
-    parts.put("a", [1.0])
-    parts.within("frames_2").put("c", [2.0])
+    parts.save("a", [1.0])
+    parts.child("frames_2").save("c", [2.0])
     (folder / "made").write_bytes(b"all of it")
     return parts
 
 
 def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
     parts = with_parts(tmp_path)
-    assert parts.take_file(tmp_path / "nothing") is None
-    parts.keep_file(tmp_path / "made", ("a warning",))
+    assert parts.load_file(tmp_path / "nothing") is None
+    parts.save_file(tmp_path / "made", ("a warning",))
     assert {path.name for path in parts.folder.rglob("*")} == {"manifest.json", "whole.file", "whole.part"}
     (tmp_path / "made").unlink()
-    again, others = Parts.opened(parts.folder, "key")
-    assert again.take_file(tmp_path / "again") == ("a warning",)
+    again, others = CheckpointFolder.opened(parts.folder, "key")
+    assert again.load_file(tmp_path / "again") == ("a warning",)
     assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
 
 
 def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_path):
     parts = with_parts(tmp_path)
-    parts.keep_file(tmp_path / "made")
-    assert Parts(parts.folder, "other").take_file(tmp_path / "again") is None
+    parts.save_file(tmp_path / "made")
+    assert CheckpointFolder(parts.folder, "other").load_file(tmp_path / "again") is None
     (parts.folder / "whole.file").write_bytes(b"all of 1t")
-    assert parts.take_file(tmp_path / "again") is None
+    assert parts.load_file(tmp_path / "again") is None
     assert not (tmp_path / "again").exists()
 
 
@@ -207,22 +207,22 @@ def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
         raise PermissionError("no links here")
 
     monkeypatch.setattr(os, "link", refused)
-    parts.keep_file(tmp_path / "made")
-    assert parts.get("a") == [1.0]
-    assert parts.take_file(tmp_path / "again") is None
+    parts.save_file(tmp_path / "made")
+    assert parts.load("a") == [1.0]
+    assert parts.load_file(tmp_path / "again") is None
 
 
 def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
     scene = simulate(SceneOptions(duration_s=2.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", chunk_frames=20)
     whole = posefuse.reconstruct(scene.rig, scene.detections, options)
-    keeper = Parts(tmp_path / "parts", "key")
-    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    checkpoint = CheckpointFolder(tmp_path / "parts", "key")
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, checkpoint=checkpoint) == whole
     parts = sorted((tmp_path / "parts").rglob("measured_*.part"))
     assert len(parts) == -(-scene.detections.n_frames // 20)
     parts[1].unlink()
     before = {path: path.stat().st_mtime_ns for path in parts if path != parts[1]}
-    assert posefuse.reconstruct(scene.rig, scene.detections, options, keeper=keeper) == whole
+    assert posefuse.reconstruct(scene.rig, scene.detections, options, checkpoint=checkpoint) == whole
     assert before == {path: path.stat().st_mtime_ns for path in before}
     assert parts[1].exists()
 
@@ -231,64 +231,64 @@ class TestParts:
     """What a folder of them gives back, and what it does not."""
 
     def test_what_was_kept_comes_back(self, tmp_path):
-        parts = Parts(tmp_path / "parts", "key")
-        assert not parts.has("a")
-        assert parts.get("a") is None
-        kept = parts.put("a", {"x": np.arange(5.0)})
+        parts = CheckpointFolder(tmp_path / "parts", "key")
+        assert not parts.contains("a")
+        assert parts.load("a") is None
+        kept = parts.save("a", {"x": np.arange(5.0)})
         np.testing.assert_array_equal(kept["x"], np.arange(5.0))
-        np.testing.assert_array_equal(Parts(tmp_path / "parts", "key").get("a")["x"], np.arange(5.0))
-        assert parts.within("b").get("a") is None
+        np.testing.assert_array_equal(CheckpointFolder(tmp_path / "parts", "key").load("a")["x"], np.arange(5.0))
+        assert parts.child("b").load("a") is None
 
     def test_those_of_other_work_are_removed(self, tmp_path):
-        Parts(tmp_path / "parts", "key").within("sub").put("a", 1)
-        parts, others = Parts.opened(tmp_path / "parts", "key")
-        assert (parts.within("sub").get("a"), others) == (1, 0)
-        parts, others = Parts.opened(tmp_path / "parts", "another")
-        assert (parts.within("sub").get("a"), others) == (None, 1)
+        CheckpointFolder(tmp_path / "parts", "key").child("sub").save("a", 1)
+        parts, others = CheckpointFolder.opened(tmp_path / "parts", "key")
+        assert (parts.child("sub").load("a"), others) == (1, 0)
+        parts, others = CheckpointFolder.opened(tmp_path / "parts", "another")
+        assert (parts.child("sub").load("a"), others) == (None, 1)
         assert not (tmp_path / "parts").exists()
 
     def test_one_of_other_work_among_them_is_not_used(self, tmp_path):
-        Parts(tmp_path / "parts", "key").put("a", 1)
-        assert Parts(tmp_path / "parts", "another").get("a") is None
+        CheckpointFolder(tmp_path / "parts", "key").save("a", 1)
+        assert CheckpointFolder(tmp_path / "parts", "another").load("a") is None
 
     @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda _: b""])
     def test_a_damaged_one_is_not_used(self, tmp_path, change: Callable[[bytes], bytes]):
-        parts = Parts(tmp_path / "parts", "key")
-        parts.put("a", 1)
+        parts = CheckpointFolder(tmp_path / "parts", "key")
+        parts.save("a", 1)
         file = tmp_path / "parts" / "a.part"
         file.write_bytes(change(file.read_bytes()))
-        assert parts.get("a") is None
+        assert parts.load("a") is None
 
     def test_other_files_are_nobodys_to_remove(self, tmp_path):
         (tmp_path / "parts").mkdir()
         (tmp_path / "parts" / "thesis.txt").write_text("mine")
         with pytest.raises(FileError, match="no parts of a reconstruction"):
-            Parts.opened(tmp_path / "parts", "key")
+            CheckpointFolder.opened(tmp_path / "parts", "key")
         assert (tmp_path / "parts" / "thesis.txt").exists()
 
     @pytest.mark.parametrize("evil", [os.system, eval, pickle.loads, subprocess.Popen])
     def test_nothing_but_nouns_is_made_of_one(self, tmp_path, evil):
-        parts = Parts(tmp_path / "parts", "key")
+        parts = CheckpointFolder(tmp_path / "parts", "key")
         with pytest.raises(pickle.UnpicklingError, match="has no"):
-            parts.put("a", evil)
+            parts.save("a", evil)
         with pytest.raises(FileError, match="Where is it from"):
-            parts.get("a")
+            parts.load("a")
 
     def test_a_part_that_is_damaged_anywhere_is_none(self, tmp_path):
-        parts = Parts(tmp_path / "parts", "key")
+        parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.spool("a.b").add(np.arange(3))
-        parts.put("a", np.arange(5))
+        parts.save("a", np.arange(5))
         path = tmp_path / "parts" / "a.part"
         whole = path.read_bytes()
         for at in range(len(whole)):
             path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
-            assert parts.get("a") is None, at
+            assert parts.load("a") is None, at
         path.write_bytes(whole)
-        np.testing.assert_array_equal(parts.get("a"), np.arange(5))
+        np.testing.assert_array_equal(parts.load("a"), np.arange(5))
 
     @pytest.mark.parametrize("at", [0, 9, 17, 40])
     def test_a_damaged_spool_is_said(self, tmp_path, at):
-        spool = Parts(tmp_path / "parts", "key").spool("a.b")
+        spool = CheckpointFolder(tmp_path / "parts", "key").spool("a.b")
         place = spool.add(np.arange(3))
         path = tmp_path / "parts" / "a.b.spool"
         damaged = bytearray(path.read_bytes())
@@ -298,15 +298,15 @@ class TestParts:
             spool.read(place)
 
     def test_a_spool_is_as_long_as_its_part_knows(self, tmp_path):
-        parts = Parts(tmp_path / "parts", "key")
+        parts = CheckpointFolder(tmp_path / "parts", "key")
         spool = parts.spool("a.b")
         first = spool.add(np.arange(3))
-        parts.put("a", first)
+        parts.save("a", first)
         size = (tmp_path / "parts" / "a.b.spool").stat().st_size
         spool.add("what no part knows of")
-        again = Parts(tmp_path / "parts", "key")
-        place = again.get("a")
+        again = CheckpointFolder(tmp_path / "parts", "key")
+        place = again.load("a")
         assert (tmp_path / "parts" / "a.b.spool").stat().st_size == size
         np.testing.assert_array_equal(again.spool("a.b").read(place), np.arange(3))
         (tmp_path / "parts" / "a.b.spool").write_bytes(b"short")
-        assert again.get("a") is None
+        assert again.load("a") is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posefuse.io.checkpoints import Parts
+from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.model.concatenate import gathered
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
@@ -28,7 +28,7 @@ def here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
 
 
 def divided(scene, options: Options, folder: Path, window_s: float, do: Do = here) -> Reconstruction:
-    team = Team(Parts(folder, "key"), do, window_s)
+    team = Team(CheckpointFolder(folder, "key"), do, window_s)
     plan = prepare_divided(scene.rig, scene.detections, options, team, Silent())
     return gathered(reconstruct_divided(plan, team, Silent()), plan.detections.n_frames)
 

@@ -11,7 +11,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import Sight
@@ -28,7 +28,7 @@ FIRM_S = 0.6
 
 def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
     options = Options(tracker=TrackerOptions(preset=preset))  # pyright: ignore[reportArgumentType]
-    return tracker_of(RIG, SKELETON, usual_noise(RIG, options), options)
+    return tracker_of(RIG, SKELETON, default_noise(RIG, options), options)
 
 
 def standing_px(tracker: ArticulatedTracker) -> np.ndarray:

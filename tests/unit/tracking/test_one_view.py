@@ -9,7 +9,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.reconstruction import unpack_covariance
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import Sight
@@ -23,7 +23,7 @@ DT_S, FIRM_S, ALONE_S, LASTS_S = 0.04, 1.0, 1.6, 0.25
 
 
 def tracker_of_ring() -> ArticulatedTracker:
-    return tracker_of(RIG, SKELETON, usual_noise(RIG, Options()), Options())
+    return tracker_of(RIG, SKELETON, default_noise(RIG, Options()), Options())
 
 
 def standing(tracker: ArticulatedTracker) -> Sight:

@@ -10,7 +10,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
@@ -28,7 +28,7 @@ LEGS = np.array([any(part in name for part in ("hip", "knee", "ankle", "toe")) f
 @pytest.fixture(scope="module")
 def settings() -> Settings:
     rig = build_rig("ring", 2)
-    return Settings.of(rig, SKELETON, usual_noise(rig, Options()), TrackerOptions())
+    return Settings.of(rig, SKELETON, default_noise(rig, Options()), TrackerOptions())
 
 
 def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
@@ -157,7 +157,7 @@ def test_who_is_always_seen_in_pieces_is_one_person_and_as_well_known():
     errors = []
     for detections in (scene.detections, in_pieces(scene)):
         options = Options()
-        tracker: ArticulatedTracker = tracker_of(scene.rig, SKELETON, usual_noise(scene.rig, options), options)
+        tracker: ArticulatedTracker = tracker_of(scene.rig, SKELETON, default_noise(scene.rig, options), options)
         told = [tracker.update(Frame.of(detections, i)) for i in range(detections.n_frames)]
         active = [[p for p in people.people if p.state == TrackState.ACTIVE] for people in told]
         there = np.isfinite(scene.truth.layers["measured"].points_m[..., 0, 0]).sum(axis=1)

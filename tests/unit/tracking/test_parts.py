@@ -17,7 +17,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
@@ -46,7 +46,7 @@ def run(
     scene: CrowdScene, skeleton: Skeleton = WHOLE, change: Callable[[int, Frame], Frame] = lambda _, frame: frame
 ) -> list[People]:
     options = Options()
-    tracker = tracker_of(scene.rig, skeleton, usual_noise(scene.rig, options), options)
+    tracker = tracker_of(scene.rig, skeleton, default_noise(scene.rig, options), options)
     return [tracker.update(change(i, Frame.of(scene.detections, i))) for i in range(scene.detections.n_frames)]
 
 
@@ -107,7 +107,7 @@ def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
 def test_who_is_forgotten_leaves_nothing(scene):
     """A live tracker does not grow by everybody who was ever there."""
     options = Options(tracker=TrackerOptions(lost_after_s=0.1, forget_after_s=0.2))
-    tracker = tracker_of(scene.rig, WHOLE, usual_noise(scene.rig, options), options)
+    tracker = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, options), options)
     for i in range(20):
         tracker.update(Frame.of(scene.detections, i))
     assert all(part.known for part in tracker.parts)
@@ -154,7 +154,7 @@ def test_hands_exchanged_in_a_view_are_put_right(scene, told):
 
 def test_a_tracker_with_hands_goes_on_from_a_pickle(scene):
     options = Options()
-    tracker = tracker_of(scene.rig, WHOLE, usual_noise(scene.rig, options), options)
+    tracker = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, options), options)
     frames = [Frame.of(scene.detections, i) for i in range(20)]
     for frame in frames[:15]:
         tracker.update(frame)

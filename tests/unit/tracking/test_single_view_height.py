@@ -12,7 +12,7 @@ from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.cameras import UpAxis, up_vector
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import Sight, chosen
@@ -25,7 +25,7 @@ DT_S = 0.04
 
 def settings_of(up: UpAxis | None = "z") -> Settings:
     rig = replace(build_rig("ring", 2), up_axis=up)
-    return Settings.of(rig, shipped_skeleton("body_20"), usual_noise(rig, Options()), TrackerOptions())
+    return Settings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.people import usual_noise
+from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import chosen, joined
@@ -23,7 +23,7 @@ DT_S = 0.04
 @pytest.fixture(scope="module")
 def settings() -> Settings:
     rig = build_rig("ring", 2)
-    return Settings.of(rig, shipped_skeleton("body_20"), usual_noise(rig, Options()), TrackerOptions())
+    return Settings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
 def somebody(settings: Settings, seed: int) -> State:

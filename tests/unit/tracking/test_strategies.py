@@ -20,7 +20,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
@@ -294,7 +294,7 @@ def scene() -> CrowdScene:
 
 def tracker_for(scene: CrowdScene) -> ArticulatedTracker:
     options = Options(tracker=TrackerOptions(preset="specification"))
-    return tracker_of(scene.rig, scene.detections.skeleton, usual_noise(scene.rig, options), options)
+    return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, options), options)
 
 
 def follow(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> list[People]:

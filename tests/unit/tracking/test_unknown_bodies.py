@@ -13,7 +13,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.people import tracker_of, usual_noise
+from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton, shipped_skeleton
 from posefuse.synthetic.crowds import crowd_of_points
@@ -82,7 +82,7 @@ def test_two_creatures_are_followed(size, tree, edges):
 def test_live_a_skeleton_must_say_how_large_it_is():
     skeleton, rig = parse_skeleton(MOUSE, "mouse.toml"), small_rig(0.1)
     with pytest.raises(SkeletonError, match="has no tree.*size_m"):
-        tracker_of(rig, skeleton, usual_noise(rig, Options()), Options())
+        tracker_of(rig, skeleton, default_noise(rig, Options()), Options())
 
 
 def chain_bodies(rng: np.random.Generator, n: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:

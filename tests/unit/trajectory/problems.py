@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from posefuse.association.one_subject import OneSubject
+from posefuse.association.one_subject import SingleSubject
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.trajectory import TrajectoryOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.observed import Measured
@@ -63,7 +63,7 @@ def measured(
     times = None if time_s is None else np.repeat(time_s[:, None], len(rig), axis=1)
     detections = Detections.from_dense(skeleton, rig.names, pixels, rate_hz=rate_hz, time_s=times)
     noise = NoiseModel(np.full(len(rig), noise_px or max(sigma_px, 0.05)))
-    tracks = OneSubject.of(detections, None).follow(0, detections.n_frames)
+    tracks = SingleSubject.of(detections, None).tracks(0, detections.n_frames)
     layer = consensus.solve(rig, detections, tracks, noise, TriangulationOptions(min_views=2))
     return Measured(rig, detections, tracks, layer, None, noise)
 

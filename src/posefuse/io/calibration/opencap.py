@@ -15,6 +15,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.io.pickles import must_be_small
 from posefuse.model.cameras import CameraRig
@@ -127,3 +128,13 @@ def _load(file: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise FileError(f"{file}: expected a dict of a camera's numbers, got {type(data).__name__}.")
     return {key: value.numbers if isinstance(value, _Array) else value for key, value in data.items()}
+
+
+FORMAT = CalibrationFormat(
+    name="opencap",
+    files="*/cameraIntrinsicsExtrinsics.pickle, or their folder",
+    conventions="mm; world to camera; up axis unknown: --up; pickled code is never executed",
+    recognized_by="cameraIntrinsicsExtrinsics.pickle in one folder per camera",
+    matches=matches,
+    read=read,
+)

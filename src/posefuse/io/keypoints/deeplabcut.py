@@ -25,6 +25,7 @@ from posefuse.io.files import files_at
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
@@ -245,3 +246,14 @@ def _from_frame(file: Path, frame: Frame) -> _Table:
     many = len(frame.columns[0]) == len(_MANY)
     columns = [(column[1] if many else "", column[-2], column[-1]) for column in frame.columns]
     return _Table(columns, np.asarray(frame.index, dtype=np.int64), frame.values)
+
+
+FORMAT = KeypointFormat(
+    name="deeplabcut",
+    files="a folder of *.csv or *.h5, one per camera, of one animal or several (also EKS)",
+    conventions="px; x y likelihood; cameras by the part in which file names differ; no frame rate: --rate-hz",
+    recognized_by="header rows scorer, (individuals,) bodyparts, coords",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -29,6 +29,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.files import file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
 from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.parquet_metadata import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
@@ -252,3 +253,14 @@ def _table(detections: Detections, view: int) -> Any:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the folder cannot hold: nothing."""
     return ()
+
+
+FORMAT = KeypointFormat(
+    name="detection_tables",
+    files="a folder of *.parquet, one per camera, with frame_index, kps, kps_scores",
+    conventions="px; one row per camera and frame; frames without people are kept; read in ranges of frames",
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+)

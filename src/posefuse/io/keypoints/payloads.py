@@ -27,6 +27,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.lines import (
     Cells,
     Record,
@@ -265,3 +266,13 @@ def _period_s(seconds: np.ndarray, camera: np.ndarray) -> float:
     steps = np.concatenate([np.diff(np.sort(seconds[camera == view])) for view in np.unique(camera)])
     steps = steps[steps > 0.0]
     return float(np.median(steps)) if len(steps) else 1.0
+
+
+FORMAT = KeypointFormat(
+    name="payloads",
+    files="*.jsonl or *.json of records, one per camera and time (ParaJumping, cvmmap)",
+    conventions="px; x y confidence; the number of keypoints selects the skeleton; frames by number or by time",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

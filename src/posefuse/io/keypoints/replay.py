@@ -24,6 +24,7 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import replacing
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.lines import (
     CONFIDENCE,
     DEPTH,
@@ -288,3 +289,15 @@ def _detection(detections: Detections, row: int) -> dict[str, Any]:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the file cannot hold: nothing."""
     return ()
+
+
+FORMAT = KeypointFormat(
+    name="replay",
+    files="*.jsonl, one line per frame with the detections of each camera",
+    conventions="px; null is missing; frames without people are kept; lossless",
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+    endings=(".jsonl",),
+)

@@ -10,7 +10,7 @@ people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` a
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from enum import IntEnum
 from pathlib import Path
@@ -33,10 +33,12 @@ from posefuse.io.netcdf import (
     text_of,
 )
 from posefuse.io.options import options_from_dict, options_to_toml
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.track_events import Event, Poses
@@ -358,3 +360,19 @@ def _read_rig(file: h5netcdf.File) -> CameraRig:
 def _read_provenance(text: str) -> Provenance:
     data = json.loads(text)
     return Provenance(data["versions"], data["inputs"], tuple(data["notes"]))
+
+
+def _write_result(result: Reconstruction, people: Sequence[str], path: Path, layer: LayerName) -> list[str]:
+    write(result.chunks(), path)
+    return []
+
+
+FORMAT = ResultFormat(
+    name="netcdf",
+    files="reconstruction.nc",
+    conventions="netCDF-4; meters, world axes; every layer and field; lossless",
+    endings=(".nc",),
+    holds_every_layer=True,
+    read_result=read_reconstruction,
+    write_result=_write_result,
+)

@@ -8,6 +8,7 @@ name, layer, and the points' statuses and sources, in the skeleton's order.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from posefuse.errors import ResultError
 from posefuse.io.files import file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -91,3 +93,17 @@ def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.n
             "source": [Source(code).label for code in source],
         },
     }
+
+
+def _write_result(result: Reconstruction, people: Sequence[str], path: Path, layer: LayerName) -> list[str]:
+    return write(result, path, layer)
+
+
+FORMAT = ResultFormat(
+    name="openpose",
+    files="a folder: <camera>_json/<camera>_<frame>_keypoints.json",
+    conventions="px of each camera; points projected through its lens; 0 0 0 is missing; for overlays",
+    additional_name="openpose",
+    is_folder=True,
+    write_result=_write_result,
+)

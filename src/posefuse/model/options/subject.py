@@ -1,30 +1,24 @@
-"""What a user can say of the subject's body; the text of each attribute is the help."""
+"""Options of the subject's body."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.model.options.bounds import check_fields, option
 
 MassTable = Literal["none", "winter", "de_leva_female", "de_leva_male"]
 
 
 @dataclass(frozen=True)
 class SubjectOptions:
-    """Of whom the recording is, for what is made of the points afterwards.
+    """Properties of the recorded subject that derived quantities need.
 
     Attributes:
-        mass_table: By which table the centre of mass is found and written to com.csv: none, winter, de_leva_female or
-            de_leva_male.
-        mass_kg: The subject's mass: com.csv then says of how many kg the place is known.
+        mass_table: Table of segment masses for the center of mass in com.csv; none writes no center of mass.
+        mass_kg: Body mass of the subject, used in com.csv and in the scaling setup written for OpenSim.
     """
 
     mass_table: MassTable = "none"
-    mass_kg: float | None = None
+    mass_kg: float | None = option(None, above=0.0)
 
     def __post_init__(self) -> None:
-        if self.mass_table not in get_args(MassTable):
-            raise OptionsError(
-                f"subject.mass_table: no {self.mass_table!r}. {suggestion(str(self.mass_table), get_args(MassTable))}"
-            )
-        if self.mass_kg is not None and not self.mass_kg > 0:
-            raise OptionsError(f"subject.mass_kg must be positive, got {self.mass_kg}.")
+        check_fields(self, "subject")

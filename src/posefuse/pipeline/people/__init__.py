@@ -1,17 +1,17 @@
 """Many people followed through a recording, or frame by frame: association and tracking wired together."""
 
-from posefuse.pipeline.people.initial_noise import usual_noise
-from posefuse.pipeline.people.track_recording import follow, follow_subject
-from posefuse.pipeline.people.tracked_people import Followed, WholeSmoother
-from posefuse.pipeline.people.trackers import idle_options, tracker_of, warn_of_idle
+from posefuse.pipeline.people.initial_noise import default_noise
+from posefuse.pipeline.people.track_recording import track_people, track_subject
+from posefuse.pipeline.people.tracked_people import TrackedPeople, WholeSmoother
+from posefuse.pipeline.people.trackers import tracker_of, unused_options, warn_of_unused_options
 
 __all__ = [
-    "Followed",
+    "TrackedPeople",
     "WholeSmoother",
-    "follow",
-    "follow_subject",
-    "idle_options",
+    "default_noise",
+    "track_people",
+    "track_subject",
     "tracker_of",
-    "usual_noise",
-    "warn_of_idle",
+    "unused_options",
+    "warn_of_unused_options",
 ]

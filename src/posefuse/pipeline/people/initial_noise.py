@@ -23,7 +23,7 @@ _EXPECTED_SIGMA = 1.22
 _FACTORS = (0.2, 5.0)
 
 
-def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
+def default_noise(rig: CameraRig, options: Options) -> NoiseModel:
     """The noise that the options fix, or else what detectors usually do: 4.5 px / confidence at 1000 px width."""
     widths = np.array([camera.size_px[0] for camera in rig.cameras]) / 1000.0
     return known_noise(rig, options) or NoiseModel(_PX_AT_1000 * widths, _EXPONENT, "assumed")
@@ -31,7 +31,7 @@ def usual_noise(rig: CameraRig, options: Options) -> NoiseModel:
 
 def rough_noise(rig: CameraRig, detections: Detections, options: Options) -> NoiseModel:
     """The usual noise, as large as a sample of the frames says that it is here."""
-    noise = usual_noise(rig, options)
+    noise = default_noise(rig, options)
     if noise.origin != "assumed":
         return noise
     frames = sampled_frames(detections)

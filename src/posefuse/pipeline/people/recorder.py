@@ -9,7 +9,7 @@ from posefuse.checkpoint import Spool
 from posefuse.model.detections import Detections
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.pipeline.people.tracked_people import Followed, Naming
+from posefuse.pipeline.people.tracked_people import Naming, TrackedPeople
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
@@ -88,7 +88,7 @@ class Book:
                 before = [each for each in self.names[track.number] if each[0] < place]
                 self.names[track.number] = [*before, (place, track.name)]
 
-    def close(self, detections: Detections) -> Followed:
+    def close(self, detections: Detections) -> TrackedPeople:
         """All of it, people in the order in which they were first believed."""
         names = tuple(self.shapes)
         shape = (len(self.history), len(names))
@@ -111,7 +111,7 @@ class Book:
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )
         tracks = Tracks(names, detection, state)
-        return Followed(
+        return TrackedPeople(
             tracks, tuple(self.events), self.history, self.parts, naming, nis, nis_dof, shape_m, shape_sd_m
         )  # fmt: skip
 

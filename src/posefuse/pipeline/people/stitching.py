@@ -24,11 +24,11 @@ _NOTHING = {
 
 
 @dataclass(frozen=True, eq=False)
-class Stitched:
+class StitchedPeople:
     """Who was where in a recording that was followed window by window.
 
     Attributes:
-        tracks: of all frames.
+        recording_tracks: of all frames.
         events: what happened.
         skeleton: with the tree that bodies were fitted to.
         starts: the windows' first frames, counted from 0, and the recording's end.
@@ -38,7 +38,7 @@ class Stitched:
         bodies: gives the model layer and poses of a window by its number.
     """
 
-    tracks: Tracks
+    recording_tracks: Tracks
     events: tuple[Event, ...]
     skeleton: Skeleton
     starts: tuple[int, ...]
@@ -47,22 +47,22 @@ class Stitched:
     shape_sd_m: np.ndarray
     bodies: Callable[[int], Bodies]
 
-    def follow(self, start: int, stop: int) -> Tracks:
+    def tracks(self, start: int, stop: int) -> Tracks:
         """Whose detections are whose in a range of frames."""
-        return self.tracks.frames(start, stop)
+        return self.recording_tracks.frames(start, stop)
 
-    def only(self, names: tuple[str, ...]) -> "Stitched":
+    def only(self, names: tuple[str, ...]) -> "StitchedPeople":
         """The same of some of the people.
 
         Raises:
             OptionsError: if there is nobody of a name.
         """
-        tracks, keep = kept_tracks(self.tracks, names)
-        others = set(self.tracks.person_ids) - set(names)
+        tracks, keep = kept_tracks(self.recording_tracks, names)
+        others = set(self.recording_tracks.person_ids) - set(names)
         place = {old: new for new, old in enumerate(keep)}
         return replace(
             self,
-            tracks=tracks,
+            recording_tracks=tracks,
             events=tuple(event for event in self.events if event.person not in others),
             columns=tuple(tuple(place.get(column, -1) for column in of_window) for of_window in self.columns),
             shape_m=self.shape_m[keep],
@@ -83,7 +83,7 @@ class Stitched:
                 continue
             theirs, poses = self.bodies(window)
             rows, cut = slice(first - start, last - start), slice(first - begin, last - begin)
-            where = (part.n_frames, len(self.tracks.person_ids), rows, cut, self.columns[window])
+            where = (part.n_frames, len(self.recording_tracks.person_ids), rows, cut, self.columns[window])
             for field in fields(Layer):
                 _place(layer, field.name, getattr(theirs, field.name), where)
             for name in OVER_TIME:
@@ -127,7 +127,7 @@ def same_people(before: Seen, after: Seen) -> dict[int, int]:
     return {int(b): int(a) for a, b in zip(rows, columns, strict=True) if same[a, b] > _SAME_SHARE * both[a, b]}
 
 
-def stitch(seen: Sequence[Seen], frame_numbers: np.ndarray, bodies: Callable[[int], Bodies]) -> Stitched:
+def stitch(seen: Sequence[Seen], frame_numbers: np.ndarray, bodies: Callable[[int], Bodies]) -> StitchedPeople:
     """Make the people of consecutive windows one, named in the order in which they come.
 
     Args:
@@ -154,7 +154,7 @@ def stitch(seen: Sequence[Seen], frame_numbers: np.ndarray, bodies: Callable[[in
         events += _events(each, called, frame_numbers)
     starts = (*(each.window.start for each in seen), n_frames)
     tracks = Tracks(names, detection, state)
-    return Stitched(tracks, tuple(events), seen[0].skeleton, starts, columns, shape_m, shape_sd_m, bodies)
+    return StitchedPeople(tracks, tuple(events), seen[0].skeleton, starts, columns, shape_m, shape_sd_m, bodies)
 
 
 def _columns(seen: Sequence[Seen]) -> tuple[tuple[int, ...], ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.arrays import ranges
-from posefuse.checkpoint import NOTHING, Keeper
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections, with_lacking_times
@@ -17,7 +17,7 @@ from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.people.initial_noise import rough_noise
 from posefuse.pipeline.people.recorder import Book
-from posefuse.pipeline.people.tracked_people import Followed
+from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
@@ -33,14 +33,14 @@ _BOOK = f"{_NAME}.book"
 _INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
 
 
-def follow_subject(
+def track_subject(
     rig: CameraRig,
     detections: Detections,
     subject: Subjects,
     options: Options,
     progress: Progress,
-    keeper: Keeper = NOTHING,
-) -> Followed:
+    checkpoint: Checkpoint = NO_CHECKPOINT,
+) -> TrackedPeople:
     """Fit a body to the one subject of a recording: followed like many, from their detections alone.
 
     Raises:
@@ -48,7 +48,7 @@ def follow_subject(
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
     pieces = ranges(detections.n_frames, CHUNK_FRAMES)
-    tracks = Tracks.concatenate([subject.follow(*piece) for piece in pieces])
+    tracks = Tracks.concatenate([subject.tracks(*piece) for piece in pieces])
     theirs = tracks.rows(detections)[:, 0]
     kept = theirs >= 0
     alone = replace(detections, offsets=np.concatenate([[0], np.cumsum(kept.ravel())]), **detections.rows(theirs[kept]))
@@ -58,17 +58,17 @@ def follow_subject(
         options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
         specification=anywhere,
     )  # fmt: skip
-    return follow(rig, alone, replace(options, tracker=tracker), progress, keeper)
+    return track_people(rig, alone, replace(options, tracker=tracker), progress, checkpoint)
 
 
-def follow(
+def track_people(
     rig: CameraRig,
     detections: Detections,
     options: Options,
     progress: Progress,
-    keeper: Keeper = NOTHING,
+    checkpoint: Checkpoint = NO_CHECKPOINT,
     tracker: ArticulatedTracker | None = None,
-) -> Followed:
+) -> TrackedPeople:
     """Follow everybody through a recording.
 
     Args:
@@ -76,14 +76,14 @@ def follow(
         detections: of the recording.
         options: of its reconstruction.
         progress: told how far the work is.
-        keeper: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
+        checkpoint: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
         tracker: that has followed everybody up to the first frame; a new one where it is left out.
 
     Raises:
         DetectionsError: if frames have no times.
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
-    stage = _Stage.kept(keeper) or _Stage.first(rig, detections, options, keeper, tracker)
+    stage = _Stage.kept(checkpoint) or _Stage.first(rig, detections, options, checkpoint, tracker)
     progress.start("following people", detections.n_frames)
     progress.advance(stage.done)
     times_s = _times(detections)
@@ -91,11 +91,11 @@ def follow(
         for start, stop in ranges(detections.n_frames, options.chunk_frames):
             if start >= stage.done:
                 stage.go_on(detections.frames(start, stop), times_s[start:stop])
-                stage = stage.keep(keeper)
+                stage = stage.keep(checkpoint)
                 progress.advance(stop - start)
     except KeyboardInterrupt:
-        kept = _Stage.kept(keeper)
-        if kept is None or not keeper.keeps:
+        kept = _Stage.kept(checkpoint)
+        if kept is None or not checkpoint.enabled:
             raise
         stage = kept
         warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
@@ -119,7 +119,7 @@ def keep_trackers(
     options: Options,
     places: Sequence[int],
     progress: Progress,
-    keeper: Keeper,
+    checkpoint: Checkpoint,
 ) -> list[str]:
     """Go through a recording once, and keep the tracker as it is before each of some frames.
 
@@ -131,7 +131,7 @@ def keep_trackers(
         options: of its reconstruction.
         places: of the frames, counted from 0, ascending.
         progress: told how far the work is.
-        keeper: keeps the trackers.
+        checkpoint: keeps the trackers.
 
     Returns:
         The names of the parts that they are.
@@ -141,7 +141,7 @@ def keep_trackers(
         SkeletonError: if the skeleton has no tree, and none can be measured.
     """
     names = [_TRACKER.format(place) for place in places]
-    known = [keeper.get(name) for name in names]
+    known = [checkpoint.load(name) for name in names]
     tracker, done = first_tracker(rig, detections, options), 0
     times_s = _times(detections)
     progress.start("following people", places[-1])
@@ -151,7 +151,7 @@ def keep_trackers(
                 first, last = done + start, done + stop
                 for _ in _follow(tracker, detections.frames(first, last), times_s[first:last]):
                     pass
-            kept = keeper.put(name, tracker)
+            kept = checkpoint.save(name, tracker)
         progress.advance(place - done)
         tracker, done = kept, place
     progress.finish()
@@ -178,36 +178,36 @@ class _Stage:
         rig: CameraRig,
         detections: Detections,
         options: Options,
-        keeper: Keeper,
+        checkpoint: Checkpoint,
         tracker: ArticulatedTracker | None = None,
     ) -> "_Stage":
         """Before the first frame."""
         tracker = tracker or first_tracker(rig, detections, options)
-        spools = [keeper.spool(name) for name in _spools(len(tracker.parts))]
+        spools = [checkpoint.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
-        return cls(tracker, Book(History(body, spools[0]), parts, keeper.spool(_BOOK)))
+        return cls(tracker, Book(History(body, spools[0]), parts, checkpoint.spool(_BOOK)))
 
     @classmethod
-    def kept(cls, keeper: Keeper) -> "_Stage | None":
+    def kept(cls, checkpoint: Checkpoint) -> "_Stage | None":
         """The last that was kept."""
-        stage = keeper.get(_NAME)
-        return None if stage is None else stage.going_on(keeper)
+        stage = checkpoint.load(_NAME)
+        return None if stage is None else stage.going_on(checkpoint)
 
-    def keep(self, keeper: Keeper) -> "_Stage":
+    def keep(self, checkpoint: Checkpoint) -> "_Stage":
         """Keep it; the same as whoever goes on from there has it."""
         self.book.put_away()
-        stage = keeper.put(_NAME, self)
-        return stage if stage is self else stage.going_on(keeper)
+        stage = checkpoint.save(_NAME, self)
+        return stage if stage is self else stage.going_on(checkpoint)
 
-    def going_on(self, keeper: Keeper) -> "_Stage":
-        """The same with its book and histories in the keeper's spools."""
-        spool = keeper.spool(_BOOK)
+    def going_on(self, checkpoint: Checkpoint) -> "_Stage":
+        """The same with its book and histories in the checkpoint's spools."""
+        spool = checkpoint.spool(_BOOK)
         assert spool is not None
         self.book.goes_on_in(spool)
         histories = (self.book.history, *self.book.parts)
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
-            spool = keeper.spool(name)
+            spool = checkpoint.spool(name)
             assert spool is not None
             history.goes_on_in(spool)
         return self

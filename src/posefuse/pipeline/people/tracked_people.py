@@ -40,11 +40,11 @@ class Naming:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class TrackedPeople:
     """Who was where in a recording, as the tracker has it.
 
     Attributes:
-        tracks: whose detection was whose, of all frames.
+        recording_tracks: whose detection was whose, of all frames.
         events: what happened.
         history: states of everybody.
         parts: states of everybody's hands and faces, one for each part of the skeleton.
@@ -55,7 +55,7 @@ class Followed:
         shape_sd_m: shape (person, shape).
     """
 
-    tracks: Tracks
+    recording_tracks: Tracks
     events: tuple[Event, ...]
     history: History
     parts: tuple[History, ...]
@@ -65,31 +65,31 @@ class Followed:
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
 
-    def follow(self, start: int, stop: int) -> Tracks:
+    def tracks(self, start: int, stop: int) -> Tracks:
         """Whose detections are whose in a range of frames."""
-        return self.tracks.frames(start, stop)
+        return self.recording_tracks.frames(start, stop)
 
     @property
     def n_frames(self) -> int:
         """How many frames people were followed through."""
-        return self.tracks.state.shape[0]
+        return self.recording_tracks.state.shape[0]
 
     @property
     def skeleton(self) -> Skeleton:
         """With the tree that bodies were fitted to."""
         return self.history.settings.skeleton
 
-    def only(self, names: tuple[str, ...]) -> "Followed":
+    def only(self, names: tuple[str, ...]) -> "TrackedPeople":
         """The same of some of the people.
 
         Raises:
             OptionsError: if there is nobody of a name.
         """
-        tracks, keep = kept_tracks(self.tracks, names)
+        tracks, keep = kept_tracks(self.recording_tracks, names)
         cameras = self.history.settings.rig.names
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
         return replace(
-            self, tracks=tracks, events=events, nis=self.nis[:, keep], nis_dof=self.nis_dof[:, keep],
+            self, recording_tracks=tracks, events=events, nis=self.nis[:, keep], nis_dof=self.nis_dof[:, keep],
             shape_m=self.shape_m[keep], shape_sd_m=self.shape_sd_m[keep],
         )  # fmt: skip
 
@@ -109,7 +109,7 @@ class Followed:
             people: of those frames, from the smoother.
         """
         stop = start + detections.n_frames
-        out = Stood.room((stop - start, len(self.tracks.person_ids)), len(rig), self.skeleton)
+        out = Stood.room((stop - start, len(self.recording_tracks.person_ids)), len(rig), self.skeleton)
         everywhere = np.arange(len(self.skeleton))
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
@@ -128,7 +128,7 @@ class Followed:
                 first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
                 first.angle + len(angle_names(part.tree)),
             )  # fmt: skip
-        rows = self.follow(start, stop).rows(detections)
+        rows = self.tracks(start, stop).rows(detections)
         layer = model_layer(
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
@@ -170,12 +170,12 @@ class Followed:
 
         -1 for those who are left out, and before and after the frames that showed them.
         """
-        column = self.naming.columns(number, places, self.tracks.person_ids)
-        state = np.asarray(self.tracks.state)[places, column]
+        column = self.naming.columns(number, places, self.recording_tracks.person_ids)
+        state = np.asarray(self.recording_tracks.state)[places, column]
         return np.where((column >= 0) & (state != TrackState.ABSENT), column, -1)
 
     def _absent(self, start: int, stop: int) -> np.ndarray:
-        return np.asarray(self.tracks.state[start:stop]) == TrackState.ABSENT
+        return np.asarray(self.recording_tracks.state[start:stop]) == TrackState.ABSENT
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
 
-def idle_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
+def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     """What is asked for that does nothing here, each with what would make it do something."""
     tracker, usual = options.tracker, TrackerOptions()
     said = []
@@ -50,9 +50,9 @@ def idle_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     return tuple(said)
 
 
-def warn_of_idle(options: Options, skeleton: Skeleton) -> None:
+def warn_of_unused_options(options: Options, skeleton: Skeleton) -> None:
     """Warn once of each option that does nothing here."""
-    for remark in idle_options(options, skeleton):
+    for remark in unused_options(options, skeleton):
         warnings.warn(remark, PosefuseWarning, stacklevel=3)
 
 

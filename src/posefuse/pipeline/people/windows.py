@@ -15,13 +15,14 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import NoiseOptions, Options
+from posefuse.model.options.noise import NoiseOptions
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks
 from posefuse.noise.survey import known_noise
 from posefuse.pipeline.people.initial_noise import rough_noise
-from posefuse.pipeline.people.track_recording import follow
+from posefuse.pipeline.people.track_recording import track_people
 from posefuse.pipeline.people.trackers import with_tree
 from posefuse.progress import Silent
 from posefuse.skeleton.skeletons import Skeleton
@@ -94,7 +95,7 @@ def windows_of(n_frames: int, rate_hz: float, window_s: float, remembered_s: flo
 
 
 def agreed(rig: CameraRig, detections: Detections, options: Options) -> tuple[Skeleton, Options]:
-    """What the windows of a recording are followed with, as :func:`follow` finds it for the whole.
+    """What the windows of a recording are followed with, as :func:`track_people` finds it for the whole.
 
     Returns:
         The skeleton, with a tree, and the options, which fix the noise.
@@ -126,8 +127,8 @@ def follow_window(
     Raises:
         DetectionsError: if frames have no times.
     """
-    found = follow(rig, detections, options, Silent(), tracker=tracker)
-    seen = Seen(window, found.tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m)
+    found = track_people(rig, detections, options, Silent(), tracker=tracker)
+    seen = Seen(window, found.recording_tracks, found.events, found.skeleton, found.shape_m, found.shape_sd_m)
     start, stop = window.start - window.first, window.stop - window.first
     smoother = found.smoother()
     if start:

@@ -78,10 +78,12 @@ def test_who_was_cut_apart_comes_together(seed, n_frames, people, number):
         for i in range(number)
     ]
     found = stitch([seen_in(tracks, each, rng) for each in windows], np.arange(n_frames), no_bodies)
-    assert found.tracks.person_ids == tracks.person_ids
-    np.testing.assert_array_equal(found.tracks.state, tracks.state)
-    where = np.asarray(found.tracks.detection) >= 0
-    np.testing.assert_array_equal(np.asarray(found.tracks.detection)[where], np.asarray(tracks.detection)[where])
+    assert found.recording_tracks.person_ids == tracks.person_ids
+    np.testing.assert_array_equal(found.recording_tracks.state, tracks.state)
+    where = np.asarray(found.recording_tracks.detection) >= 0
+    np.testing.assert_array_equal(
+        np.asarray(found.recording_tracks.detection)[where], np.asarray(tracks.detection)[where]
+    )
     born = {event.person: event.number for event in found.events}
     first = np.argmax(np.asarray(tracks.state) != TrackState.ABSENT, axis=0).tolist()
     assert {name: number for name, number in born.items() if number in first} == dict(
@@ -101,4 +103,4 @@ def test_whose_detections_are_others_are_others(tmp_path: Path):
         after.shape_m, after.shape_sd_m,
     )  # fmt: skip
     assert same_people(before, other) == {}
-    assert stitch([before, other], np.arange(60), no_bodies).tracks.person_ids == ("person_1", "person_2")
+    assert stitch([before, other], np.arange(60), no_bodies).recording_tracks.person_ids == ("person_1", "person_2")
