@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 
 KEYPOINTS = ["nose", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"]
 PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "right_ankle"}
