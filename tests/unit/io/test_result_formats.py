@@ -342,7 +342,7 @@ class TestFreeMoCap:
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 2**20)
         with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("head.npy", bytes(2**22))
-        with pytest.raises(FileError, match="would unfold to"):
+        with pytest.raises(FileError, match="would expand to"):
             posefuse.read_points(tmp_path / "a.npz")
 
 
