@@ -18,7 +18,8 @@ import numpy as np
 from benchmarks.walking import walk
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.pipeline.reconstruct import reconstruct, triangulate
 from posefuse.synthetic.options import LensKind
 

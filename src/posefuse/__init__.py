@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from posefuse.model.frames import Frame as Frame
     from posefuse.model.noise import NoiseModel as NoiseModel
     from posefuse.model.options.alignment import AlignOptions as AlignOptions
-    from posefuse.model.options.options import NoiseOptions as NoiseOptions
+    from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
-    from posefuse.model.options.options import TriangulationOptions as TriangulationOptions
     from posefuse.model.options.postprocess import PostprocessOptions as PostprocessOptions
     from posefuse.model.options.refinement import RefineOptions as RefineOptions
     from posefuse.model.options.subject import SubjectOptions as SubjectOptions
     from posefuse.model.options.tracker import TrackerOptions as TrackerOptions
     from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
+    from posefuse.model.options.triangulation import TriangulationOptions as TriangulationOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
     from posefuse.model.status import PointStatus as PointStatus

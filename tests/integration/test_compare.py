@@ -9,7 +9,7 @@ import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
-from posefuse.model.options.options import METHODS
+from posefuse.model.options.triangulation import METHODS
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 

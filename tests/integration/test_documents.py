@@ -13,7 +13,8 @@ import pytest
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.results.registry import RESULTS
-from posefuse.model.options.options import METHODS, Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import METHODS
 from posefuse.model.status import PointStatus, ViewStatus
 
 ROOT = Path(__file__).parents[2]

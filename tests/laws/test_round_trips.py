@@ -21,7 +21,8 @@ from posefuse.io.results import c3d_reading, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.tracks import Tracks

@@ -136,7 +136,7 @@ def may_pair(
         seen.view,
         np.ascontiguousarray(known_m, dtype=np.float64),
         np.sqrt(cameras[:, FX] * cameras[:, FY]),
-        options.known_within_m,
+        options.known_person_distance_m,
         keypoints,
         near,
     )

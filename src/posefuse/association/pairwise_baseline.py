@@ -129,7 +129,8 @@ def _groups(bodies: Bodies, skeleton: Skeleton, options: RptOptions) -> list[lis
             apart = np.linalg.norm(mean - core[i], axis=-1)
             centre = np.linalg.norm(_centres(mean[None])[0] - _centres(core[i : i + 1])[0])
             common = np.isfinite(apart)
-            if centre < options.centre_within_m and common.any() and apart[common].mean() < options.joints_within_m:
+            near = common.any() and apart[common].mean() < options.keypoint_distance_m
+            if centre < options.center_distance_m and near:
                 group.append(i)
                 break
         else:
@@ -141,9 +142,9 @@ def _merge(bodies: Bodies, group: list[int], options: RptOptions) -> np.ndarray:
     """Shape (keypoint, 3): of each keypoint the mean of the few nearest to the mean of all that score well."""
     points = np.where(bodies.scores[group][..., None] >= options.min_joint_score, bodies.points_m[group], np.nan)
     away = np.linalg.norm(points - _means(points), axis=-1)
-    points = np.where(away[..., None] <= options.spread_m, points, np.nan)
+    points = np.where(away[..., None] <= options.outlier_distance_m, points, np.nan)
     away = np.nan_to_num(np.linalg.norm(points - _means(points), axis=-1), nan=np.inf)
-    nearest = np.argsort(away, axis=0, kind="stable")[: options.nearest]
+    nearest = np.argsort(away, axis=0, kind="stable")[: options.merged_pairs]
     return _means(np.take_along_axis(points, nearest[..., None], axis=0))
 
 

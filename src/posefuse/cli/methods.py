@@ -6,8 +6,9 @@ from posefuse.cli.console import say, table
 def methods() -> None:
     """List what can be chosen: triangulation methods, and how left and right are told apart."""
     from posefuse.model.options.left_right import SIDE_METHODS
-    from posefuse.model.options.options import METHODS, Options
+    from posefuse.model.options.options import Options
     from posefuse.model.options.pairs import PAIR_METHODS
+    from posefuse.model.options.triangulation import METHODS
 
     options = Options()
     lists = (

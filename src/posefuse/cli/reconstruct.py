@@ -301,10 +301,10 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     from posefuse.evaluation.filtering import error_profile
     from posefuse.pipeline.measured_layer import reconstruct_chunks
     from posefuse.pipeline.reconstruct import settle
-    from posefuse.report.percentile_filter import filter_picture
+    from posefuse.report.percentile_filter import percentile_filter_figure
 
     before = error_profile(reconstruct_chunks(settle(plan, "simple"), progress))
-    picture = filter_picture(before, error_profile(result.chunks()), result)
+    picture = percentile_filter_figure(before, error_profile(result.chunks()), result)
     (folder / FILTER_FIGURE).parent.mkdir()
     (folder / FILTER_FIGURE).write_bytes(picture.png)
     return [FILTER_FIGURE]
@@ -321,10 +321,10 @@ def has_debug(plan: "Plan") -> bool:
 def describe(result: Reconstruction) -> None:
     """Say what came out, in a few lines."""
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
-    from posefuse.report.summary import sources_in_words, summarise
+    from posefuse.report.summary import format_sources, summarize
 
     name, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), name)
+    summary = summarize(result.chunks(), name)
     there = sum(n for code, n in summary.status_counts.items() if code.has_point)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(
@@ -340,7 +340,7 @@ def describe(result: Reconstruction) -> None:
     share = there / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{whose} have coordinates (layer {name})")
     if there:
-        say(f"of these: {sources_in_words(summary.source_counts)}")
+        say(f"of these: {format_sources(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     missing = [(code, n) for code, n in summary.status_counts.items() if not code.has_point]
@@ -366,20 +366,20 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
     """Say who was there when, and what happened to them."""
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
-    from posefuse.report.people import events_in_words, lives, span_of
+    from posefuse.report.people import format_event_counts, presence_interval, summarize_people
 
     if not result.person_ids:
         warn("nobody was found.")
     elif not people_with_frames(result):
         warn("nobody is left in any frame; there is no TRC or C3D to write.")
     if result.events:
-        note(f"events: {events_in_words(result.events)}")
+        note(f"events: {format_event_counts(result.events)}")
     uncertain = [
         event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
     ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
-    everybody = lives(result.chunks(), layer)
+    everybody = summarize_people(result.chunks(), layer)
     if not everybody:
         return
     timed = bool(np.isfinite(result.time_s).all())
@@ -388,6 +388,6 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
         span = max(life.last - life.first + 1, 1)
         shares = [percent(life.frames[state] / span) for state in (TrackState.ACTIVE, TrackState.LOST)]
         numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
-        rows.append([life.name, *span_of(result, life), *shares, *numbers])
+        rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
     unit = "s" if timed else "frame"
     table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], rows)

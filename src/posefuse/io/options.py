@@ -84,8 +84,8 @@ def sync_to_toml(sync: SyncOptions) -> str:
     """The options that make a reconstruction put views in step, as TOML."""
     rounded = {
         "cameras": list(sync.cameras),
-        "since_s": [round(value, 4) for value in sync.since_s],
-        "late_s": [round(value, 5) for value in sync.late_s],
+        "start_s": [round(value, 4) for value in sync.start_s],
+        "offset_s": [round(value, 5) for value in sync.offset_s],
         "drift_ppm": [round(value, 1) for value in sync.drift_ppm],
     }
     return tomli_w.dumps({"sync": rounded})

@@ -40,7 +40,7 @@ def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> t
     flipped = np.zeros(sequence.points.shape[:2], dtype=bool)
     learned = at_first(sequence, layout, options)
     ordered = sequence
-    for turn in range(1 + options.rounds):
+    for turn in range(1 + options.iterations):
         change = decode(ordered, layout, learned, Before.nothing(layout, len(learned.share)), decided=turn > 0)
         change = settled(ordered, change, layout, learned)
         flipped ^= change

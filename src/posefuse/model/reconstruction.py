@@ -198,7 +198,7 @@ class Reconstruction:
             return np.zeros((self.n_frames, len(self.rig)), dtype=bool)
         steps = np.diff(self.time_s)
         period = 1.0 / self.rate_hz if self.rate_hz else float(np.nanmedian(steps)) if len(steps) else np.nan
-        return self.options.sync.retimed(self.rig.names, self.time_s, period)
+        return self.options.sync.time_shifted(self.rig.names, self.time_s, period)
 
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
         """The named layer, or the most processed one present.

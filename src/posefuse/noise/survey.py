@@ -15,7 +15,8 @@ from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning, choi
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks

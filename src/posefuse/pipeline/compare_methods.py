@@ -39,7 +39,7 @@ def compare_methods(
     Args:
         rig: calibrated cameras, as :func:`reconstruct` takes them.
         detections: 2D keypoints.
-        methods: which, each one of :data:`posefuse.model.options.options.METHODS`.
+        methods: which, each one of :data:`posefuse.model.options.triangulation.METHODS`.
         options: of every method; the method they name is not looked at. Labels of left and right are believed unless
             they say otherwise.
         truth_of: known positions of the frames of a result, where they are known; of many, a result's people beside

@@ -53,7 +53,7 @@ def in_step(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions)
     for v in range(said.shape[1]):
         said[:, v] = with_lacking_times(said[:, v], everything.frame_numbers)
     common = np.nanmean(said, axis=1)
-    true = np.stack([said[:, v] + sync.late(name, said[:, v]) for v, name in enumerate(cameras)], axis=1)
+    true = np.stack([said[:, v] + sync.offset_at(name, said[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
     notes = tuple(
         _note(name, true[:, v] - said[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras

@@ -175,7 +175,7 @@ class Solver:
         """All rounds."""
         paths = Paths.begin(self.observed, self.smoothness, self.options)
         scale = self.scale(law)
-        for number in range(_TRUSTING + self.options.rounds):
+        for number in range(_TRUSTING + self.options.iterations):
             paths = self.round(paths, law, scale, trusting=number < _TRUSTING, least=self._least(law))
         return paths
 
@@ -261,8 +261,8 @@ class Solver:
             jacobians.reshape(n, views, 2, 3),
             observed.sigma_px.reshape(n, views),
             covariance_m2.reshape(n, 3, 3),
-            strict * options.full_sigma,
-            strict * options.none_sigma,
+            strict * options.full_weight_sigma,
+            strict * options.zero_weight_sigma,
             weights.reshape(n, views),
         )
         return weights
@@ -435,11 +435,11 @@ class Solver:
         return steps_m * np.minimum(1.0, self.farthest_m / np.maximum(length, 1e-300))
 
     def _liveliness(self, squares: np.ndarray, known: np.ndarray) -> np.ndarray:
-        if self.options.burst_s <= 0.0 or not squares.shape[1]:
+        if self.options.density_window_s <= 0.0 or not squares.shape[1]:
             return np.ones_like(squares)
         step_s = self.observed.step_s
-        window = 2 * round(0.5 * self.options.burst_s / step_s) + 1
-        return self.smoothness.local(squares, known, window, self.options.calm / step_s)
+        window = 2 * round(0.5 * self.options.density_window_s / step_s) + 1
+        return self.smoothness.local(squares, known, window, self.options.density_prior_s / step_s)
 
 
 def usual_variance(seen: np.ndarray, weights: np.ndarray) -> np.ndarray:

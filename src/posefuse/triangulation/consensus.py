@@ -16,7 +16,7 @@ from posefuse.kernels.triangulation.pair_order import brief_tries, enough_tries,
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import EmptyLayer, rows_by_person_frame
@@ -54,13 +54,13 @@ def solve(
         pairs_to_try(len(rig)),
         enough_tries(len(rig)),
         brief_tries(len(rig)),
-        chosen.bound_sigma,
-        chosen.full_sigma,
-        chosen.none_sigma,
+        chosen.saturation_sigma,
+        chosen.full_weight_sigma,
+        chosen.zero_weight_sigma,
         *out.arrays,
     )
     layer = out.finish()
-    lost = reweighting_loss(chosen.full_sigma, chosen.none_sigma)
+    lost = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
     return replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * lost)
 
 

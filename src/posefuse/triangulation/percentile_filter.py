@@ -12,7 +12,7 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks

@@ -6,7 +6,7 @@ from typing import Protocol
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 
@@ -24,5 +24,5 @@ class Method(Protocol):
 
 
 def load_method(name: str) -> Method:
-    """The method of a name that :data:`posefuse.model.options.options.METHODS` lists; each is a module of this package."""
+    """The method of a name that :data:`posefuse.model.options.triangulation.METHODS` lists; each is a module of this package."""
     return import_module(f"posefuse.triangulation.{name}")  # type: ignore[return-value]

@@ -10,7 +10,7 @@ from posefuse.kernels.cameras.points import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import EmptyLayer, rows_by_person_frame

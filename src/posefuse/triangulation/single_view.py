@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks

@@ -13,7 +13,7 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions, WeightedSubsetsOptions
+from posefuse.model.options.triangulation import TriangulationOptions, WeightedSubsetsOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import Tracks

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from posefuse.evaluation.filtering import error_profile
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.scenes import body_points, ring, seen

@@ -8,7 +8,8 @@ import pytest
 
 from posefuse.errors import FileError, OptionsError
 from posefuse.io.options import options_from_dict, options_template, options_to_toml, read_options
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 
 
 def test_the_template_is_the_defaults(tmp_path):
@@ -58,7 +59,7 @@ def test_options_survive(tmp_path):
         ("[triangulation]\nmin_views = 'three'", r"triangulation\.min_views: cannot be 'three'"),
         ("rate_hz = true", "rate_hz: cannot be True"),
         ("pick = 'biggest'", r"pick: cannot be 'biggest'\. Choose one of: largest, track-id"),
-        ("rate_hz = -1", "rate_hz must be positive"),
+        ("rate_hz = -1", "rate_hz must be a finite number above 0 Hz"),
         ("cameras = 'a'", "cameras: cannot be 'a'"),
     ],
 )

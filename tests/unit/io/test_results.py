@@ -19,8 +19,9 @@ from posefuse.io.results import netcdf, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES
 from posefuse.model.label_swaps import Swaps
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.scenes import body_points, ring, seen

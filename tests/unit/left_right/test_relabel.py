@@ -14,7 +14,8 @@ from posefuse.left_right.pairs.label_likelihood import robust_evidence
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import SwapState
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks

@@ -8,7 +8,8 @@ import pytest
 from posefuse.errors import DetectionsError, MatchError, PosefuseWarning
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.view_names import plain_name
 from posefuse.pipeline.reconstruct import match_views, reconstruct, triangulate

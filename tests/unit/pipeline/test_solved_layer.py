@@ -9,8 +9,9 @@ import pytest
 import posefuse
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.concatenate import gathered
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import ButterworthOptions, PostprocessOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
 from posefuse.model.tracks import TrackState

@@ -8,10 +8,10 @@ from benchmarks.walking import Walk, walk
 
 from posefuse.errors import OptionsError
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import (
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import (
     METHODS,
     ConsensusOptions,
-    Options,
     PercentileFilterOptions,
     RansacOptions,
     TriangulationOptions,
@@ -175,10 +175,10 @@ class TestConsensus:
         assert reweighting_loss(1.0, 2.0) > 1.5
 
     def test_the_limits_must_be_in_order(self):
-        with pytest.raises(OptionsError, match="less than none_sigma"):
-            ConsensusOptions(full_sigma=5.0, none_sigma=3.0)
-        with pytest.raises(OptionsError, match="bound_sigma must be positive"):
-            ConsensusOptions(bound_sigma=0.0)
+        with pytest.raises(OptionsError, match="below zero_weight_sigma"):
+            ConsensusOptions(full_weight_sigma=5.0, zero_weight_sigma=3.0)
+        with pytest.raises(OptionsError, match="saturation_sigma must be a finite number above 0"):
+            ConsensusOptions(saturation_sigma=0.0)
 
 
 class TestWeightedSubsets:

@@ -40,7 +40,7 @@ class Source:
     def true_s(self, said_s: float) -> float:
         """The result's time of a picture that says it is of a time."""
         began_s = said_s + self.offset_s
-        return began_s + float(self.sync.late(self.camera.name, np.array(began_s)))
+        return began_s + float(self.sync.offset_at(self.camera.name, np.array(began_s)))
 
     @property
     def size_px(self) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Figures as PNG and SVG: one look, no window, the same bytes for the same numbers."""
+"""Rendering of figures to PNG and SVG: one style, no window, the same bytes for the same numbers."""
 
 import io
 import warnings
@@ -10,11 +10,11 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Okabe and Ito's colours: told apart by colour-blind people, and by their lightness in print.
+# Colors of Okabe and Ito: distinguishable with color vision deficiency, and by lightness in print.
 BLUE = "#0072b2"
 ORANGE = "#d55e00"
 INK = "#222222"
-GREY = "#888888"
+GRAY = "#888888"
 PALE = "#cfcfcf"
 
 _STYLE: Any = {
@@ -23,18 +23,18 @@ _STYLE: Any = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.labelcolor": INK,
-    "axes.edgecolor": GREY,
+    "axes.edgecolor": GRAY,
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "text.color": INK,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
+    "xtick.color": GRAY,
+    "ytick.color": GRAY,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
     "lines.linewidth": 1.2,
     "savefig.dpi": 150,
-    # Names come from files; a dollar sign in one is a dollar sign.
+    # Names come from files: a dollar sign in a name must not start math mode.
     "text.parse_math": False,
     "svg.hashsalt": "posefuse",
     "agg.path.chunksize": 10000,
@@ -44,27 +44,30 @@ _STYLE: Any = {
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure as the contents of two files."""
+class RenderedFigure:
+    """A figure as the contents of a PNG file and an SVG file."""
 
     png: bytes
     svg: bytes
 
 
-def picture(draw: Callable[[], Figure]) -> Picture:
-    """Draw a figure and render it, whatever the user's own settings of the plotting library are."""
+def render_figure(draw: Callable[[], Figure]) -> RenderedFigure:
+    """Draw a figure and render it, independently of the user's settings of the plotting library."""
     with matplotlib.rc_context(), warnings.catch_warnings():
-        # A name in a script the font lacks is drawn as boxes, and the numbers are there all the same.
+        # A name in a script that the font lacks is drawn as boxes; the rest of the figure is still useful.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         matplotlib.rcdefaults()
         with matplotlib.rc_context(_STYLE):
             figure = draw()
-            _settle_layout(figure)
-            return Picture(_rendered(figure, "png", {"Software": None}), _rendered(figure, "svg", {"Date": None}))
+            _freeze_layout(figure)
+            return RenderedFigure(_save(figure, "png", {"Software": None}), _save(figure, "svg", {"Date": None}))
 
 
-def _settle_layout(figure: Figure) -> None:
-    """Fix where the axes are, rounded: the layout's solver goes by addresses in memory, which move the last digits."""
+def _freeze_layout(figure: Figure) -> None:
+    """Fix the rounded positions of the axes.
+
+    The layout solver's result depends on memory addresses in its last digits.
+    """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axes in figure.axes:
@@ -72,13 +75,13 @@ def _settle_layout(figure: Figure) -> None:
         axes.set_position((left, bottom, width, height))
 
 
-def _rendered(figure: Figure, form: str, metadata: dict[str, None]) -> bytes:
+def _save(figure: Figure, form: str, metadata: dict[str, None]) -> bytes:
     file = io.BytesIO()
     figure.savefig(file, format=form, metadata=metadata)
     return file.getvalue()
 
 
-def bare(axes: Axes) -> None:
-    """Leave the axes without the lines and ticks that labelled bars and dots do not need."""
+def remove_frame(axes: Axes) -> None:
+    """Remove spines and tick marks from axes with labeled bars or dots."""
     axes.spines[["left", "bottom"]].set_visible(False)
     axes.tick_params(length=0)
