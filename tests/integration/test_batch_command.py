@@ -205,7 +205,7 @@ def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
     (tmp_path / "out").mkdir()
     with exclusive_folder(tmp_path / "out", tmp_path / "out"):
         code, _, wrong = run("batch", *folders, "--output", tmp_path / "out")
-    assert (code, "another posefuse is writing into it" in " ".join(wrong.split())) == (1, True)
+    assert (code, "another posefuse process is writing" in " ".join(wrong.split())) == (1, True)
 
 
 @pytest.mark.long

@@ -309,7 +309,7 @@ class TestBadInput:
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
     def test_an_output_that_is_something_else(self, refused, recording, tmp_path):
-        refused("reconstruct", recording, "-o", recording, words=["already holds other files", "empty folder"])
+        refused("reconstruct", recording, "-o", recording, words=["already contains other files", "empty folder"])
 
     @pytest.mark.parametrize(
         ("arguments", "words"),

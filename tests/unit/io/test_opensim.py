@@ -85,7 +85,7 @@ class TestOpenSim:
 
     def test_other_peoples_files_stay(self, tmp_path):
         (tmp_path / "thesis.docx").write_text("years of work")
-        with pytest.raises(FileError, match="already holds other files"):
+        with pytest.raises(FileError, match="already contains other files"):
             opensim.write(posed("coco_17"), ("person_1",), tmp_path, "model")
         assert [path.name for path in tmp_path.iterdir()] == ["thesis.docx"]
 

@@ -323,7 +323,7 @@ class TestFreeMoCap:
         theirs = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
         theirs.parent.mkdir(parents=True)
         theirs.write_bytes(b"theirs")
-        with pytest.raises(FileError, match="already holds other files"):
+        with pytest.raises(FileError, match="already contains other files"):
             posefuse.write(result, tmp_path / "recording", "freemocap")
         assert theirs.read_bytes() == b"theirs"
 
