@@ -24,6 +24,7 @@ from posefuse.model.options.bounds import (
     valid_choices,
     without_none,
 )
+from posefuse.model.options.catalog import OptionEntry
 from tests.laws import examples
 
 OUTSIDE_MODEL = ("posefuse.synthetic.options", "posefuse.synthetic.crowd_options", "posefuse.visualize.overlay.options")
@@ -36,7 +37,7 @@ def all_records() -> list[type]:
         value
         for module in (*modules, *OUTSIDE_MODEL)
         for value in vars(importlib.import_module(module)).values()
-        if isinstance(value, type) and dataclasses.is_dataclass(value) and value is not Bounds
+        if isinstance(value, type) and dataclasses.is_dataclass(value) and value not in (Bounds, OptionEntry)
     }
     return sorted(records, key=lambda record: record.__name__)
 

@@ -5,7 +5,7 @@ import pytest
 
 from posefuse.errors import SkeletonError
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
@@ -13,7 +13,7 @@ from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import HINGE, Tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 WHOLE = shipped_skeleton("coco_wholebody_133")
 assert WHOLE.tree is not None
 BODY: Tree = WHOLE.tree

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 
 KEYPOINTS = ["nose", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"]
 PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "right_ankle"}
@@ -203,7 +203,7 @@ def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
 def test_a_shared_body_must_exist():
     with pytest.raises(SkeletonError, match=r"No body 'humna' to take a tree from. Did you mean 'human'"):
         shared_body("humna")
-    with pytest.raises(SkeletonError, match="tree is a table or the name of a shared body, got 3"):
+    with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
         parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")
 
 
@@ -239,7 +239,7 @@ def test_a_tree_of_which_only_the_size_is_known():
     assert tree is not None
     assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
     assert parse_skeleton(text, "worm.toml").tree is None
-    with pytest.raises(SkeletonError, match="no edges to be its bones"):
+    with pytest.raises(SkeletonError, match="no edges that could be its bones"):
         parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
     with pytest.raises(SkeletonError, match="tree.size_m is a positive number, got 0"):
         parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")
