@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.triangulation.consensus import triangulate_consensus
-from posefuse.kernels.triangulation.pair_order import brief_tries, enough_tries, pairs_to_try
+from posefuse.kernels.triangulation.pair_order import early_limit, ordered_pairs, required_tries
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -51,9 +51,9 @@ def solve(
         noise.exponent,
         options.min_confidence,
         options.min_views,
-        pairs_to_try(len(rig)),
-        enough_tries(len(rig)),
-        brief_tries(len(rig)),
+        ordered_pairs(len(rig)),
+        required_tries(len(rig)),
+        early_limit(len(rig)),
         chosen.saturation_sigma,
         chosen.full_weight_sigma,
         chosen.zero_weight_sigma,

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.cameras.linearize import linearise
+from posefuse.kernels.cameras.linearize import linearize
 from posefuse.model.cameras import CameraRig
 from posefuse.triangulation.observations import Observations
 
@@ -20,7 +20,7 @@ def linear_rows(rig: CameraRig, points_m: np.ndarray, pixels: np.ndarray) -> tup
         pixels: shape (point, view, 2), NaN where a view has no observation; there is no result either.
     """
     residuals, jacobians = np.empty(pixels.shape), np.empty((*pixels.shape, 3))
-    linearise(*rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
+    linearize(*rig.packed, np.ascontiguousarray(points_m), np.ascontiguousarray(pixels), residuals, jacobians)
     return residuals, jacobians
 
 

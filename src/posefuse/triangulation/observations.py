@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
-from posefuse.kernels.cameras.points import triangulate_views
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel

@@ -6,7 +6,7 @@ See docs/methods.md.
 """
 
 from posefuse.arrays import frozen
-from posefuse.kernels.cameras.points import triangulate_views
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel

@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.left_right.pairs import solve_pairs
-from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -64,7 +64,7 @@ def solve(
         noise.exponent,
         options.min_confidence,
         options.min_views or DEFAULT_MIN_VIEWS,
-        pairs_to_try(len(rig)),
+        ordered_pairs(len(rig)),
         chosen.full_weight_sigma,
         chosen.zero_weight_sigma,
         (pair_options or PairOptions()).motion_sd_m,

@@ -1,4 +1,4 @@
-"""Looks at the points of a body: their pixels, how those move with the points, and how well both are known."""
+"""Projection of body nodes: their pixels, the derivatives of the pixels, and the covariances of both."""
 
 from posefuse.kernels.cameras.lens import (
     CX,
@@ -14,14 +14,14 @@ from posefuse.kernels.cameras.lens import (
     project_point,
     to_camera,
 )
-from posefuse.kernels.jit import inline, step
+from posefuse.kernels.jit import inline, subroutine
 
 
-@step
+@subroutine
 def point_covariance(jacobian, starts, columns, node, m, cov, out):
-    """The covariance of a node, xx xy xz yy yz zz, from that of the first ``m`` numbers of pose and shape.
+    """Write the covariance of a node, xx xy xz yy yz zz, from that of the first ``m`` numbers of pose and shape.
 
-    A node's columns ascend; past ``m`` are those of a shape that is kept, of which nothing is unknown.
+    The columns of a node ascend; those from ``m`` on belong to a fixed shape, which has no variance.
     """
     for e in range(6):
         out[e] = 0.0
@@ -45,8 +45,8 @@ def point_covariance(jacobian, starts, columns, node, m, cov, out):
 
 
 @inline
-def look_at_point(cameras, v, points, k):
-    """The pixel of a point and how it moves with the point: status, pixel, and two rows of three numbers per metre."""
+def project_node(cameras, v, points, k):
+    """Return the status and pixel of a point, and the derivative of the pixel: two rows of three numbers, px per m."""
     x, y, z = to_camera(cameras, v, points[k, 0], points[k, 1], points[k, 2])
     if cameras[v, LENS] == PINHOLE and z > 0.0:
         inverse = 1.0 / z
@@ -77,22 +77,22 @@ def look_at_point(cameras, v, points, k):
 
 
 @inline
-def spread_px(look, cov):
-    """The covariance of a pixel whose point has the packed covariance ``cov``: uu, uv, vv."""
-    a0 = cov[0] * look[3] + cov[1] * look[4] + cov[2] * look[5]
-    a1 = cov[1] * look[3] + cov[3] * look[4] + cov[4] * look[5]
-    a2 = cov[2] * look[3] + cov[4] * look[4] + cov[5] * look[5]
-    b0 = cov[0] * look[6] + cov[1] * look[7] + cov[2] * look[8]
-    b1 = cov[1] * look[6] + cov[3] * look[7] + cov[4] * look[8]
-    b2 = cov[2] * look[6] + cov[4] * look[7] + cov[5] * look[8]
-    uu = look[3] * a0 + look[4] * a1 + look[5] * a2
-    uv = look[6] * a0 + look[7] * a1 + look[8] * a2
-    vv = look[6] * b0 + look[7] * b1 + look[8] * b2
+def pixel_covariance(view, cov):
+    """Return the covariance (uu, uv, vv) of the pixel of a point with packed covariance ``cov``."""
+    a0 = cov[0] * view[3] + cov[1] * view[4] + cov[2] * view[5]
+    a1 = cov[1] * view[3] + cov[3] * view[4] + cov[4] * view[5]
+    a2 = cov[2] * view[3] + cov[4] * view[4] + cov[5] * view[5]
+    b0 = cov[0] * view[6] + cov[1] * view[7] + cov[2] * view[8]
+    b1 = cov[1] * view[6] + cov[3] * view[7] + cov[4] * view[8]
+    b2 = cov[2] * view[6] + cov[4] * view[7] + cov[5] * view[8]
+    uu = view[3] * a0 + view[4] * a1 + view[5] * a2
+    uv = view[6] * a0 + view[7] * a1 + view[8] * a2
+    vv = view[6] * b0 + view[7] * b1 + view[8] * b2
     return uu, uv, vv
 
 
 @inline
-def px_per_m_squared(look):
-    """How large a metre is seen, squared, on average over directions across the view."""
-    total = look[3] ** 2 + look[4] ** 2 + look[5] ** 2 + look[6] ** 2 + look[7] ** 2 + look[8] ** 2
+def squared_px_per_m(view):
+    """Return the squared length of a meter in px, averaged over directions across the line of sight."""
+    total = view[3] ** 2 + view[4] ** 2 + view[5] ** 2 + view[6] ** 2 + view[7] ** 2 + view[8] ** 2
     return 0.5 * total
