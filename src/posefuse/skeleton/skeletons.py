@@ -216,7 +216,7 @@ def shipped_skeleton(name: str) -> Skeleton:
             text = files("posefuse.skeleton").joinpath("skeletons", f"{candidate}.toml").read_text("utf-8")
             return parse_skeleton(text, f"{candidate}.toml")
     raise SkeletonError(
-        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} A path to a skeleton's TOML file is also accepted."
+        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or give the path of a TOML file."
     )
 
 
@@ -263,7 +263,7 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
     for limb, left_names in data.get("chains", {}).items():
         for left in left_names:
             if left not in partner:
-                raise SkeletonError(f"{source}: chain {limb!r} contains {left!r}, which is not the left name of a pair.")
+                raise SkeletonError(f"{source}: chain {limb!r} contains {left!r}, not the left name of a pair.")
         chains[limb] = tuple((left, partner[left]) for left in left_names)
     return Skeleton(
         name=data["name"],
@@ -319,8 +319,7 @@ def _tree_of_edges(size_m: object, skeleton: Skeleton) -> Tree:
         raise SkeletonError(f"Skeleton {skeleton.name!r}: tree.size_m must be a positive number, got {size_m!r}.")
     if not skeleton.edges:
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has a tree with size_m only, and no edges that could be its bones: "
-            "add edges."
+            f"Skeleton {skeleton.name!r} has a tree with size_m only, and no edges that could be its bones: add edges."
         )
     return tree_of_size(skeleton.keypoints, skeleton.edge_indices, float(size_m), skeleton.mirror)
 
