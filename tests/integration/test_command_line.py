@@ -314,9 +314,11 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["--triangulation.method", "simpel"], ["no method 'simpel'", "Did you mean 'simple'"]),
+            (["--triangulation.method", "simpel"], ["got 'simpel'", "Did you mean 'simple'"]),
             (["--pick", "tallest"], ["tallest"]),
-            (["--min-vews", "3"], ["--min-vews"]),
+            (["--min-vews", "3"], ["--min-vews", "Did you mean --triangulation.min-views?"]),
+            (["--fps", "60"], ["--fps", "Did you mean --rate-hz?"]),
+            (["--rate-hz", "nan"], ["rate_hz must be a finite number above 0 Hz, got nan"]),
             (["--rate-hz", "fast"], ["fast"]),
             (["--people", "some"], ["some"]),
         ],
@@ -327,7 +329,7 @@ class TestBadInput:
     def test_wrong_keys_in_a_file(self, refused, recording, tmp_path):
         path = tmp_path / "options.toml"
         path.write_text("[triangulation]\nmin_vews = 3\n")
-        words = ["options.toml: unknown option triangulation.'min_vews'", "Did you mean 'min_views'"]
+        words = ["options.toml: unknown option 'triangulation.min_vews'", "Did you mean 'triangulation.min_views'"]
         refused("--options", path, "reconstruct", recording, "-o", tmp_path / "o", words=words, code=2)
 
     def test_no_result(self, refused, tmp_path):
