@@ -49,7 +49,7 @@ def test_edit(run, folder):
     names = {entry.name for entry in out.iterdir()}
     assert {"reconstruction.nc", "model.csv", "events.csv", "anna.trc", "person_10.c3d", "report.html"} <= names
     assert "person_2.trc" not in names
-    assert "note: Edited: person_1 renamed anna." in said
+    assert "note: Edited: person_1 renamed to anna." in said
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))
     edited = posefuse.read_reconstruction(out / "reconstruction.nc")
     expected = apply_edits(posefuse.read_reconstruction(folder / "result/reconstruction.nc"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.tracking.body_states import select_states, set_state
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tempering import bone_axes, frame_information, temper_next_state

@@ -16,7 +16,7 @@ from posefuse.association.group_points import Points, median_error_sigma, solve
 from posefuse.association.groups import Seen, look, may_pair
 from posefuse.association.trunk import torso
 from posefuse.kernels import status_codes
-from posefuse.kernels.association.proposals import pair_bodies
+from posefuse.kernels.association.pair_scores import triangulate_pairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -95,7 +95,7 @@ def _bodies(rig: CameraRig, seen: Seen, allowed: np.ndarray) -> Bodies:
     a, b = np.nonzero(np.triu(allowed & (seen.view[:, None] != seen.view[None, :])))
     points, errors_px = np.empty((len(a), seen.weights.shape[1], 3)), np.empty((len(a), seen.weights.shape[1], 2))
     pair = np.stack([a, b], axis=1)
-    pair_bodies(seen.rays, seen.weights, pair, points, errors_px)
+    triangulate_pairs(seen.rays, seen.weights, pair, points, errors_px)
     size_px = np.array([sum(camera.size_px) / 2.0 for camera in rig.cameras])
     centre_m = np.stack([camera.centre_m for camera in rig.cameras])
     view = seen.view[pair]

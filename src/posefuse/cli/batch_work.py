@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 from posefuse.batch.fingerprints import MARK, RESULT, kept, key_of, remove_mark, write_mark
 from posefuse.cli.console import Bars, hearing
 from posefuse.cli.reading import digest, timestamps_of
-from posefuse.diagnostics.findings import HEALTH
+from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.errors import PosefuseError, RecordingError
 from posefuse.io.checkpoints import remove_parts
 from posefuse.io.files import PARTS, must_exist, replacing_folder
@@ -117,7 +117,7 @@ def _done(job: Job, said: list[str], make: Make, window_s: float | None) -> Outc
     with replacing_folder(job.output, marker, after=after) as staging:
         forget = make(staging, job, *_inputs(job))
         result = netcdf.read_reconstruction(staging / RESULT)
-        said += [note for note in result.provenance.notes if note.startswith(HEALTH)]
+        said += [note for note in result.provenance.notes if note.startswith(NOTE_PREFIX)]
         inputs = _digests(job)
         if not set(result.provenance.inputs.values()) <= set(inputs.values()):
             forget()

@@ -43,8 +43,8 @@ def sync(
     unit, factor = ("frames", rate) if rate else ("ms", 1e3)
     rows = []
     for view in timings:
-        for since, late, drift in zip(view.since_s, view.late_s, view.drift_ppm, strict=True):
-            sd = f"{factor * view.late_sd_s:.2f}"
+        for since, late, drift in zip(view.start_s, view.offset_s, view.drift_ppm, strict=True):
+            sd = f"{factor * view.offset_sd_s:.2f}"
             out = "yes" if view.camera in found.cameras else "no"
             rows.append([view.camera, f"{since:.1f}", f"{factor * late:+.2f}", sd, f"{drift:+.0f}", out])
     table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "out of step"], rows)

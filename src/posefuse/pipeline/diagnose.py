@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-from posefuse.diagnostics import recording
+from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
-from posefuse.diagnostics.findings import HEALTH, Finding
+from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
+from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
@@ -23,8 +24,8 @@ def with_health(plan: Plan) -> Plan:
     """The plan with what a short look says is wrong with the recording, in its notes."""
     if len(plan.rig) == 1:
         return plan
-    found = recording.check(plan.rig, plan.detections, plan.subjects, SHORT)
-    said = tuple(f"{HEALTH}{finding}" for finding in found)
+    found = recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT)
+    said = tuple(f"{NOTE_PREFIX}{finding}" for finding in found)
     return replace(plan, provenance=plan.provenance.with_notes(said))
 
 
@@ -43,7 +44,7 @@ def inspect_health(
         MatchError: if views and cameras do not belong together.
         DetectionsError: if the detections do not allow what the options ask for.
     """
-    return recording.check(*_followed(rig, detections, options or Options(), progress or Silent()), DEEP)
+    return recording_check.find_faults(*_followed(rig, detections, options or Options(), progress or Silent()), DEEP)
 
 
 def measure_sync(
@@ -52,7 +53,7 @@ def measure_sync(
     options: Options | None = None,
     *,
     reference: str | None = None,
-    reach_s: float = DEEP.reach_s,
+    reach_s: float = DEEP.max_offset_s,
     progress: Progress | None = None,
 ) -> tuple[tuple[ViewTiming, ...], SyncOptions]:
     """How late each view is, by its own detections, and what makes :func:`reconstruct` put views in step.
@@ -70,16 +71,16 @@ def measure_sync(
         DetectionsError: if the views agree too little to tell, or files say no frame rate.
     """
     followed = _followed(rig, detections, options or Options(), progress or Silent())
-    effort = replace(DEEP, reach_s=reach_s)
-    examination, timings = recording.timing(*followed, effort, reference)
+    effort = replace(DEEP, max_offset_s=reach_s)
+    examination, timings = recording_check.measure_timing(*followed, effort, reference)
     if timings is None:
         raise DetectionsError(
             "The views agree too little to tell how late they are. posefuse inspect RECORDING --deep says what is "
             "wrong with them."
         )
-    if not examination.evidence.timed:
+    if not examination.observations.rate_known:
         raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
-    return timings, recording.sync_of(timings)
+    return timings, recording_check.sync_options(timings)
 
 
 def _followed(

@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from posefuse.diagnostics.findings import HEALTH
+from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.report.heat_map import REJECTED, USED, HeatMap
@@ -28,7 +28,7 @@ def highlights_section(
     result: Reconstruction, summary: Summary, heat_map: HeatMap, series: TimeSeries, gaps: list[Gap]
 ) -> str:
     """Return the section as HTML: a list of sentences, findings first."""
-    findings = [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
+    findings = [note.removeprefix(NOTE_PREFIX) for note in result.provenance.notes if note.startswith(NOTE_PREFIX)]
     finding_list = (
         "<h3>Findings of the recording check</h3><ol>"
         + "".join(f"<li>{escape(text)}</li>" for text in findings)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.counts import believe_most_labels, label_keypoints, note_matches
+from posefuse.kernels.tracking.frame_statistics import clear_majority_swaps, assign_labels, record_matches
 from posefuse.kernels.tracking.matching import match_views
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
@@ -60,11 +60,11 @@ def associate(
         unassigned = find_unassigned(detections, rows, scores.explained, rejected)
         assign_fast_motion(tracks, frame, prediction, rows, scores, unassigned, setup)
     suppress_single_view_matches(rows, scores.gain, tracks.is_in_state(TrackState.LOST), options)
-    believe_most_labels(rows, scores.swapped)
+    clear_majority_swaps(rows, scores.swapped)
     if options.partial_detections.enabled:
         detections = merge_partial_detections(detections, rows, scores, s)
     labels = _keypoint_labels(rows, scores.swapped, s)
-    note_matches(
+    record_matches(
         rows, scores.swapped, scores.swap_odds, frozen(detections.track_ids, np.int64), frame.dt_s,
         tracks.recent.single_view_s, tracks.recent.swapped, tracks.recent.detector_ids,
     )  # fmt: skip
@@ -111,5 +111,5 @@ def suppress_single_view_matches(rows: np.ndarray, gain: np.ndarray, lost: np.nd
 def _keypoint_labels(rows: np.ndarray, swapped: np.ndarray, settings: TrackerSettings) -> np.ndarray:
     """Return which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
     labels = np.empty((*rows.shape, len(settings.skeleton)), dtype=np.int64)
-    label_keypoints(rows, swapped, settings.group_of, settings.skeleton.mirror, labels)
+    assign_labels(rows, swapped, settings.group_of, settings.skeleton.mirror, labels)
     return labels

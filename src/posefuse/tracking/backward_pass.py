@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State, predict_people
-from posefuse.kernels.tracking.smoothing import carry_back, gains_back
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.smoothing import smooth_means, smoother_gains
 from posefuse.tracking.body_states import free_columns, select_states
 from posefuse.tracking.settings import TrackerSettings
 
@@ -45,9 +46,9 @@ def _smooth_chunk(state: State, dt_s: np.ndarray, settings: TrackerSettings) -> 
     gains, rest = np.empty((2, len(dt_s), len(rows), len(rows)))
     walk = settings.options.motion.shape_walk
     retained = np.exp(-dt_s.max() / settings.decay_s.min()) > _MIN_RETAINED
-    if not retained or gains_back(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
+    if not retained or smoother_gains(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
         gains, rest = _gains(state, rows, dt_s, settings)
-    carry_back(gains, rows, dt_s, settings.decay_s, state)
+    smooth_means(gains, rows, dt_s, settings.decay_s, state)
     late = state.covariance[-1][np.ix_(rows, rows)]
     for k in range(len(gains) - 1, -1, -1):
         rest[k] += gains[k] @ late @ gains[k].T
@@ -72,7 +73,7 @@ def _chunks(free: np.ndarray, stop: int) -> Iterator[tuple[int, int]]:
 def _gains(
     state: State, rows: np.ndarray, dt_s: np.ndarray, settings: TrackerSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the results of the kernel ``gains_back`` also where a covariance is almost singular.
+    """Return the results of the kernel ``smoother_gains`` also where a covariance is almost singular.
 
     With C = P F^T, the covariance of a state and its predicted successor, and P', the covariance of the latter, the gain
     is G = C P'^-1, and the remainder is P - G C^T.

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import Body, State, foresee_people
-from posefuse.kernels.tracking.counts import count_uses
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import Body, State
+from posefuse.kernels.tracking.frame_statistics import count_observations
 from posefuse.skeleton.trees import Tree
 
 
@@ -101,7 +102,7 @@ class ProjectedBodies:
             body: Tree of the bodies.
         """
         projected = cls.allocate(len(state.root), len(cameras), len(body.keypoint_nodes))
-        foresee_people(cameras, body, state, *projected.arrays)
+        project_people(cameras, body, state, *projected.arrays)
         return projected
 
     @property
@@ -130,5 +131,5 @@ class KeypointUses:
         people, views, keypoints = use.shape
         shapes = ((people, views), (people, keypoints), (people, keypoints))
         counted = cls(*(np.empty(shape, dtype=np.int64) for shape in shapes))
-        count_uses(use, counted.of_view, counted.used, counted.gated)
+        count_observations(use, counted.of_view, counted.used, counted.gated)
         return counted

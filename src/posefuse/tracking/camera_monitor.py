@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.counts import note_silence, weigh_views
+from posefuse.kernels.tracking.frame_statistics import update_silence, accumulate_view_support
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracking_stages import CameraMonitorOptions
 from posefuse.model.track_events import EventKind
@@ -68,7 +68,7 @@ class CameraMonitor:
             options: Options of the monitor.
         """
         fade = float(np.exp(-dt_s / options.window_s))
-        weigh_views(
+        accumulate_view_support(
             supported, expected, n_unassigned, fade, dt_s, self.expected_s, self.matched_s, self.unexplained_s,
             self.n_due,
         )  # fmt: skip
@@ -103,7 +103,7 @@ class CameraMonitor:
             options: Options of the monitor.
         """
         change = np.empty(len(recorded), dtype=np.int64)
-        if not note_silence(
+        if not update_silence(
             frozen(recorded, np.bool_), n_detections, self.n_due, dt_s, options.silent_after_s, options.back_after_s,
             self.absent_s, self.blind_s, self.active_s, self.silent, change,
         ):  # fmt: skip

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracking_stages import IdentityAuditOptions
 from posefuse.tracking.records import Observation, Track
 from posefuse.tracking.reidentification import same_body_log_odds

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.counts import foretell_views
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.frame_statistics import predict_visibility
 from posefuse.kinematics.segment_lengths import told_of_lengths
 from posefuse.model.track_events import EventKind
 from posefuse.model.tracks import TrackState
@@ -48,7 +48,7 @@ def expected_views(projected: ProjectedBodies, settings: TrackerSettings) -> tup
     should_show = np.empty(projected.pixels.shape[:2], dtype=bool)
     centers_m = np.empty((len(should_show), 3))
     core, share = frozen(settings.core, np.int64), settings.options.lifecycle.visible_share
-    foretell_views(projected.points_m, projected.pixels, settings.sizes_px, core, share, should_show, centers_m)
+    predict_visibility(projected.points_m, projected.pixels, settings.sizes_px, core, share, should_show, centers_m)
     return should_show, centers_m
 
 

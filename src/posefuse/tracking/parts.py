@@ -12,9 +12,11 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
-from posefuse.kernels.cameras.points import triangulate_views
-from posefuse.kernels.tracking.anchors import tell_anchors
-from posefuse.kernels.tracking.articulated import USED, State, predict_people, update_people
+from posefuse.kernels.triangulation.all_views import triangulate_views
+from posefuse.kernels.tracking.anchors import update_from_anchors
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.parts import Part
@@ -203,7 +205,7 @@ class PartTracker:
             block = bodies.turn_covariance[order, part.like] + np.radians(options.anchor_sd_deg) ** 2 * np.eye(3)
             turn_noise = temper * block[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
         places = np.ascontiguousarray(bodies.points_m[order, part.at])
-        tell_anchors(places, temper * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
+        update_from_anchors(places, temper * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
 
     def _drop_unseen(self, time_s: float, used: np.ndarray) -> np.ndarray:
         """Drop parts that no view has shown for long or whose state is not finite; return the others' used points."""

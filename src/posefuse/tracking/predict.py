@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.tracking.body_states import ProjectedBodies, select_states

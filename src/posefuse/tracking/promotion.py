@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event, EventKind
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import Association, find_unassigned

@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking.articulated import Body, Law
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.records import Body
 from posefuse.kinematics.initial_pose import motion_laws, widest
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
@@ -24,7 +25,7 @@ _FREQUENT_FRAMES, _FRAME_TIME_S, _MAX_FRAME_TIME_S = 0.6, 0.068, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class TrackerSettings(Rebuilt):
+class TrackerSettings(PickledByFields):
     """Everything that a tracker needs to know about a recording.
 
     Attributes:
@@ -51,7 +52,7 @@ class TrackerSettings(Rebuilt):
     cameras: np.ndarray
     sizes_px: np.ndarray
     body: Body
-    law: Law
+    law: ErrorModel
     decay_s: np.ndarray
     power: np.ndarray
     most: np.ndarray
@@ -85,7 +86,7 @@ class TrackerSettings(Rebuilt):
         decay, power = motion_laws(tree, options.motion)
         # BodyFrame stand for the detections of either side.
         cameras = rig.packed[0]
-        law = Law(
+        law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),
             float(noise.exponent),
             options.model_floor_m,

@@ -9,8 +9,8 @@ point, because floors are level. The height needs a calibration with a known up 
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.postures import find_lowest, note_leans, note_lowest
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.posture_statistics import lowest_point, update_lean_statistics, update_height_statistics
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import ProjectedBodies, select_states, set_state
 from posefuse.tracking.records import RecentHistory
@@ -31,7 +31,7 @@ def observe_posture(
         settings: Settings of the tracker.
     """
     if state.turns.shape[1]:
-        note_leans(
+        update_lean_statistics(
             state.turns, state.bones, n_views > 1, dt_s, settings.options.single_view.history_s,
             recent.posture_observed_s, recent.leans, recent.leans_variance, recent.trunk_axis,
         )  # fmt: skip
@@ -51,7 +51,7 @@ def observe_height(
     """
     if settings.rig.up_axis is not None:
         up = np.array(up_vector(settings.rig.up_axis))
-        note_lowest(
+        update_height_statistics(
             projected.points_m, up, n_views > 1, dt_s, settings.options.single_view.history_s,
             recent.height_observed_s, recent.lowest_m, recent.lowest_variance_m2,
         )  # fmt: skip
@@ -105,7 +105,7 @@ def apply_height_prior(
     row = np.empty(settings.tree.n_pose)
     for p in np.flatnonzero(single_view & (recent.height_observed_s >= options.min_history_s)).tolist():
         body = select_states(state, [p])
-        residual = recent.lowest_m[p] - find_lowest(settings.body, body, up, row)
+        residual = recent.lowest_m[p] - lowest_point(settings.body, body, up, row)
         weighted = row / (temper * (recent.lowest_variance_m2[p] + options.height_sd_m**2))
         update_pose(body, np.outer(weighted, row), weighted * residual, settings)
         set_state(state, p, body)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.tracking.backward_pass import smooth_in_place
 from posefuse.tracking.body_states import join_states, select_states
 from posefuse.tracking.history import History, Run

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import Law, State
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
 from posefuse.tracking.body_states import ProjectedBodies
@@ -47,7 +48,7 @@ class UpdateNoise:
         temper: shape (track,): number of correlated frames that count as one independent frame.
     """
 
-    law: Law
+    law: ErrorModel
     confidence: np.ndarray
     temper: np.ndarray
 

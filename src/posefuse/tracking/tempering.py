@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
-from posefuse.kernels.tracking.tempering import ROUNDING, filter_again
+from posefuse.kernels.tracking.refiltering import ROUNDING_TOLERANCE
+from posefuse.kernels.tracking.refiltering import refilter as refilter_frames
 from posefuse.kinematics.initial_pose import newborn_covariance
 from posefuse.tracking.body_states import free_columns, select_states, set_state
 from posefuse.tracking.settings import TrackerSettings
@@ -93,7 +95,7 @@ def refilter(
     while k < frames:
         stop = next((int(each) for each in changes if each >= k), frames)
         to = slice(k - 1, stop)
-        k += filter_again(
+        k += refilter_frames(
             dt_s[to], settings.decay_s, settings.power, settings.most, walk, State(*(each[to] for each in filtered)),
             share[to], applied[to], State(*(each[to] for each in out)), information[to],
         ) - 1  # fmt: skip
@@ -143,7 +145,7 @@ def _loses_information(curvature: np.ndarray, after: State, settings: TrackerSet
     """Return whether a frame has negative information about a number, beyond rounding."""
     m = settings.tree.n_pose + (settings.tree.n_shape if after.free[0] else 0)
     posterior, gained = np.diag(np.linalg.inv(after.covariance[0, :m, :m])), np.diag(curvature)[:m]
-    return bool((gained < -ROUNDING * (posterior - gained)).any())
+    return bool((gained < -ROUNDING_TOLERANCE * (posterior - gained)).any())
 
 
 def _is_covariance(state: State, settings: TrackerSettings) -> bool:

@@ -6,7 +6,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import USED, State, predict_people, update_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
 from posefuse.kinematics.initial_pose import aim, bones_shown, newborn
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals

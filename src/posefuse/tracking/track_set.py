@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import ProjectedBodies, empty_state, join_states, select_states
 from posefuse.tracking.records import RecentHistory, TentativeTrack, Track

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from posefuse.errors import DetectionsError
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.associate import associate

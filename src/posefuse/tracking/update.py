@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import USED, State, update_people
-from posefuse.kernels.tracking.counts import note_off
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
+from posefuse.kernels.tracking.frame_statistics import update_gated_time
 from posefuse.model.frames import Frame
 from posefuse.model.track_events import Event
 from posefuse.tracking.associate import Association
@@ -146,7 +147,7 @@ def _reinitialize_displaced_limbs(
     """Reinitialize limbs that most views have shown elsewhere for some time."""
     s, displaced_s = setup.settings, tracks.recent.displaced_s
     limit_s = s.options.reinitialization.limb_after_s
-    if note_off(uses.used, uses.gated, frame.dt_s, displaced_s) < limit_s:
+    if update_gated_time(uses.used, uses.gated, frame.dt_s, displaced_s) < limit_s:
         return ()
     events = []
     for p in np.flatnonzero(displaced_s.max(axis=1) >= limit_s):

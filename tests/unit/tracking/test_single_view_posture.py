@@ -5,7 +5,7 @@ import pytest
 from posefuse.tracking.single_view_posture import _leaning, apply_posture_prior, observe_posture
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.options.options import Options

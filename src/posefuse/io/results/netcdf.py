@@ -32,7 +32,7 @@ from posefuse.io.netcdf import (
     strings,
     text_of,
 )
-from posefuse.io.options import options_from_dict, options_to_toml
+from posefuse.io.options import options_to_toml, stored_options
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
@@ -111,7 +111,7 @@ def _read(path: Path) -> Reconstruction:
             "rate_hz": number_of(file, "rate_hz") if "rate_hz" in file.attrs else None,
             "unit": text_of(file, "unit"),
             "alignment": _read_alignment(file),
-            "options": options_from_dict(json.loads(text_of(file, "options")), path.name),
+            "options": stored_options(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
         }
         if "noise_scale" in stored:

@@ -12,7 +12,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.left_right.pairs import solve_pairs
-from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -20,7 +20,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.pairs import PairOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
+from posefuse.triangulation.consensus import METHOD, reweighting_loss
 from posefuse.triangulation.results import rows_by_person_frame
 
 
@@ -63,8 +63,8 @@ def solve(
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
-        options.min_views or DEFAULT_MIN_VIEWS,
-        pairs_to_try(len(rig)),
+        options.min_views or METHOD.default_min_views,
+        ordered_pairs(len(rig)),
         chosen.full_weight_sigma,
         chosen.zero_weight_sigma,
         (pair_options or PairOptions()).motion_sd_m,

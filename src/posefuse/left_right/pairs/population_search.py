@@ -14,7 +14,7 @@ from posefuse.arrays import frozen
 from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.left_right.pairs import solve_pairs
 from posefuse.kernels.left_right.population_search import search_pairs
-from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -83,7 +83,7 @@ def solve(
         noise.exponent,
         options.min_confidence,
         2,
-        pairs_to_try(len(rig)),
+        ordered_pairs(len(rig)),
         options.consensus.full_weight_sigma,
         _REACH_SIGMA,
         np.inf,

@@ -38,26 +38,27 @@ class Options:
     """All options of a reconstruction.
 
     Attributes:
-        people: Number of people: one, many, or auto to count them.
+        people: Number of people: one, many or auto. Auto counts them.
         person: Names of the people to keep, such as person_1; all by default.
-        bodies: Articulated models: auto fits them to several people, fit also to one, none never.
-        pick: Person to use if a view of a single subject shows several; without it, that is an error.
-        skeleton: Keypoint set, as a built-in name or a TOML file; by default inferred from the files.
+        bodies: Fit articulated models: auto, fit or none. Auto fits them to several people, fit also to a single one.
+        pick: Person to use if a view shows several: largest or track-id. Without it, several people in a view of a
+            single subject are an error.
+        skeleton: Keypoint set: a built-in name or a TOML file. By default it is inferred from the files.
         rate_hz: Frame rate, if the files do not state it.
         view_rates_hz: Frame rates of views that started together, each as view=rate, such as cam_2=60; other views use
             rate_hz.
         reference_view: View whose frames define the common timeline; by default the slowest, and of these the longest.
         third_channel: Meaning of the third number of a keypoint array.
         image_size: Width and height of the images, for keypoints given as fractions of the image.
-        length_unit: Length unit of the calibration, if its format does not define it.
-        up: Up axis of the calibration's world, if its format does not define it.
+        length_unit: Length unit of the calibration: m, cm or mm. It is needed if the format does not define it.
+        up: Up axis of the calibration, such as z or -y. It is needed if the format does not define it.
         cameras: Names of the cameras to use; all by default.
         exclude_camera: Names of the cameras to leave out.
         camera_order: Name of each view's camera, in the order of the views, if names do not match.
         start_s: Start of the part to reconstruct.
         end_s: End of the part to reconstruct, exclusive.
         noise_scale_px: Standard deviation of every detection per axis; by default estimated from the recording.
-        layer: Layer to export and evaluate; by default the best one available.
+        layer: Layer to export and evaluate: measured, solved or model. By default it is the best one available.
         triangulation: Options of triangulation.
         noise: Options of the detection noise.
         sync: Time offsets of the views.
@@ -69,9 +70,8 @@ class Options:
         side_search: Options of the left/right assignment.
         association: Options of cross-view association.
         tracker: Options of the multi-person tracker.
-        solve: Estimation over time: frame solves each frame separately, trajectory all frames together, auto chooses.
-            Auto takes the trajectory for one subject, two or more cameras, ten seconds or more, and the method
-            consensus.
+        solve: Solve per frame or over time: frame, trajectory or auto. Auto solves all frames together for one
+            subject, two or more cameras, ten seconds or more, and the method consensus.
         trajectory: Options of the trajectory solve.
         postprocess: Options of postprocessing.
         subject: Properties of the subject.

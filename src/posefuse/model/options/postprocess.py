@@ -46,7 +46,7 @@ class ButterworthOptions:
 
     Attributes:
         order: Order of the Butterworth filter over both passes; 4 is second order forward and second order backward.
-        cutoff_hz: Cutoff frequency of the Butterworth filter (-3 dB over both passes).
+        cutoff_hz: Butterworth cutoff frequency. The amplitude is -3 dB there, over both passes.
     """
 
     order: int = option(4, at_least=2, at_most=16)
@@ -118,11 +118,11 @@ class PostprocessOptions:
     Attributes:
         drop_beyond_px: Mean reprojection error beyond which a point is dropped; no limit by default.
         drop_beyond_sd_m: Standard deviation (RMS over the axes) beyond which a point is dropped; no limit by default.
-        fill: Interpolation of gaps: none, linear, monotone cubic (pchip) or the Kalman smoother's prediction
-            (smoother). Points are never extrapolated beyond a keypoint's first and last point.
+        fill: Gap filling: none, linear, pchip or smoother. Pchip is monotone cubic interpolation, smoother the
+            Kalman smoother's estimate; points are never extrapolated beyond a keypoint's first and last point.
         max_gap_s: Longest gap that is filled.
-        smooth: Filters to apply, in this order; none by default.
-        rigid_bones: Set every bone to its median length, from the root outward.
+        smooth: Filters to apply, in this order.
+        rigid_bones: Set every bone to its median length. Bones keep their directions, from the root outward.
         hampel: Options of the Hampel filter.
         median: Options of the running median.
         butterworth: Options of the Butterworth filter.

@@ -106,9 +106,9 @@ class TriangulationOptions:
 
     Attributes:
         method: Triangulation method; `posefuse methods` lists them.
-        min_views: Minimum number of views per point; by default 2 or 3, by method. A smaller rig lowers it to the
-            number of cameras, with a warning.
-        min_confidence: Minimum confidence of a detection that is used.
+        min_views: Minimum number of views per point. The default is 2 or 3, depending on the method; a smaller rig
+            lowers it to the number of cameras, with a warning.
+        min_confidence: Minimum detection confidence.
         confidence_exponent: Exponent of the noise model: the standard deviation of a detection is proportional to its
             confidence to minus this power; 0 gives all detections the same noise.
         flatten_single_view: With a single camera, place the keypoints in the plane z = 0 instead of at the detector's

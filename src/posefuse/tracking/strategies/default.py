@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.counts import add_identities
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.frame_statistics import add_identity_scores
 from posefuse.kernels.tracking.matching import score_detections
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import ProjectedBodies
@@ -76,7 +76,7 @@ class LogOddsScore:
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
         track_ids, least = frozen(frame.track_ids, np.int64), o.lifecycle.explained_evidence
-        add_identities(recent.detector_ids, frame.view, track_ids, o.id_evidence, least, scores, explained)
+        add_identity_scores(recent.detector_ids, frame.view, track_ids, o.id_evidence, least, scores, explained)
         return MatchScores(scores, o.match_evidence, swapped, odds, explained)
 
     def tentative_score(self, track: TentativeTrack, time_s: float, dt_s: float, settings: TrackerSettings) -> float:
