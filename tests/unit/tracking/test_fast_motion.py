@@ -50,16 +50,18 @@ NOBODY = np.full((1, 3), -1)
 
 def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray = NOBODY, gone_s: float = 0.03) -> int:
     proposals = proposed(points_m, views, log_odds)
-    return len(fast_motion.leaps(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS))
+    return len(
+        fast_motion.find_fast_motions(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS)
+    )
 
 
 def test_only_who_is_missing_where_others_show_somebody_may_have_leapt() -> None:
     rows = np.array([[0, 1, 2], [-1, -1, 3], [-1, -1, -1]])
     free = np.array([True, True, False])
     may = np.array([True, True, True])
-    assert fast_motion.may_have(rows, free, may).tolist() == [1, 2]
-    assert fast_motion.may_have(rows, free, np.array([True, False, True])).tolist() == [2]
-    assert fast_motion.may_have(rows, np.array([True, False, False]), may).tolist() == []
+    assert fast_motion.find_candidates(rows, free, may).tolist() == [1, 2]
+    assert fast_motion.find_candidates(rows, free, np.array([True, False, True])).tolist() == [2]
+    assert fast_motion.find_candidates(rows, np.array([True, False, False]), may).tolist() == []
 
 
 def test_a_leap_is_within_reach_and_shown_by_more_views() -> None:
@@ -83,7 +85,7 @@ def test_weak_odds_are_enough_only_for_who_is_shown_by_none() -> None:
 
 def test_who_leapt_is_there_faster_and_less_known() -> None:
     state, shift = standing(np.zeros(3)), np.array([0.02, -0.01, 0.0])
-    after = fast_motion.leapt(state, fast_motion.Leap(0, 0, shift), 1.0 / 30.0, SETTINGS)
+    after = fast_motion.displaced_state(state, fast_motion.FastMotion(0, 0, shift), 1.0 / 30.0, SETTINGS)
     np.testing.assert_allclose(after.root[0] - state.root[0], shift)
     assert (after.velocity[0, :3] @ shift) > 0.0
     assert (np.diagonal(after.covariance[0]) >= np.diagonal(state.covariance[0]) - 1e-15).all()
@@ -103,9 +105,9 @@ def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news()
     state = standing(np.zeros(3))
     columns = np.arange(TREE.n_pose)
     state.covariance[:, columns, columns] = SETTINGS.most
-    assert reinitialize.unknown(state, SETTINGS).all()
+    assert reinitialize.has_unknown_directions(state, SETTINGS).all()
     state.covariance[:, columns, columns] = 0.1 * SETTINGS.most
-    assert not reinitialize.unknown(state, SETTINGS).any()
+    assert not reinitialize.has_unknown_directions(state, SETTINGS).any()
 
 
 def test_bones_begin_where_they_are_shown_and_others_stay() -> None:

@@ -15,7 +15,7 @@ from posefuse.tracking.body_states import empty_state, join_states, select_state
 from posefuse.tracking.history import History
 from posefuse.tracking.records import PastState, People, Person
 from posefuse.tracking.settings import TrackerSettings
-from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tempering import predict_states
 from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
 
@@ -157,7 +157,7 @@ def test_any_range_is_that_of_the_whole(settings, rng, start):
     """To 1e-5 m, also where it begins while the shape is still sought."""
     history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
     (whole,) = taken(history, [200])
-    (part,) = smooth_people(history, start, start + 40, settings)
+    (part,) = PeopleSmoother(history, start, settings).take(start + 40)
     np.testing.assert_array_equal(part.places, np.arange(start, start + 40))
     theirs = whole.body.frames(start, start + 40)
     np.testing.assert_allclose(part.body.points_m, theirs.points_m, atol=1e-5)

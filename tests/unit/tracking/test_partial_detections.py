@@ -16,7 +16,9 @@ from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.partial_detections import merge_partial_detections, predict_swaps, suppress_single_view_matches
+from posefuse.tracking.associate import suppress_single_view_matches
+from posefuse.tracking.partial_detections import merge_partial_detections
+from posefuse.tracking.predict import predict_swaps
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import MatchScores
 from posefuse.tracking.tracker import ArticulatedTracker

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posefuse.tracking.single_view_height import apply_height_prior, observe_height
 
 from posefuse.kernels.tracking.posture_statistics import lowest_point
 from posefuse.kernels.tracking.projection import project_people
@@ -20,6 +19,7 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies, select_states
 from posefuse.tracking.records import RecentHistory
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.single_view_priors import apply_height_prior, observe_height
 
 DT_S = 0.04
 

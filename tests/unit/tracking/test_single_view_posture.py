@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from posefuse.tracking.single_view_posture import _leaning, apply_posture_prior, observe_posture
 from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.records import State
@@ -16,6 +15,7 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import join_states, select_states
 from posefuse.tracking.records import RecentHistory
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.single_view_priors import _lean_rows, apply_posture_prior, observe_posture
 
 DT_S = 0.04
 
@@ -60,7 +60,7 @@ def turned_round(state: State, by: Rotation) -> State:
 def test_what_is_learnt_is_the_mean_and_the_variance(settings: TrackerSettings):
     recent, shown = nothing_known(settings, 1), [somebody(settings, seed) for seed in range(6)]
     for state in shown:
-        observe_posture(state, recent, np.array([3]), DT_S)
+        observe_posture(state, recent, np.array([3]), DT_S, settings)
     leans = np.array([leans_of(state) for state in shown])
     np.testing.assert_allclose(recent.leans[0], leans.mean(axis=0), atol=1e-12)
     np.testing.assert_allclose(recent.leans_variance[0], leans.var(axis=0), atol=1e-12)
@@ -72,15 +72,15 @@ def test_what_is_learnt_is_the_mean_and_the_variance(settings: TrackerSettings):
 
 def test_one_view_alone_teaches_nothing(settings: TrackerSettings):
     recent = nothing_known(settings, 2)
-    observe_posture(join_states(somebody(settings, 0), somebody(settings, 1)), recent, np.array([1, 2]), DT_S)
+    observe_posture(join_states(somebody(settings, 0), somebody(settings, 1)), recent, np.array([1, 2]), DT_S, settings)
     assert recent.posture_observed_s.tolist() == [0.0, DT_S]
     assert not recent.leans[0].any()
 
 
 def test_leans_go_with_the_pose_as_differences_say(settings: TrackerSettings):
     state, recent = somebody(settings, 3), nothing_known(settings, 1)
-    observe_posture(somebody(settings, 4), recent, np.array([2]), DT_S)
-    rows, _, _ = _leaning(state, recent, 0)
+    observe_posture(somebody(settings, 4), recent, np.array([2]), DT_S, settings)
+    rows, _, _ = _lean_rows(state, recent, 0, 0.1)
     for c in range(settings.tree.n_pose):
         change = np.zeros((1, state.covariance.shape[1]))
         change[0, c] = 1e-6
@@ -93,7 +93,7 @@ def test_who_turned_round_is_told_to_stand_as_before(settings: TrackerSettings):
     """Leans are from the trunk, and the trunk's own is from the world's up: turning about that changes nothing."""
     state, recent = somebody(settings, 5), nothing_known(settings, 1)
     for _ in range(30):
-        observe_posture(state, recent, np.array([2]), DT_S)
+        observe_posture(state, recent, np.array([2]), DT_S, settings)
     about = Rotation.from_rotvec(1.3 * state.turns[0, 0, :, 2])
     turned = turned_round(state, about)
     apply_posture_prior(turned, recent, np.array([True]), DT_S, settings)
@@ -104,7 +104,7 @@ def test_who_turned_round_is_told_to_stand_as_before(settings: TrackerSettings):
 def test_who_leans_otherwise_is_drawn_back_and_known_better(settings: TrackerSettings):
     before, recent = somebody(settings, 6), nothing_known(settings, 1)
     for _ in range(30):
-        observe_posture(before, recent, np.array([2]), DT_S)
+        observe_posture(before, recent, np.array([2]), DT_S, settings)
     state = somebody(settings, 7)
     off, known = np.abs(leans_of(state) - leans_of(before)).mean(), state.covariance.copy()
     for _ in range(40):
@@ -117,7 +117,7 @@ def test_who_leans_otherwise_is_drawn_back_and_known_better(settings: TrackerSet
 
 def test_of_whom_little_is_known_nothing_is_told(settings: TrackerSettings):
     state, recent = somebody(settings, 8), nothing_known(settings, 1)
-    observe_posture(somebody(settings, 9), recent, np.array([2]), DT_S)
+    observe_posture(somebody(settings, 9), recent, np.array([2]), DT_S, settings)
     same = select_states(state, [0])
     apply_posture_prior(same, recent, np.array([True]), DT_S, settings)
     np.testing.assert_array_equal(same.bones, state.bones)

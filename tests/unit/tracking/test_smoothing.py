@@ -13,12 +13,14 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.backward_pass import smooth_states
 from posefuse.tracking.body_states import empty_state, free_columns, join_states, select_states
 from posefuse.tracking.history import Run
+from posefuse.tracking.refiltering import refilter_run
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
-from posefuse.tracking.smoothing import smooth_run, smooth_states
+from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
 from posefuse.tracking.tempering import bone_axes, predict_states, refilter, temper_first_state
-from tests.reference import tempering_factor as reference
+from tests.reference import tempering as reference
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree
@@ -332,6 +334,12 @@ def test_axes_of_bones_are_carried_into_others(settings, rng):
     ours, theirs = (np.linalg.inv(each.covariance[:, : N + H, : N + H]) for each in (turned, states))
     np.testing.assert_allclose(turn.transpose(0, 2, 1) @ theirs @ turn, ours, atol=1e-9 * np.abs(ours).max())
     assert np.abs(theirs - ours).max() > 1e-3 * np.abs(ours).max()
+
+
+def smooth_run(run: Run, settings: TrackerSettings) -> SmoothedBodies:
+    """Return one person smoothed over all frames of a run."""
+    window = refilter_run(run, None, settings)
+    return describe_bodies(smooth_states(window.state, run.time_s, settings), window.information, settings)
 
 
 def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posefuse.tracking.state_initiation import put_right
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError
@@ -34,6 +33,7 @@ from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategies import default, specification
 from posefuse.tracking.strategies.specification import proposal_distance
 from posefuse.tracking.strategy import FrameOutcome
+from posefuse.tracking.track_initiation import update_by_observation
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -180,7 +180,7 @@ def test_a_kept_shape_stays_certain() -> None:
     predict_states(state, 0.04)
     shape = state.shape.copy()
     evidence = replace(proposal(sight_of(state).points_m[0]), keypoints_px=sight_of(state).pixels[0] + 4.0)
-    put_right(state, evidence, SETTINGS, 2)
+    update_by_observation(state, evidence, SETTINGS, 2)
     np.testing.assert_array_equal(state.shape, shape)
 
 

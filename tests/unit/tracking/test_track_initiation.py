@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posefuse.tracking.state_initiation import begin
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
@@ -17,6 +16,7 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation
 from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.track_initiation import fit_body
 
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 4)
@@ -54,7 +54,7 @@ def standing_still(settings: TrackerSettings, times_s: np.ndarray, size: float =
 
 
 def born(settings: TrackerSettings, times_s: np.ndarray) -> State:
-    return begin(standing_still(settings, times_s), settings)[0]
+    return fit_body(standing_still(settings, times_s), settings)[0]
 
 
 def spread(state: State, settings: TrackerSettings) -> np.ndarray:

@@ -230,7 +230,7 @@ class LifecycleOptions:
     visible_share: float = option(0.5, above=0.0, at_most=1.0)
     occluded_share: float = option(0.5, above=0.0, at_most=1.0)
     max_missing_views: float = option(1.2, at_least=0.0)
-    explained_evidence: float = option(3.0)
+    explained_evidence: float = option(3.0, unit="nats")
     outside_margin_m: float = option(0.5, at_least=0.0)
 
     def __post_init__(self) -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posefuse.tracking.missed_views import is_occluded
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kinematics.initial_pose import newborn
@@ -16,6 +15,7 @@ from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.camera_monitor import is_occluded
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -120,8 +120,8 @@ def test_somebody_else_hides_and_oneself_does_not():
     frame = frame_of(0, shown, EVERY, rng)
     core = shown[:, [SKELETON.index(name) for name in SKELETON.core]]
     nobody, rows = np.full(5, -1), np.array([0, -1, 2, -1, -1])
-    np.testing.assert_array_equal(is_occluded(core, nobody, frame), np.ones(5, dtype=bool))
-    np.testing.assert_array_equal(is_occluded(core, rows, frame), rows < 0)
+    np.testing.assert_array_equal(is_occluded(core, nobody, frame, 0.5), np.ones(5, dtype=bool))
+    np.testing.assert_array_equal(is_occluded(core, rows, frame, 0.5), rows < 0)
     aside = core + np.array([400.0, 0.0])
-    assert not is_occluded(aside, nobody, frame).any()
-    assert not is_occluded(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng)).any()
+    assert not is_occluded(aside, nobody, frame, 0.5).any()
+    assert not is_occluded(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng), 0.5).any()
