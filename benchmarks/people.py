@@ -153,11 +153,11 @@ def follow(
         tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
-        alone_in(scene, told),
+        exclusive_folder(scene, told),
     )
 
 
-def alone_in(scene: CrowdScene, told: Sequence[People]) -> Alone:
+def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
     """Everybody active whom one view alone shows, by a detection of one person, beside that person."""
     truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
     off, sd, squared = [], [], []

@@ -38,7 +38,7 @@ def batch(
     """
     from posefuse.batch.jobs import jobs_of
     from posefuse.cli.batch_work import as_before
-    from posefuse.io.files import alone_in, must_exist
+    from posefuse.io.files import exclusive_folder, must_exist
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
@@ -51,7 +51,7 @@ def batch(
     window = None if scheduler is None else window_s
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
-    with alone_in(output, output):
+    with exclusive_folder(output, output):
         found, ended = _done(todo, _outcomes(todo, jobs, scheduler))
         missing = [Outcome(job.name, "not done", _ENDED) for job in todo if job.name not in found]
         by_name = found | {each.name: each for each in missing}

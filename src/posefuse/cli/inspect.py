@@ -62,7 +62,7 @@ def inspect(
     if ignored:
         say("not read:")
     for item in ignored:
-        note(f"  {choices(item.names, _MOST_NAMES)}: {item.why}")
+        note(f"  {choices(item.names, _MOST_NAMES)}: {item.reason}")
     matched = _say_matches(_Read(rigs, seen), options)
     if deep and len(rigs) == len(seen) == 1:
         if matched:
@@ -100,8 +100,8 @@ def _calibration(item: Found, options: Options) -> CameraRig | None:
     from posefuse.io.calibration.read import read_cameras
 
     say(f"calibration {item.path} ({item.format})")
-    if item.why:
-        note(f"  known by: {item.why}")
+    if item.recognized_by:
+        note(f"  recognized by: {item.recognized_by}")
     try:
         rig = read_cameras(item.path, length_unit=options.length_unit, up=options.up)
     except PosefuseError as error:
@@ -125,8 +125,8 @@ def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: O
     from posefuse.io.keypoints.read import read_keypoints
 
     say(f"keypoints {item.path} ({item.format})")
-    if item.why:
-        note(f"  known by: {item.why}")
+    if item.recognized_by:
+        note(f"  recognized by: {item.recognized_by}")
     try:
         request = request_of(recording, item.path, options, Bars(), timestamps)
         detections = read_keypoints(item.path, request)

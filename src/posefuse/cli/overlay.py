@@ -53,14 +53,14 @@ def overlay(
         offset_s=offsets_by_camera(offset_s),
     )
     videos = videos_by_camera(opened.rig, video)
-    sightings = detections_in(opened, detections)
-    written = write_overlays(opened, videos, output, chosen, sightings, Bars())
+    drawn_detections = detections_in(opened, detections)
+    written = write_overlays(opened, videos, output, chosen, drawn_detections, Bars())
     left_out = [name for name in opened.rig.names if name not in videos]
     if left_out and not blank:
         note(f"note: no video of {', '.join(left_out)}: not drawn (--blank draws them on a plain background).")
     for each in written:
-        bare = each.n_images - each.n_drawn
-        more = f", {bare} without a frame of the result" if bare else ""
-        say(f"Wrote {each.path}: {count(each.n_images, 'picture')}{more}")
-        for remark in each.remarks:
-            warn(remark)
+        n_without = each.n_images - each.n_drawn
+        more = f", {n_without} without a frame of the result" if n_without else ""
+        say(f"Wrote {each.path}: {count(each.n_images, 'image')}{more}")
+        for text in each.notes:
+            warn(text)

@@ -312,10 +312,11 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
 
 def has_debug(plan: "Plan") -> bool:
     """Whether the method has figures that show what it did."""
-    from posefuse.triangulation import percentile_filter
+    from posefuse.triangulation.registry import find_method
 
     triangulation = plan.options.triangulation
-    return triangulation.method == "percentile_filter" and percentile_filter.runs(plan.rig, triangulation)
+    figure = find_method(triangulation.method).debug_figure
+    return figure is not None and figure.applies(plan.rig, triangulation)
 
 
 def describe(result: Reconstruction) -> None:

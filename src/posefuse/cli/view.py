@@ -11,7 +11,7 @@ from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from posefuse.visualize.viewer.scene import Footage
+    from posefuse.visualize.viewer.scene import ViewerVideo
 
 
 def view(
@@ -38,33 +38,33 @@ def view(
     from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
-    from posefuse.visualize.clock import frames_between
-    from posefuse.visualize.viewer.library import rerun
-    from posefuse.visualize.viewer.show import must_have_display, open_scene, save_scene
+    from posefuse.visualize.frame_times import frames_between
+    from posefuse.visualize.viewer.library import import_rerun
+    from posefuse.visualize.viewer.show import open_scene, require_display, save_scene
 
-    rerun()
+    import_rerun()
     if save is None:
-        must_have_display()
+        require_display()
     _, whole = open_result(result)
     opened = frames_between(whole, start_s, end_s)
-    footage = _footage(opened, video, offset_s, match)
+    videos = _viewer_videos(opened, video, offset_s, match)
     detections = detections_in(opened, recording)
     if save is None:
-        open_scene(opened, detections, footage, Bars())
+        open_scene(opened, detections, videos, Bars())
         return
     with replacing(save) as temporary:
-        save_scene(opened, temporary, detections, footage, Bars())
+        save_scene(opened, temporary, detections, videos, Bars())
     say(f"Wrote {save}")
     note(f"Open it with: rerun {save}")
 
 
-def _footage(
+def _viewer_videos(
     result: Reconstruction, video: tuple[str, ...], offset_s: tuple[str, ...], match: Literal["time", "frame"]
-) -> Mapping[str, "Footage"]:
+) -> Mapping[str, "ViewerVideo"]:
     from posefuse.cli.videos import offsets_by_camera, videos_by_camera
-    from posefuse.visualize.overlay.footage import footage_of
     from posefuse.visualize.overlay.options import OverlayOptions
+    from posefuse.visualize.viewer.videos import load_viewer_videos
 
     videos = videos_by_camera(result.rig, video)
     options = OverlayOptions(match=match, offset_s=offsets_by_camera(offset_s), blank=not videos)
-    return footage_of(result, videos, options)
+    return load_viewer_videos(result, videos, options)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen, same
+from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import ResultError
 from posefuse.model.cameras import UpAxis
 
@@ -12,7 +12,7 @@ _ROTATION_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment(Rebuilt):
+class Alignment(PickledByFields):
     """A similarity transform: ``p_aligned = scale * rotation @ p_calibration + shift_m``.
 
     Attributes:
