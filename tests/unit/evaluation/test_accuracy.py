@@ -121,7 +121,7 @@ def test_trajectories_by_order_or_time(truth):
         truth_from_trajectories(
             replace(truth, time_s=np.full(10, np.nan)), ("point_2",), np.arange(4) / 30, points[:4, [2]]
         )
-    with pytest.raises(ResultError, match="are none of skeleton"):
+    with pytest.raises(ResultError, match="do not occur in skeleton"):
         truth_from_trajectories(truth, ("tail",), np.arange(10) / 30, points[:, [2]])
 
 
