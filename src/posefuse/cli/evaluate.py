@@ -12,15 +12,15 @@ from cyclopts import Parameter
 from posefuse.cli.console import count, note, percent, say, table
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
-from posefuse.evaluation.heads import HeadRule
+from posefuse.evaluation.head_points import HeadRule
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
-    from posefuse.evaluation.own_account import OwnAccount, PersonAccount
+    from posefuse.evaluation.paired_results import PeoplePoints
     from posefuse.evaluation.people import PeopleScores
-    from posefuse.evaluation.together import PeoplePoints
+    from posefuse.evaluation.self_consistency import PersonConsistency, SelfConsistency
 
 StateName = Literal["tentative", "active", "lost"]
 
@@ -71,7 +71,7 @@ def evaluate(
     """
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.cli.results import open_result
-    from posefuse.evaluation.own_account import OwnAccount, own_account
+    from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
 
     path, reconstruction = open_result(result)
@@ -80,19 +80,19 @@ def evaluate(
         note("The result is aligned; it is compared in the calibration's coordinate system.")
         reconstruction = in_calibration_world(reconstruction)
     if states:
-        from posefuse.evaluation.together import only_in_states
+        from posefuse.evaluation.paired_results import only_in_states
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     if truth:
         files = tuple(must_exist(file, "truth") for file in truth)
         scores = compare(reconstruction, files, head_rule, entry_s, gate_m)
     else:
-        scores = own_account(reconstruction)
+        scores = self_consistency(reconstruction)
     target = json_file or path.parent / "evaluation.json"
     with replacing(target) as temporary:
         temporary.write_text(json.dumps(plain(asdict(scores)), indent=2, allow_nan=False) + "\n", "utf-8")
-    if isinstance(scores, OwnAccount):
-        show_account(scores)
+    if isinstance(scores, SelfConsistency):
+        show_self_consistency(scores)
     elif isinstance(scores, Accuracy):
         show(scores)
     else:
@@ -123,7 +123,7 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
         ResultError: if there are several files that are not TRC or C3D.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.evaluation import together
+    from posefuse.evaluation import paired_results
     from posefuse.io.results import netcdf
 
     first = files[0]
@@ -135,13 +135,13 @@ def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints 
     if all(of_one):
         if len(files) == len(result.person_ids) == 1:
             return None
-        return together.with_truths(
+        return paired_results.with_truths(
             result, [truth_finder(file)(result) for file in files], [file.stem for file in files]
         )
     known = in_calibration_world(netcdf.read_reconstruction(first))
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
-    return together.people_points(result, known)
+    return paired_results.people_points(result, known)
 
 
 def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
@@ -236,7 +236,7 @@ def show(accuracy: Accuracy) -> None:
     table(None, ["", ""], rows)
 
 
-def show_account(account: "OwnAccount") -> None:
+def show_self_consistency(account: "SelfConsistency") -> None:
     """Print the self-consistency of a result."""
     note(f"layer {account.layer}, self-consistency without ground truth: {count(account.n_frames, 'frame')}")
     variation, reprojection = account.bone_variation, account.reprojection_median_px
@@ -253,12 +253,12 @@ def show_account(account: "OwnAccount") -> None:
         ]
     table(None, ["", ""], rows)
     heads = ["person", "frames", "missing", "bone variation", "NIS, median"]
-    table(None, heads, [_account_row(person) for person in account.people])
+    table(None, heads, [_consistency_row(person) for person in account.people])
     if account.innovations is not None:
         note("NIS: normalized innovation squared of the detections; 1 if the covariances are consistent.")
 
 
-def _account_row(person: "PersonAccount") -> list[str]:
+def _consistency_row(person: "PersonConsistency") -> list[str]:
     return [
         person.name,
         str(person.n_frames),

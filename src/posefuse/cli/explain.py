@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, say, table, warn
 from posefuse.cli.types import TimestampsPath
 from posefuse.errors import MatchError, choices
-from posefuse.explain import AROUND_S, FrameAccount, PersonAccount, Sighting, ViewAccount
+from posefuse.explain import AROUND_S, FrameAccount, PersonConsistency, Sighting, ViewAccount
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton
@@ -118,7 +118,7 @@ def _print_people(frame_account: FrameAccount) -> None:
     table(None, ["person", "state", "layer", "points", "error px", "sd mm"], rows)
 
 
-def _person_rows(person: PersonAccount) -> list[list[str]]:
+def _person_rows(person: PersonConsistency) -> list[list[str]]:
     state = f"{person.state.name.lower()} since {person.since}"
     rows = []
     for i, layer in enumerate(person.layers):

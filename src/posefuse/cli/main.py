@@ -97,6 +97,7 @@ def main(arguments: list[str] | None = None) -> None:
 
     The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call and 130 after Ctrl-C.
     """
+    _HELP.show_all = False
     with print_warnings():
         try:
             app.meta(arguments, exit_on_error=False, print_error=False, result_action="return_value")

@@ -298,7 +298,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     """
     if not has_debug(plan):
         return []
-    from posefuse.evaluation.filtering import error_profile
+    from posefuse.evaluation.error_profile import error_profile
     from posefuse.pipeline.measured_layer import reconstruct_chunks
     from posefuse.pipeline.reconstruct import settle
     from posefuse.report.percentile_filter import percentile_filter_figure
