@@ -23,8 +23,8 @@ from scipy.stats import chi2
 import posefuse
 from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
-from posefuse.evaluation.together import PeoplePoints
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions

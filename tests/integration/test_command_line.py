@@ -62,7 +62,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
     code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "against the truth, by order: 30 frames" in said
+    assert "against the ground truth, by order: 30 frames" in said
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())

@@ -153,7 +153,9 @@ class Shape(HTMLParser):
 @cache
 def report_of() -> Reconstruction:
     result = replace(followed(crowd(people=2, seconds=0.6)), swaps=None, poses=None)
-    return replace(result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Recording check: a finding.", "a note")))
+    return replace(
+        result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Recording check: a finding.", "a note"))
+    )
 
 
 @given(st.lists(evil, min_size=8, max_size=8, unique=True))
