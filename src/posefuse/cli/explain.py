@@ -11,8 +11,9 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, say, table, warn
 from posefuse.cli.types import TimestampsPath
 from posefuse.errors import MatchError, choices
-from posefuse.explain import AROUND_S, FrameAccount, PersonConsistency, Sighting, ViewAccount
+from posefuse.explain import AROUND_S
 from posefuse.model.detections import Detections
+from posefuse.model.frame_report import DetectionReport, FrameReport, PersonReport, ViewReport
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -101,7 +102,7 @@ def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
     return chosen
 
 
-def _say_events(told: FrameAccount) -> None:
+def _say_events(told: FrameReport) -> None:
     say("")
     if not told.events:
         note(f"Nothing happened within {AROUND_S:g} s.")
@@ -110,7 +111,7 @@ def _say_events(told: FrameAccount) -> None:
     table(None, ["frame", "who", "what", "why"], rows, words=True)
 
 
-def _say_people(told: FrameAccount) -> None:
+def _say_people(told: FrameReport) -> None:
     say("")
     if not told.people:
         note("Nobody is followed in this frame.")
@@ -119,7 +120,7 @@ def _say_people(told: FrameAccount) -> None:
     table(None, ["person", "state", "layer", "points", "error px", "sd mm"], rows)
 
 
-def _person_rows(person: PersonConsistency) -> list[list[str]]:
+def _person_rows(person: PersonReport) -> list[list[str]]:
     state = f"{person.state.name.lower()} since {person.since}"
     rows = []
     for i, layer in enumerate(person.layers):
@@ -130,7 +131,7 @@ def _person_rows(person: PersonConsistency) -> list[list[str]]:
     return rows
 
 
-def _say_keypoints(told: FrameAccount, skeleton: Skeleton) -> None:
+def _say_keypoints(told: FrameReport, skeleton: Skeleton) -> None:
     """How each keypoint of one person came out."""
     for each in told.people:
         for layer in each.layers:
@@ -156,17 +157,17 @@ def _in_short(names: Sequence[str], skeleton: Skeleton) -> str:
     return ", ".join([*said, *([choices(rest, _MOST_NAMED)] if rest else [])])
 
 
-def _say_view(view: ViewAccount, layers: tuple[str, ...]) -> None:
+def _say_view(view: ViewReport, layers: tuple[str, ...]) -> None:
     say("")
-    note(f"{view.name}: {count(len(view.sightings), 'detection')}" + ("" if view.sightings else " to tell of"))
-    if view.sightings:
+    note(f"{view.name}: {count(len(view.detections), 'detection')}" + ("" if view.detections else " to tell of"))
+    if view.detections:
         columns = ["  #", "whose", *(f"{layer} px" for layer in layers), "used", "why"]
-        table(None, columns, [_sighting_row(each, layers) for each in view.sightings], words=True)
-    for name, why in view.unseen.items():
+        table(None, columns, [_detection_row(each, layers) for each in view.detections], words=True)
+    for name, why in view.undetected.items():
         note(f"  {name} not matched: {why}")
 
 
-def _sighting_row(each: Sighting, layers: tuple[str, ...]) -> list[str]:
+def _detection_row(each: DetectionReport, layers: tuple[str, ...]) -> list[str]:
     of = "" if each.n_keypoints is None else f" of {each.n_keypoints}"
     used = "-" if each.n_used is None else f"{each.n_used}"
     mark = "" if each.track_id is None else f" (id {each.track_id})"
