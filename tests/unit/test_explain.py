@@ -52,7 +52,7 @@ def test_the_errors_are_distances_to_the_projected_person(scene, result):
     assert one.error_px["model"] == pytest.approx(np.nanmedian(off), rel=1e-5)
 
 
-def test_why_a_detection_is_nobodys(scene, result):
+def test_unassigned_detections_have_the_right_reason(scene, result):
     """The simulation knows which detections are of nobody and which are somebody seen twice."""
     reasons: dict[Kind, list[str]] = {}
     for number in range(result.n_frames):
@@ -64,12 +64,12 @@ def test_why_a_detection_is_nobodys(scene, result):
                 known = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
                 if each.person is None and known:
                     reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
-    assert all("nobody stands there" in why or "is followed" in why for why in reasons[Kind.FALSE])
+    assert all("no person here" in why or "is tracked" in why for why in reasons[Kind.FALSE])
     assert reasons[Kind.DUPLICATE]
-    assert all("seen twice" in why for why in reasons[Kind.DUPLICATE])
+    assert all("a duplicate" in why for why in reasons[Kind.DUPLICATE])
 
 
-def test_somebody_who_was_not_given_a_detection_is_told_where_it_is(scene, result):
+def test_a_missed_detection_is_reported_with_its_position(scene, result):
     detection = np.array(result.tracks.detection)
     number = int(detection[10, 0, 2])
     detection[10, 0, 2] = -1
@@ -116,13 +116,13 @@ def test_events_of_the_second_before_and_after(result):
 
 
 def test_what_it_refuses(scene, result):
-    with pytest.raises(ResultError, match="No frame 77 in this result, whose frames are 0 to 49. Give one of them"):
+    with pytest.raises(ResultError, match="frames 0 to 49\\). Choose a frame"):
         explain(result, 77)
-    with pytest.raises(ResultError, match="Nobody is called 'person_9'"):
+    with pytest.raises(ResultError, match="No person 'person_9'"):
         explain(result, 7, None, "person_9")
     with pytest.raises(ResultError, match="not made from detections"):
         explain(replace(result, tracks=None), 7)
-    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9: the result was made from others"):
+    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9: the result was made from other keypoints"):
         explain(result, 30, scene.detections.frames(0, 10))
     detection = np.array(result.tracks.detection)
     detection[7, 0, 1] = 12
