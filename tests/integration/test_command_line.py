@@ -62,7 +62,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
     code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "against the truth, by order: 30 frames" in said
+    assert "against the ground truth, by order: 30 frames" in said
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())
@@ -228,7 +228,7 @@ class TestBadInput:
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations in", "--calibration PATH"])
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"])
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()
@@ -236,7 +236,7 @@ class TestBadInput:
 
     def test_two_calibrations(self, refused, recording, tmp_path):
         (recording / "other.toml").write_text((recording / "calibration.toml").read_text())
-        words = ["2 calibrations", "does not guess", "--calibration", "other.toml"]
+        words = ["2 calibrations", "Choose one", "--calibration", "other.toml"]
         refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
 
     def test_cameras_of_other_names(self, refused, recording, tmp_path):

@@ -106,7 +106,7 @@ def test_one_person(scene, result):
     told = explain(result, 10, scene.detections, "person_2")
     assert [person.name for person in told.people] == ["person_2"]
     assert {each.person for view in told.views for each in view.detections} <= {"person_2", None}
-    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera refused", "b"))
+    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera_rejected", "b"))
     assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
 
 
@@ -122,7 +122,7 @@ def test_what_it_refuses(scene, result):
         explain(result, 7, None, "person_9")
     with pytest.raises(ResultError, match="not made from detections"):
         explain(replace(result, tracks=None), 7)
-    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9: the result was made from other keypoints"):
+    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9; the result"):
         explain(result, 30, scene.detections.frames(0, 10))
     detection = np.array(result.tracks.detection)
     detection[7, 0, 1] = 12

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, complain, count, percent, say, table, warn
+from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
 from posefuse.model.batch import Job, Outcome
@@ -108,10 +108,10 @@ def _tell(outcomes: Sequence[Outcome], output: Path) -> None:
     table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in outcomes])
     for each in outcomes:
         for warning in each.warnings:
-            complain("warning: ", "yellow", f"{each.name}: {warning}")
+            print_problem("warning: ", "yellow", f"{each.name}: {warning}")
     for each in outcomes:
         if each.state == "failed":
-            complain("failed: ", "bold red", f"{each.name}: {each.why}")
+            print_problem("failed: ", "bold red", f"{each.name}: {each.why}")
     states = Counter(each.state for each in outcomes)
     say(
         f"{count(len(outcomes), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "

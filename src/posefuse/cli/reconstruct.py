@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
-from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
+from posefuse.cli.console import Bars, count, handle_warnings, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
 from posefuse.cli.types import (
@@ -201,7 +201,7 @@ def write_once(checkpoint: Checkpoint, path: Path, make: Callable[[Path], "Plan"
         said.append(remark)
         show(PosefuseWarning(remark), PosefuseWarning, __file__, 0)
 
-    with hearing(hear):
+    with handle_warnings(hear):
         plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
         checkpoint.save_file(path, tuple(said))
@@ -376,7 +376,9 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
     if result.events:
         note(f"events: {format_event_counts(result.events)}")
     uncertain = [
-        event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
+        event
+        for event in result.events
+        if event.what in ("possible_identity_switch", "camera_rejected", "camera_silent")
     ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
