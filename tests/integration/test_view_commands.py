@@ -35,7 +35,7 @@ def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
     )
     assert code == 0
     assert f"{N_FRAMES - 1} images" in said
-    assert "no video of cam1: not drawn" in said
+    assert "no video of cam1; --blank" in said
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError, suggestion
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import Tree, sided
@@ -28,7 +28,7 @@ _LEAST_POINTS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Part(Rebuilt):
+class Part(PickledByFields):
     """A separately tracked part of a body.
 
     Attributes:

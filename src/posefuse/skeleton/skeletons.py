@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
@@ -40,7 +40,7 @@ _KEYS = (
 
 
 @dataclass(frozen=True)
-class Skeleton(Rebuilt):
+class Skeleton(PickledByFields):
     """Keypoint names and their relations.
 
     Attributes:

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 
 ADULT_M = 1.75
 """Stature of the human to which lengths in options refer, in meters."""
@@ -69,7 +69,7 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Tree(Rebuilt):
+class Tree(PickledByFields):
     """A kinematic tree with body lengths.
 
     A pose has 3 numbers for the root position, 3 per segment for its rotation, and 2 per bone for its direction, in

@@ -62,7 +62,7 @@ class CrowdOptions:
     ============  ======  =======  ===================================================================
     scenario      people  seconds  what happens
     ============  ======  =======  ===================================================================
-    crowd         4       60       people walk and cross each other's paths; half come later and go
+    crowd         4       60       people walk and cross each other's paths; half enter late and leave
     hug           2       20       two meet, hug for 1 to 2 s, separate and swap places
     leave         2       30       one leaves for 5 s and returns, the other stays
     one_camera    2       20       boards hide one person from all views but one for 2 s

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln, hyp2f1
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.skeleton.skeletons import Skeleton
@@ -49,7 +49,7 @@ _SHORTEST_MARGIN_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Laws(Rebuilt):
+class Laws(PickledByFields):
     """What holds for a whole recording.
 
     Attributes:

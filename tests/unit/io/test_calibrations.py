@@ -141,7 +141,7 @@ def test_rotation_matrix(tmp_path):
 
 
 BROKEN = [
-    (lambda text: text[: len(text) // 2], FileError, ["is not TOML", "cut short"]),
+    (lambda text: text[: len(text) // 2], FileError, ["is not valid TOML", "truncated"]),
     (lambda text: text.replace("matrix =", "martix ="), FileError, ["[cam_0]", "no matrix", "martix"]),
     (
         lambda text: text.replace("rotation = [", "rotation = [0.0, "),
@@ -170,7 +170,7 @@ def test_invalid_calibration_error_names_the_location(break_it, kind, words, tmp
 @pytest.mark.parametrize(
     ("break_it", "words"),
     [
-        (lambda text: text[:-40], "not whole XML"),
+        (lambda text: text[:-40], "not complete XML"),
         (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "has no cameras"),
         (
             lambda text: text.replace('focalLengthU="', 'focalLengthU="x'),
@@ -194,7 +194,7 @@ def test_invalid_rotation_is_an_error(tmp_path):
 
 
 def test_other_files_are_not_calibrations(tmp_path):
-    with pytest.raises(FileError, match=r"No calibration file at .*In .* there is: nothing|none"):
+    with pytest.raises(FileError, match=r"No calibration file at .*contains: "):
         read_cameras(tmp_path / "calibration.toml")
     with pytest.raises(FileError, match="is a folder"):
         read_cameras(tmp_path)

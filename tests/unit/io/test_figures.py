@@ -282,7 +282,7 @@ class TestWhatCannotBeWritten:
         result = posed(people=2)
         result = replace(result, rig=replace(result.rig, up_axis=None))
         done = posefuse.write(result, tmp_path / "a.bvh")
-        assert any("up is not known" in note for note in done.notes)
+        assert any("up axis is unknown" in note for note in done.notes)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a_person_1.bvh", "a_person_2.bvh"]
 
     def test_a_folder_gets_both_formats_of_everybody_who_is_there(self, tmp_path):
