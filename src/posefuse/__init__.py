@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
-    from posefuse.evaluation.own_account import own_account as own_account
+    from posefuse.evaluation.paired_results import PeoplePoints as PeoplePoints
+    from posefuse.evaluation.paired_results import people_points as people_points
     from posefuse.evaluation.people import ScoringOptions as ScoringOptions
     from posefuse.evaluation.people import score_people as score_people
-    from posefuse.evaluation.together import PeoplePoints as PeoplePoints
-    from posefuse.evaluation.together import people_points as people_points
+    from posefuse.evaluation.self_consistency import self_consistency as self_consistency
     from posefuse.io.calibration.read import read_cameras as read_cameras
     from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
@@ -75,9 +75,9 @@ _PLACES = {
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
-    "evaluation.own_account": ("own_account",),
+    "evaluation.self_consistency": ("self_consistency",),
     "evaluation.people": ("ScoringOptions", "score_people"),
-    "evaluation.together": ("PeoplePoints", "people_points"),
+    "evaluation.paired_results": ("PeoplePoints", "people_points"),
     "io.calibration.read": ("read_cameras",),
     "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, complain, count, percent, say, table, warn
+from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
 from posefuse.model.batch import Job, Outcome
@@ -38,7 +38,7 @@ def batch(
     """
     from posefuse.batch.jobs import jobs_of
     from posefuse.cli.batch_work import as_before
-    from posefuse.io.files import alone_in, must_exist
+    from posefuse.io.files import exclusive_folder, must_exist
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
@@ -51,7 +51,7 @@ def batch(
     window = None if scheduler is None else window_s
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
-    with alone_in(output, output):
+    with exclusive_folder(output, output):
         found, ended = _done(todo, _outcomes(todo, jobs, scheduler))
         missing = [Outcome(job.name, "not done", _ENDED) for job in todo if job.name not in found]
         by_name = found | {each.name: each for each in missing}
@@ -108,10 +108,10 @@ def _tell(outcomes: Sequence[Outcome], output: Path) -> None:
     table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in outcomes])
     for each in outcomes:
         for warning in each.warnings:
-            complain("warning: ", "yellow", f"{each.name}: {warning}")
+            print_problem("warning: ", "yellow", f"{each.name}: {warning}")
     for each in outcomes:
         if each.state == "failed":
-            complain("failed: ", "bold red", f"{each.name}: {each.why}")
+            print_problem("failed: ", "bold red", f"{each.name}: {each.why}")
     states = Counter(each.state for each in outcomes)
     say(
         f"{count(len(outcomes), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "

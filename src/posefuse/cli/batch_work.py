@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from posefuse.batch.fingerprints import MARK, RESULT, kept, key_of, remove_mark, write_mark
-from posefuse.cli.console import Bars, hearing
+from posefuse.cli.console import Bars, handle_warnings
 from posefuse.cli.reading import digest, timestamps_of
 from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.errors import PosefuseError, RecordingError
@@ -219,7 +219,7 @@ def _quiet() -> Iterator[list[str]]:
     with (
         contextlib.redirect_stdout(io.StringIO()),
         contextlib.redirect_stderr(io.StringIO()),
-        hearing(said.append),
+        handle_warnings(said.append),
     ):
         yield said
 

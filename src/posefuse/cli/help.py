@@ -2,14 +2,22 @@
 
 import textwrap
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from cyclopts.help import HelpEntry, HelpPanel
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
+from posefuse.model.options.catalog import OptionEntry, list_options
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
+
 OPTIONS_GROUP = "Options"
 """Title of the group of flags that set fields of the options record."""
+
+STREAM_GROUP = "Stream"
+"""Title of the group of flags that set fields of the stream options."""
 
 _MIN_LABEL, _MAX_LABEL = 16, 32
 
@@ -42,8 +50,10 @@ class HelpFormatter:
             console.print(Text(f"  ... and {hidden} more: --help-all lists them, docs/options.md explains them."))
 
     def _is_shown(self, panel: HelpPanel, entry: HelpEntry) -> bool:
-        if self.show_all or str(panel.title) != OPTIONS_GROUP:
+        if self.show_all:
             return True
+        if str(panel.title) not in (OPTIONS_GROUP, STREAM_GROUP):
+            return not any("." in name for name in entry.positive_names)
         option = _option_of(entry)
         return option is None or option.bounds.common
 
@@ -78,15 +88,19 @@ class HelpFormatter:
             console.print()
 
 
-def _option_of(entry: HelpEntry) -> Any:
+def _option_of(entry: HelpEntry) -> OptionEntry | None:
     """Return the option that a help entry describes, or None."""
-    from posefuse.model.options.catalog import options_by_name
-
     for name in entry.positive_names:
-        option = options_by_name().get(name.removeprefix("--").replace("-", "_"))
+        option = _entries().get(name.removeprefix("--").replace("-", "_"))
         if option is not None:
             return option
     return None
+
+
+@cache
+def _entries() -> dict[str, OptionEntry]:
+    """Return the options of a reconstruction and of a stream by name."""
+    return {option.name: option for record in (StreamOptions, Options) for option in list_options(record)}
 
 
 def _label(entry: HelpEntry, with_metavar: bool) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
-from posefuse.cli.console import Bars, count, hearing, note, percent, say, table, warn, wrote
+from posefuse.cli.console import Bars, count, handle_warnings, note, percent, say, table, warn, wrote
 from posefuse.cli.convert_result import also_into, must_be_written
 from posefuse.cli.reading import Inputs, must_have_rate, read_inputs
 from posefuse.cli.types import (
@@ -201,7 +201,7 @@ def write_once(checkpoint: Checkpoint, path: Path, make: Callable[[Path], "Plan"
         said.append(remark)
         show(PosefuseWarning(remark), PosefuseWarning, __file__, 0)
 
-    with hearing(hear):
+    with handle_warnings(hear):
         plan = make(path)
     if not (has_debug(plan) or partial_remark(netcdf.read_reconstruction(path))):
         checkpoint.save_file(path, tuple(said))
@@ -298,7 +298,7 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
     """
     if not has_debug(plan):
         return []
-    from posefuse.evaluation.filtering import error_profile
+    from posefuse.evaluation.error_profile import error_profile
     from posefuse.pipeline.measured_layer import reconstruct_chunks
     from posefuse.pipeline.reconstruct import settle
     from posefuse.report.percentile_filter import percentile_filter_figure
@@ -312,10 +312,11 @@ def write_debug(plan: "Plan", result: Reconstruction, folder: Path, progress: Ba
 
 def has_debug(plan: "Plan") -> bool:
     """Whether the method has figures that show what it did."""
-    from posefuse.triangulation import percentile_filter
+    from posefuse.triangulation.registry import find_method
 
     triangulation = plan.options.triangulation
-    return triangulation.method == "percentile_filter" and percentile_filter.runs(plan.rig, triangulation)
+    figure = find_method(triangulation.method).debug_figure
+    return figure is not None and figure.applies(plan.rig, triangulation)
 
 
 def describe(result: Reconstruction) -> None:

@@ -1,4 +1,4 @@
-"""Opening results as every command does."""
+"""Open results."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from posefuse.model.reconstruction import Reconstruction
 
 
 def open_result(path: Path) -> tuple[Path, Reconstruction]:
-    """A result by its folder or its file.
+    """Return the file of a result and the result, by its folder or file.
 
     Raises:
-        FileError: if there is none, or it cannot be read.
+        FileError: if there is no result, or it cannot be read.
     """
     file = path / "reconstruction.nc" if path.is_dir() else path
     must_exist(file, "result")

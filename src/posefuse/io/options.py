@@ -163,7 +163,7 @@ def _record(kind: type[T], data: Mapping[str, Any], prefix: str, problems: list[
         name = key.replace("-", "_")
         if name not in hints:
             siblings = [*hints, *PROJECT_KEYS] if not prefix else list(hints)
-            problems.append(f"unknown option {prefix}{key!r}. {suggest_option(f'{prefix}{name}', siblings)}")
+            problems.append(f"unknown option {prefix + key!r}. {suggest_option(f'{prefix}{name}', siblings)}")
             continue
         inner = without_none(hints[name])
         if not dataclasses.is_dataclass(inner):

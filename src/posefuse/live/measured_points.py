@@ -15,7 +15,8 @@ from posefuse.pipeline.defaults import settle_min_views
 from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.records import People
-from posefuse.triangulation.registry import Method, load_method
+from posefuse.triangulation.method import Method
+from posefuse.triangulation.registry import find_method
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +60,8 @@ class Measuring:
             OptionsError: if the options fix the noise for other cameras, or the method has to see the whole recording.
         """
         settled, _ = settle_min_views(options, len(rig))
-        method = load_method(options.triangulation.method)
-        if hasattr(method, "settle"):
+        method = find_method(options.triangulation.method)
+        if method.prepare is not None:
             raise OptionsError(
                 f"triangulation.method {options.triangulation.method!r} looks at the whole recording first, and a "
                 "stream has none. Choose another: posefuse methods lists them."

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, check_shape, frozen
+from posefuse.arrays import PickledByFields, check_shape, frozen
 from posefuse.errors import ResultError
 
 
@@ -26,7 +26,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Figure(Rebuilt):
+class Figure(PickledByFields):
     """The animation skeleton of a person. In the rest pose all rotations are the identity; axes: forward, left, up.
 
     Attributes:
@@ -48,7 +48,8 @@ class Figure(Rebuilt):
         for j, joint in enumerate(self.joints):
             if not (joint.parent < j and (joint.parent >= 0) == (j > 0)):
                 raise ResultError(
-                    f"Figure of {self.person}: joint {joint.name!r} has the parent {joint.parent}, which must come before it."
+                    f"Figure of {self.person}: joint {joint.name!r} has the parent {joint.parent}, which must come "
+                    "before it."
                 )
 
     @property

@@ -12,7 +12,7 @@ from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen, same
+from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -45,7 +45,7 @@ _LENS_CODES = {LensModel.PINHOLE: 0, LensModel.BROWN: 1, LensModel.RATIONAL: 2, 
 
 
 @dataclass(frozen=True, eq=False)
-class Camera(Rebuilt):
+class Camera(PickledByFields):
     """One calibrated camera.
 
     Attributes:
@@ -200,7 +200,7 @@ class Camera(Rebuilt):
 
 
 @dataclass(frozen=True)
-class CameraRig(Rebuilt):
+class CameraRig(PickledByFields):
     """The cameras of a recording and the world they share.
 
     Attributes:
@@ -266,8 +266,8 @@ class CameraRig(Rebuilt):
         """The cameras as kernels read them.
 
         Returns:
-            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if not,
-            so that kernels are compiled without that lens, which saves a quarter of the time.
+            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if
+            not, so that kernels are compiled without that lens, which saves a quarter of the time.
         """
         lenses = {camera.lens for camera in self.cameras}
         distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None

@@ -107,7 +107,8 @@ class Detections:
         if len(unrecorded):
             f, v = unrecorded[0]
             raise DetectionsError(
-                f"View {self.view_names[v]!r} has people in frame {self.frame_numbers[f]}, which is marked as not recorded."
+                f"View {self.view_names[v]!r} has people in frame {self.frame_numbers[f]}, which is marked as not "
+                "recorded."
             )
 
     def _check_numbers(self) -> None:
@@ -129,7 +130,8 @@ class Detections:
             row = int(np.argwhere(np.asarray(self.sigma_px) <= 0.0)[0, 0])
             frame, view = self.place_of_row(row)
             raise DetectionsError(
-                f"sigma_px of view {view!r}, frame {frame}, contains a number that is not positive. Use NaN for unknown values."
+                f"sigma_px of view {view!r}, frame {frame}, contains a number that is not positive. Use NaN for "
+                "unknown values."
             )
 
     @classmethod

@@ -88,12 +88,12 @@ def _compare(told: Told, flat_px: np.ndarray, exponent: float) -> _Compared:
     with np.errstate(divide="ignore"):
         sigma = flat_px / told.confidence**exponent
     fit = told.points.fit(sigma, told.used)
-    left_out, inverse = fit.left_out()
+    left_out, inverse = fit.leave_one_out()
     others = fit.used.sum(axis=1, keepdims=True) - fit.used
     tells = np.isfinite(sigma) & np.isfinite(told.points.residuals_px[..., 0]) & (others >= _FEWEST_OTHERS)
     kept, axes = np.linalg.eigh(inverse[tells])
     difference = (np.swapaxes(axes, -1, -2) @ left_out[tells][..., None])[..., 0]
-    expected = np.maximum(1.0 / np.maximum(kept, 1e-9) - 1.0, 0.0) * fit.squared.sum() / fit.freedom.sum()
+    expected = np.maximum(1.0 / np.maximum(kept, 1e-9) - 1.0, 0.0) * fit.squared.sum() / fit.degrees_of_freedom.sum()
     known = expected.max(axis=-1, initial=0.0) < _MOST_EXPECTED
     return _Compared(np.square(difference)[known], expected[known], np.log(sigma[tells][known]))
 

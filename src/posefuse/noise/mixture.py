@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.triangulation.linearized import LinearFit, times_2
+from posefuse.triangulation.linearized import LinearFit, multiply_2x2
 
 _ROUNDS = 150
 _SETTLED = 2e-4
@@ -45,16 +45,16 @@ def separate(fit: LinearFit, start: Mixture | None = None) -> Mixture:
     Returns:
         The maximum-likelihood mixture.
     """
-    left_out, inverse = fit.left_out()
+    left_out, inverse = fit.leave_one_out()
     with np.errstate(divide="ignore"):
         distance = np.log(np.linalg.norm(left_out, axis=-1) / _NEAREST)
     # By so much a point's sum of squares falls if the view is left out.
-    gain = (left_out * times_2(inverse, left_out)).sum(axis=-1)
+    gain = (left_out * multiply_2x2(inverse, left_out)).sum(axis=-1)
     determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
     root = np.sqrt(np.maximum(determinant, 1e-9))
     views = fit.used.sum(axis=1)
     may_go = fit.used & (views > 2)[:, None]
-    squared, freedom = fit.squared, fit.freedom
+    squared, freedom = fit.squared, fit.degrees_of_freedom
     scale = 1.0 if start else 0.5 * float(np.sqrt(squared.sum() / freedom.sum()))
     share_right = float(start.all_right.mean()) if start else 0.8
     law = start.law if start else np.full(_BINS, 1.0 / _BINS)

@@ -130,7 +130,7 @@ def spread(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> f
     """
     told = gather(rig, sample, layer, noise)
     fit = told.points.fit(told.sigma_px, told.used)
-    freedom = fit.freedom.sum()
+    freedom = fit.degrees_of_freedom.sum()
     return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _FEWEST_POINTS else 1.0
 
 

@@ -7,7 +7,7 @@ from time import process_time
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
-from posefuse.evaluation.together import PeoplePoints
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import gathered
 from posefuse.model.detections import Detections

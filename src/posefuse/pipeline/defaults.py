@@ -14,7 +14,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.subjects import Subjects
 from posefuse.skeleton.skeletons import Skeleton
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import find_method
 
 _TELLING_S = 10.0
 _CHUNK_BYTES, _DETECTED_BYTES, _LEAST_FRAMES = 600_000_000, 130, 256
@@ -55,8 +55,8 @@ def settle_chunks(options: Options, detections: Detections) -> Options:
 def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
     """Fill in the method's own ``min_views``, and lower it to the cameras there are, saying so once."""
     triangulation = options.triangulation
-    method = load_method(triangulation.method)
-    wanted = triangulation.min_views or method.DEFAULT_MIN_VIEWS
+    method = find_method(triangulation.method)
+    wanted = triangulation.min_views or method.default_min_views
     settled = max(2, min(wanted, n_cameras))
     notes: tuple[str, ...] = ()
     if settled < wanted and n_cameras > 1:
@@ -85,7 +85,7 @@ def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Option
     frames too, which a stream has not seen.
     """
     causal = options.people == "many" and options.tracker.smoother == "none"
-    believed = causal or options.triangulation.method != TriangulationOptions().method
+    believed = causal or not find_method(options.triangulation.method).supports_left_right
     pairs = options.pairs or ("labels" if believed else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 
@@ -111,7 +111,7 @@ def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Op
         )
     if options.solve != "auto":
         return options
-    usual = options.triangulation.method == TriangulationOptions().method
+    usual = find_method(options.triangulation.method).supports_trajectory
     together = options.people == "one" and n_cameras > 1 and usual and _duration_s(detections) >= _TELLING_S
     return replace(options, solve="trajectory" if together else "frame")
 
@@ -128,11 +128,10 @@ def settle_method(
     rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, noise: NoiseModel
 ) -> tuple[Options, tuple[str, ...]]:
     """Let a method that has to see the whole recording first do so."""
-    method = load_method(options.triangulation.method)
-    settle = getattr(method, "settle", None)
-    if settle is None or len(rig) == 1:
+    method = find_method(options.triangulation.method)
+    if method.prepare is None or len(rig) == 1:
         return options, ()
     spans = ranges(detections.n_frames, CHUNK_FRAMES)
     pieces = ((detections.frames(*span), subjects.tracks(*span)) for span in spans)
-    settled, notes = settle(rig, pieces, noise, options.triangulation)
+    settled, notes = method.prepare(rig, pieces, noise, options.triangulation)
     return replace(options, triangulation=settled), notes

@@ -13,7 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, watched

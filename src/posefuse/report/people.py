@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.evaluation.sightings import Misses
+from posefuse.evaluation.visibility import Misses
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import HAPPENINGS, Event

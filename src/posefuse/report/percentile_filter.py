@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from posefuse.evaluation.filtering import ErrorProfile
+from posefuse.evaluation.error_profile import ErrorProfile
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.numbers import format_three_digits
 from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, render_figure

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
 from posefuse.kernels.tracking.records import Body
@@ -24,7 +24,7 @@ _OFTEN, _FRAMES_S, _RARELY_S = 0.6, 0.068, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Settings(Rebuilt):
+class Settings(PickledByFields):
     """What a tracker works with.
 
     Attributes:

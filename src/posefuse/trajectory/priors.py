@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln, hyp2f1
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.skeleton.skeletons import Skeleton
@@ -51,7 +51,7 @@ _MIN_MARGIN_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class RecordingPriors(Rebuilt):
+class RecordingPriors(PickledByFields):
     """Priors of a whole recording.
 
     Attributes:

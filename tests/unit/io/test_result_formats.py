@@ -323,7 +323,7 @@ class TestFreeMoCap:
         theirs = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
         theirs.parent.mkdir(parents=True)
         theirs.write_bytes(b"theirs")
-        with pytest.raises(FileError, match="already holds other files"):
+        with pytest.raises(FileError, match="already contains other files"):
             posefuse.write(result, tmp_path / "recording", "freemocap")
         assert theirs.read_bytes() == b"theirs"
 
@@ -342,7 +342,7 @@ class TestFreeMoCap:
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 2**20)
         with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("head.npy", bytes(2**22))
-        with pytest.raises(FileError, match="would unfold to"):
+        with pytest.raises(FileError, match="would expand to"):
             posefuse.read_points(tmp_path / "a.npz")
 
 

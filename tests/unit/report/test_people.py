@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
 from posefuse.model.status import PointStatus
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState

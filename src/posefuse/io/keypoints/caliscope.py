@@ -90,7 +90,7 @@ def _read_table(file: Path) -> np.ndarray:
             if values is None:
                 raise FileError(
                     f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), whole ones for "
-                    f"{', '.join((*_COLUMNS, _OBJECT)[i] for i in _WHOLE)}, got {','.join(row)!r}. Was it cut short?"
+                    f"{', '.join((*_COLUMNS, _OBJECT)[i] for i in _WHOLE)}, got {','.join(row)!r}. Is the file truncated?"
                 )
             table.append(values)
     if not table:

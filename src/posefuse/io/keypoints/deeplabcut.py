@@ -188,12 +188,12 @@ def _read_csv(file: Path) -> _Table:
     header = len(_header(file))
     wanted = _MANY if header == len(_MANY) else _HEADER
     if [row[0].strip() if row else "" for row in rows[:header]] != wanted or len(rows) <= header:
-        raise FileError(f"{file} holds no frames: it ends in its header. Was it cut short?")
+        raise FileError(f"{file} holds no frames: it ends in its header. Is the file truncated?")
     named = [row[1:] for row in rows[1:header]]
     width = len(named[0])
     for place, row in enumerate(rows[1:], start=2):
         if len(row) != width + 1:
-            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {width + 1}. Was it cut short?")
+            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {width + 1}. Is the file truncated?")
     individuals = named[0] if header == len(_MANY) else [""] * width
     columns = list(zip(individuals, named[-2], named[-1], strict=True))
     try:
@@ -218,7 +218,9 @@ def _number(text: str, file: Path) -> int:
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
     if key is None:
-        raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
+        raise FileError(
+            f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Is the file truncated?"
+        )
     with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
         if "table" not in group:

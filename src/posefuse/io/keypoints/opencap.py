@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_unfold, natural_key, reading
+from posefuse.io.files import check_unpacked_size, natural_key, reading
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.people import Person, detections_of, view_columns
@@ -84,7 +84,7 @@ def _view(file: Path) -> ViewColumns:
     if not isinstance(frames, list) or not all(isinstance(frame, list) for frame in frames):
         raise FileError(f"{file}: expected a list of frames, each a list of people.")
     # A pickle may name one person any number of times.
-    must_unfold(file, _PERSON_BYTES * sum(map(len, frames)))
+    check_unpacked_size(file, _PERSON_BYTES * sum(map(len, frames)))
     people = [_person(file, f, one) for f, frame in enumerate(frames) for one in frame]
     return view_columns(file.parents[2].name, range(len(frames)), people, str(file))
 

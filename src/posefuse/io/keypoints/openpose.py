@@ -291,7 +291,7 @@ def _decode(folder: Path, name: str, data: bytes) -> _Frame:
         try:
             return msgspec.convert(json.loads(data), _Frame)
         except (json.JSONDecodeError, UnicodeDecodeError):
-            raise FileError(f"{file} is not whole JSON ({len(data)} bytes): {error}. Was it cut short?") from None
+            raise FileError(f"{file} is not whole JSON ({len(data)} bytes): {error}. Is the file truncated?") from None
         except msgspec.ValidationError as invalid:
             raise FileError(f"{file} is not an OpenPose file: {invalid}.") from None
 

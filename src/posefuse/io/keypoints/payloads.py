@@ -123,7 +123,7 @@ class _Found:
 def _records(file: Path, number: int) -> Iterator[tuple[Record, Mapping[str, Any], str]]:
     """The records of a file, one after another, each with where it is."""
     if not file.stat().st_size:
-        raise FileError(f"{file} is empty. Was it cut short?")
+        raise FileError(f"{file} is empty. Is the file truncated?")
     if file.suffix == ".json":
         content, at = file.read_bytes(), 0
         for i, raw in enumerate(decode(file, list[msgspec.Raw])):
@@ -145,7 +145,7 @@ def _content(record: bytes, where: str) -> Mapping[str, Any]:
     try:
         row = msgspec.json.decode(record, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{where} is no whole record: {error}. Was it cut short?") from None
+        raise FileError(f"{where} is no whole record: {error}. Is the file truncated?") from None
     return {**row, **row["payload"]} if isinstance(row.get("payload"), dict) else row
 
 

@@ -54,7 +54,9 @@ def read(path: Path, request: Request) -> Detections:
     files = files_of(path)
     for file in files:
         if _is_one(file) is None:
-            raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
+            raise FileError(
+                f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Is the file truncated?"
+            )
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
         with open_hdf5(file, "analysis file") as content:

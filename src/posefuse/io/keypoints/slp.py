@@ -89,7 +89,7 @@ def _load(file: Path) -> Any:
         raise
     except Exception as error:  # a broken file raises whatever its bytes lead to
         said = " ".join(str(error).split())[:160] or type(error).__name__
-        raise FileError(f"{file} is not a SLEAP file that can be read: {said}. Was it cut short?") from None
+        raise FileError(f"{file} is not a SLEAP file that can be read: {said}. Is the file truncated?") from None
 
 
 def _skeleton(labels: Any) -> Skeleton:

@@ -15,7 +15,7 @@ def has_figures(result: Reconstruction) -> bool:
     poses = result.poses
     if poses is None or result.skeleton.tree is None or "model" not in result.layers:
         return False
-    return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.stood_names
+    return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.body_names
 
 
 def write_figures(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_exist, must_unfold, reading, replacing
+from posefuse.io.files import check_unpacked_size, must_exist, reading, replacing
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
 from posefuse.model.options.options import LayerName
@@ -66,7 +66,7 @@ def read(path: Path) -> StoredPoints:
 def _refuse_bombs(path: Path) -> None:
     """A short file that unfolds to any size is no recording."""
     with zipfile.ZipFile(path) as archive:
-        must_unfold(path, sum(entry.file_size for entry in archive.infolist()))
+        check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))
 
 
 FORMAT = ResultFormat(

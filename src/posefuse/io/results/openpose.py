@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import ResultError
-from posefuse.io.files import file_name, replacing_folder
+from posefuse.io.files import checked_file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.cameras import Camera
@@ -44,7 +44,7 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
     """
     if result.unit != "m":
         raise ResultError(f"This result is in {result.unit}, one camera's image plane; it has no points to project.")
-    folders = [f"{file_name(name)}_json" for name in result.rig.names]
+    folders = [f"{checked_file_name(name)}_json" for name in result.rig.names]
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
             (staging / each).mkdir()

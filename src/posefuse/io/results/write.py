@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import ResultError, choices, suggestion
-from posefuse.io.files import must_be_texts
+from posefuse.io.files import check_texts
 from posefuse.io.results import c3d, csv, trc
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.names import safe_names
@@ -58,7 +58,7 @@ def write(
         FileError: if a name in the result is no text, or the file cannot be written.
     """
     path = Path(path)
-    must_be_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
+    check_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
     form = _format_of(path, format)
     layer, points = result.best_layer(result.options.layer)
     if form.write_figure is not None or form.write_result is not None:

@@ -20,7 +20,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.pairs import PairOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
+from posefuse.triangulation.consensus import METHOD, reweighting_loss
 from posefuse.triangulation.results import rows_by_person_frame
 
 
@@ -63,7 +63,7 @@ def solve(
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
-        options.min_views or DEFAULT_MIN_VIEWS,
+        options.min_views or METHOD.default_min_views,
         ordered_pairs(len(rig)),
         chosen.full_weight_sigma,
         chosen.zero_weight_sigma,

@@ -52,7 +52,7 @@ class Stood:
     @classmethod
     def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "Stood":
         """Nobody anywhere, in so many frames and of so many people."""
-        segments, bones, _ = skeleton.stood_names
+        segments, bones, _ = skeleton.body_names
         keypoints = len(skeleton)
         return cls(
             np.full((*shape, keypoints, 3), np.nan),

@@ -1,4 +1,4 @@
-"""Which cameras should see whom, and which of them did."""
+"""Visibility: which cameras should see a person, and which of them have a detection."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ _SEEN_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Misses:
-    """How often cameras did not show active people whom they should see.
+    """Counts of missed detections of active people.
 
     Attributes:
         expected: shape (person, view), int64: frames in which the view should see the person.
-        missed: shape (person, view), int64: those of them in which no detection was theirs.
+        missed: shape (person, view), int64: those without an assigned detection.
     """
 
     expected: np.ndarray
@@ -29,14 +29,14 @@ class Misses:
 
     @property
     def share(self) -> np.ndarray:
-        """Shape (person, view): missed by expected; NaN where the view never should see the person."""
+        """Shape (person, view): missed over expected; NaN if the view should never see the person."""
         return np.where(self.expected > 0, self.missed / np.maximum(self.expected, 1), np.nan)
 
 
 def count_misses(parts: Iterable[Reconstruction], layer: LayerName) -> Misses | None:
-    """Count over consecutive ranges of frames; None where nothing was tracked.
+    """Count missed detections over consecutive ranges of frames; None without tracks.
 
-    Occlusion by other people or things is not known here: who is hidden is missed.
+    Occlusion is unknown here: an occluded person counts as missed.
     """
     expected = missed = None
     for part in parts:
@@ -53,11 +53,11 @@ def count_misses(parts: Iterable[Reconstruction], layer: LayerName) -> Misses | 
 
 
 def in_image(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray) -> np.ndarray:
-    """Shape (frame, person, view), bool: where at least half of a person's core keypoints lie in a camera's image.
+    """Shape (frame, person, view), bool: where at least half of a person's core keypoints are inside the image.
 
     Args:
-        rig: the cameras.
-        skeleton: whose core counts; all keypoints, where it names none.
+        rig: cameras.
+        skeleton: skeleton; all keypoints count if it has no core.
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
     """
     core = [skeleton.index(name) for name in skeleton.core] or list(range(len(skeleton)))
@@ -69,7 +69,7 @@ def in_image(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray) -> np.nda
 
 
 def recorded(layer: Layer) -> np.ndarray:
-    """Shape (frame, view), bool: whether the view has the frame, as far as a layer tells."""
+    """Shape (frame, view), bool: whether the view recorded the frame, according to the layer."""
     status = np.asarray(layer.view_status[:])
     if not status.shape[1]:
         return np.ones((len(status), status.shape[-1]), dtype=bool)

@@ -1,7 +1,7 @@
-"""Writing a video: H.264 in mp4, which every player shows.
+"""Writing of videos: H.264 in MP4, which every player supports.
 
-The same pictures give the same bytes with the same encoder: the number of its threads is fixed, and the file carries
-neither date nor program.
+The same images give the same bytes with the same encoder: the number of its threads is fixed, and the file contains
+neither a date nor a program name.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import replacing
-from posefuse.io.videos.library import pyav
+from posefuse.io.videos.library import import_pyav
 
 _TICKS_HZ = 90_000
 _BT709 = 1
@@ -23,11 +23,11 @@ _ENCODER = {"crf": "20", "preset": "veryfast", "threads": "2"}
 
 
 @dataclass
-class Writing:
-    """A video being written; the only thing here that changes.
+class VideoWriter:
+    """A video being written.
 
     Attributes:
-        n_written: pictures so far.
+        n_written: number of images written so far.
     """
 
     container: Any
@@ -36,14 +36,14 @@ class Writing:
     last_tick: int = -1
 
     def add(self, rgb: np.ndarray, time_s: float) -> None:
-        """Append a picture.
+        """Append an image.
 
         Args:
-            rgb: shape (height, width, 3), uint8, of the size the video was opened with.
-            time_s: since the start of the video; later than the picture before.
+            rgb: shape (height, width, 3), uint8, of the video's size.
+            time_s: time since the start of the video, later than that of the previous image.
         """
-        av = pyav()
-        # H.264 halves the resolution of colours: an odd row or column is given twice.
+        av = import_pyav()
+        # H.264 subsamples color by two, so the last row or column of an odd size is repeated.
         height, width = rgb.shape[:2]
         if height % 2 or width % 2:
             rgb = np.pad(rgb, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
@@ -57,20 +57,20 @@ class Writing:
 
 
 @contextmanager
-def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterator[Writing]:
-    """A video that takes its place when all went well.
+def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterator[VideoWriter]:
+    """Write a video; the file appears at ``path`` only if no error occurs.
 
     Args:
-        path: the mp4.
-        size_px: width and height of its pictures.
-        rate_hz: its nominal frame rate.
+        path: the MP4 file.
+        size_px: width and height of the images.
+        rate_hz: nominal frame rate.
 
     Raises:
-        FileError: if it cannot be written, or the encoder is not there.
+        FileError: if the file cannot be written, there is no image, or the encoder is not available.
     """
-    av = pyav()
+    av = import_pyav()
     if "libx264" not in av.codecs_available:
-        raise FileError("This PyAV was built without the encoder libx264: pip install --force-reinstall av")
+        raise FileError("This PyAV has no encoder libx264. Run: pip install --force-reinstall av")
     with replacing(path) as temporary:
         options = {"fflags": "+bitexact", "movflags": "+faststart"}
         with av.open(str(temporary), "w", format="mp4", options=options) as container:
@@ -81,8 +81,8 @@ def write_video(path: Path, size_px: tuple[int, int], rate_hz: float) -> Iterato
             stream.codec_context.time_base = Fraction(1, _TICKS_HZ)
             stream.codec_context.colorspace = _BT709
             stream.codec_context.flags |= int(av.codec.context.Flags.bitexact)
-            writing = Writing(container, stream)
-            yield writing
+            writer = VideoWriter(container, stream)
+            yield writer
             container.mux(stream.encode(None))
-        if not writing.n_written:
-            raise FileError(f"{path} would hold no picture.")
+        if not writer.n_written:
+            raise FileError(f"{path} was not written: there are no images.")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.evaluation.own_account import own_account
+from posefuse.evaluation.self_consistency import self_consistency
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.pipeline.reconstruct import reconstruct
@@ -24,7 +24,7 @@ def test_innovations_by_hand(result):
     nis, dof = np.full(shape, np.nan), np.zeros(shape, dtype=np.int32)
     nis[:3, 0], dof[:3, 0] = (10.0, 20.0, 90.0), (20, 20, 20)
     nis[0, 1], dof[0, 1] = 80.0, 40
-    told = own_account(replace(result, poses=replace(result.poses, nis=nis, nis_dof=dof)))
+    told = self_consistency(replace(result, poses=replace(result.poses, nis=nis, nis_dof=dof)))
     assert (told.innovations.n_keypoints, told.innovations.mean) == (50, 2.0)
     assert told.innovations.median == 1.5
     first, second, third = (person.innovations for person in told.people[:3])
@@ -34,7 +34,7 @@ def test_innovations_by_hand(result):
 
 
 def test_people_one_by_one(result):
-    told = own_account(result)
+    told = self_consistency(result)
     points = np.asarray(result.layers["model"].points_m)
     assert told.layer == "model"
     for p, person in enumerate(told.people):
@@ -45,7 +45,7 @@ def test_people_one_by_one(result):
 
 
 def test_nothing_is_said_where_nobody_was_followed(result):
-    assert own_account(replace(result, poses=None)).innovations is None
+    assert self_consistency(replace(result, poses=None)).innovations is None
 
 
 def test_noise_that_is_taken_for_smaller_surprises():
@@ -57,5 +57,5 @@ def test_noise_that_is_taken_for_smaller_surprises():
         dof = np.asarray(found.poses.nis_dof)
         assert (np.isfinite(np.asarray(found.poses.nis)) == (dof > 0)).all()
         assert dof.max() <= 2 * len(scene.rig) * len(found.skeleton)
-        said[scale_px] = own_account(found).innovations.median
+        said[scale_px] = self_consistency(found).innovations.median
     assert 2.0 < said[9.0] / said[18.0] < 4.5

@@ -1,4 +1,4 @@
-"""What a filter did to the reprojection errors: before and after, along every axis."""
+"""Reprojection errors before and after a filter, along every axis."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,21 +9,21 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import is_used
 
 HIGH = 95.0
-"""The percentile beside the mean: a mean hardly moves when few errors are removed."""
+"""Percentile reported with the mean, which hardly changes when few errors are removed."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorProfile:
-    """Reprojection errors over the views used, along each axis. NaN where there are none.
+    """Reprojection errors over the used views, along each axis. NaN without errors.
 
     Attributes:
-        frame_numbers: shape (frame,): numbers of the frames in the recording.
+        frame_numbers: shape (frame,): frame numbers of the recording.
         frame_mean_px: shape (frame,): mean over keypoints and views.
-        view_mean_px: shape (view,).
-        view_p95_px: shape (view,): 95 % of the errors are at most so large.
-        keypoint_mean_px: shape (keypoint,).
-        keypoint_p95_px: shape (keypoint,).
-        missing_share: of the points, those without coordinates.
+        view_mean_px: shape (view,): mean.
+        view_p95_px: shape (view,): 95th percentile.
+        keypoint_mean_px: shape (keypoint,): mean.
+        keypoint_p95_px: shape (keypoint,): 95th percentile.
+        missing_share: fraction of points without coordinates.
     """
 
     frame_numbers: np.ndarray
@@ -36,7 +36,7 @@ class ErrorProfile:
 
 
 def error_profile(parts: Iterable[Reconstruction]) -> ErrorProfile:
-    """Gather the measured layer's errors from consecutive ranges of frames."""
+    """Collect the measured layer's errors from consecutive ranges of frames."""
     numbers, gathered, present = [], [], []
     for part in parts:
         layer = part.layers["measured"]
@@ -60,12 +60,12 @@ def error_profile(parts: Iterable[Reconstruction]) -> ErrorProfile:
 
 
 def _mean(rows: np.ndarray) -> np.ndarray:
-    """Shape (row,): mean of what is there; NaN where nothing is."""
+    """Return the mean of the finite values per row, NaN without any."""
     there = np.isfinite(rows)
     with np.errstate(invalid="ignore"):
         return np.where(there, rows, 0.0).sum(axis=1, dtype=np.float64) / there.sum(axis=1)
 
 
 def _high(rows: np.ndarray) -> np.ndarray:
-    """Shape (row,): the 95 % percentile of what is there; NaN where nothing is."""
+    """Return the 95th percentile of the finite values per row, NaN without any."""
     return np.array([np.percentile(row[there], HIGH) if (there := np.isfinite(row)).any() else np.nan for row in rows])

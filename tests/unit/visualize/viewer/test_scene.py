@@ -7,13 +7,13 @@ import pytest
 
 from posefuse.errors import ResultError
 from posefuse.model.status import ViewStatus
-from posefuse.visualize.overlay.footage import footage_of
 from posefuse.visualize.overlay.options import OverlayOptions
 from posefuse.visualize.viewer import show
-from posefuse.visualize.viewer.scene import Footage
+from posefuse.visualize.viewer.scene import ViewerVideo
 from posefuse.visualize.viewer.series import speeds_m_s
 from posefuse.visualize.viewer.show import open_scene, save_scene
-from tests.videos import N_FRAMES, RATE_HZ, coded_video, moving_sticks, seen_exactly
+from posefuse.visualize.viewer.videos import load_viewer_videos
+from tests.videos import N_FRAMES, RATE_HZ, coded_video, exact_detections, moving_sticks
 
 chunks = pytest.importorskip("rerun.chunk", reason="rerun-sdk, of the extra view, is not installed")
 
@@ -41,13 +41,13 @@ def saved(result, tmp_path_factory):
     points[5, 1] = np.nan
     status[:, 0, 2, 1] = ViewStatus.OUTLIER
     holed = replace(result, layers={"measured": replace(layer, points_m=points, view_status=status)})
-    videos = {"cam0": coded_video(folder / "cam0.mp4")}
-    footage = footage_of(holed, videos, OverlayOptions(offset_s={"cam0": 2 / RATE_HZ}))
-    save_scene(holed, folder / "scene.rrd", seen_exactly(result), footage)
-    return holed, contents(folder / "scene.rrd"), videos["cam0"]
+    paths = {"cam0": coded_video(folder / "cam0.mp4")}
+    videos = load_viewer_videos(holed, paths, OverlayOptions(offset_s={"cam0": 2 / RATE_HZ}))
+    save_scene(holed, folder / "scene.rrd", exact_detections(result), videos)
+    return holed, contents(folder / "scene.rrd"), paths["cam0"]
 
 
-def test_people_are_where_the_result_has_them(saved):
+def test_people_have_the_positions_of_the_result(saved):
     result, scene, _ = saved
     points = np.asarray(result.layers["measured"].points_m)
     rows = scene["/world/people/measured/person_1"]
@@ -59,7 +59,7 @@ def test_people_are_where_the_result_has_them(saved):
     assert scene["/world/people/measured/person_2"]["Points3D:positions"][5] == []
 
 
-def test_cameras_stand_where_they_are_and_see_what_they_should(saved):
+def test_cameras_have_their_poses_and_reprojections(saved):
     result, scene, _ = saved
     camera = result.rig.cameras[1]
     rows = scene["/world/cameras/cam1"]
@@ -75,7 +75,7 @@ def test_cameras_stand_where_they_are_and_see_what_they_should(saved):
     assert to_border.max() < 0.1
 
 
-def test_detections_stand_under_what_became_of_them(saved):
+def test_detections_are_grouped_by_label(saved):
     result, scene, _ = saved
     rejected = scene["/world/cameras/cam1/detected/rejected"]["Points2D:positions"]
     pixels = result.rig.cameras[1].project(np.asarray(result.layers["measured"].points_m))[0]
@@ -85,7 +85,7 @@ def test_detections_stand_under_what_became_of_them(saved):
     assert [len(row) for row in scene["/world/cameras/cam0/detected/used"]["Points2D:positions"]] == [6] * N_FRAMES
 
 
-def test_the_video_is_in_it_and_in_step(saved):
+def test_video_is_included_and_synchronized(saved):
     _, scene, video = saved
     rows = scene["/world/cameras/cam0/video"]
     assert bytes(rows["AssetVideo:blob"][0][0]) == video.read_bytes()
@@ -94,7 +94,7 @@ def test_the_video_is_in_it_and_in_step(saved):
     assert shown_s == pytest.approx(np.arange(N_FRAMES - 2) / RATE_HZ, abs=1e-6)
 
 
-def test_numbers_over_time(saved):
+def test_time_series(saved):
     _, scene, _ = saved
     speed = np.array(scene["/series/speed_m_s/person_1"]["Scalars:scalars"], dtype=float).ravel()
     assert np.isnan(speed[0])
@@ -104,7 +104,7 @@ def test_numbers_over_time(saved):
     assert views == pytest.approx(2.0)
 
 
-def test_speed_goes_on_from_range_to_range(rng):
+def test_speed_is_continuous_across_ranges(rng):
     points = rng.normal(size=(9, 2, 4, 3))
     points[3, 0, 1] = np.nan
     points[6, 1] = np.nan
@@ -116,7 +116,7 @@ def test_speed_goes_on_from_range_to_range(rng):
     assert np.isnan(whole[6:8, 1]).all()
 
 
-def test_no_display_is_said_before_any_work(result, monkeypatch):
+def test_missing_display_is_an_error_before_any_work(result, monkeypatch):
     monkeypatch.setattr(show.sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -124,13 +124,13 @@ def test_no_display_is_said_before_any_work(result, monkeypatch):
         open_scene(result)
 
 
-def test_one_flattened_camera_is_refused(result, tmp_path):
+def test_single_camera_result_is_an_error(result, tmp_path):
     with pytest.raises(ResultError, match="is in px"):
         save_scene(replace(result, unit="px"), tmp_path / "scene.rrd")
 
 
-def test_videos_of_another_time_are_not_shown(result, tmp_path):
+def test_videos_of_another_time_are_not_referenced(result, tmp_path):
     video = coded_video(tmp_path / "cam0.mp4")
-    late = Footage(video.read_bytes(), np.arange(N_FRAMES) / RATE_HZ, offset_s=100.0)
-    save_scene(result, tmp_path / "scene.rrd", footage={"cam0": late})
+    late = ViewerVideo(video.read_bytes(), np.arange(N_FRAMES) / RATE_HZ, offset_s=100.0)
+    save_scene(result, tmp_path / "scene.rrd", videos={"cam0": late})
     assert "VideoFrameReference:timestamp" not in contents(tmp_path / "scene.rrd")["/world/cameras/cam0/video"]

@@ -1,7 +1,7 @@
-"""The 14 joints that Shelf and Campus are annotated with, made of other skeletons' keypoints.
+"""The 14 joints of the Shelf and Campus annotations, derived from other skeletons.
 
-Their heads have a bottom and a top, which detectors do not give. Published figures differ by the rule that stands in
-for them (on Shelf by up to 0.6 points of PCP), so a figure names its rule. The rules are VoxelPose's.
+Their heads have a bottom and a top, which detectors do not report. Published figures depend on the rule that replaces
+them (on Shelf by up to 0.6 points of PCP), so every figure names its rule. The rules are those of VoxelPose's code.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,27 +26,27 @@ _R_SHOULDER, _L_SHOULDER, _BOTTOM, _TOP = 8, 9, 12, 13
 
 
 def joints_14(points_m: np.ndarray, skeleton: Skeleton, rule: HeadRule, up_axis: UpAxis | None = None) -> np.ndarray:
-    """The 14 joints of Shelf and Campus from another skeleton's keypoints.
+    """Return the 14 joints of Shelf and Campus from another skeleton's keypoints.
 
-    Head points that the skeleton has by name (``bottom_head``, ``top_head``) are taken as they are; else the rule
-    makes them of nose, ears and shoulders.
+    Head points of the skeleton (``bottom_head``, ``top_head``) are used directly; otherwise the rule derives them from
+    nose, ears and shoulders.
 
     Args:
         points_m: shape (..., keypoint, 3).
-        skeleton: what the keypoint axis means.
-        rule: of the head.
-        up_axis: of the world; ``shelf`` knows only z.
+        skeleton: skeleton of the keypoint axis.
+        rule: head rule.
+        up_axis: up axis of the world; ``shelf`` requires z.
 
     Returns:
-        Shape (..., 14, 3), NaN for what cannot be had.
+        Shape (..., 14, 3), NaN where undefined.
 
     Raises:
-        ResultError: if the rule does not exist, or needs another world.
+        ResultError: if the rule does not exist or requires another up axis.
     """
     if rule not in HEAD_RULES:
         raise ResultError(f"No head rule {rule!r}. {suggestion(rule, HEAD_RULES)}")
     if rule == "shelf" and up_axis not in ("z", None):
-        raise ResultError(f"Head rule 'shelf' stretches the head along z, but up is {up_axis} in this world.")
+        raise ResultError(f"Head rule 'shelf' needs a world with z up; the up axis is {up_axis}.")
 
     def point(name: str) -> np.ndarray:
         if name in skeleton.keypoints:
@@ -62,13 +62,13 @@ def joints_14(points_m: np.ndarray, skeleton: Skeleton, rule: HeadRule, up_axis:
 
 
 def _head_campus(shoulders: np.ndarray, ears: np.ndarray, nose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From between the shoulders through between the ears."""
+    """Return head points on the line from mid-shoulders through mid-ears."""
     bottom = 0.5 * (shoulders + ears)
     return bottom, bottom + 2.0 * (ears - bottom)
 
 
 def _head_shelf(shoulders: np.ndarray, ears: np.ndarray, nose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mostly along the nose, with the height stretched, as Shelf's annotators placed it."""
+    """Return head points mostly along the nose with increased height, as in Shelf's annotations."""
     ear_bottom, ear_top = _head_campus(shoulders, ears, nose)
     nose_top = shoulders + (nose - shoulders) * np.array([0.75, 0.75, 1.5])
     nose_bottom = shoulders + 0.5 * (nose - shoulders)
@@ -76,7 +76,7 @@ def _head_shelf(shoulders: np.ndarray, ears: np.ndarray, nose: np.ndarray) -> tu
 
 
 def _head_none(shoulders: np.ndarray, ears: np.ndarray, nose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """No head."""
+    """Return missing head points."""
     missing = np.full(shoulders.shape, np.nan)
     return missing, missing
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.evaluation.filtering import error_profile
+from posefuse.evaluation.error_profile import error_profile
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import ViewStatus

@@ -1,8 +1,7 @@
-"""What a result says of itself, with no truth beside it: how well its parts agree, and whether it is as sure as it may.
+"""Self-consistency of a result without ground truth: reprojection errors, bone variation, accelerations, innovations.
 
-The filter foretells where every keypoint of a person is to be seen, and how well it knows. NIS, the squared innovation
-in its own covariance (Bar-Shalom, Li & Kirubarajan 2001, section 5.4), is 2 a keypoint and view on average where that
-holds.
+The filter predicts every keypoint with a covariance. The normalized innovation squared (NIS; Bar-Shalom, Li &
+Kirubarajan 2001, section 5.4) is 2 per keypoint and view on average if the covariance is correct.
 """
 
 import math
@@ -17,12 +16,12 @@ from posefuse.model.reconstruction import Reconstruction
 
 @dataclass(frozen=True)
 class Innovations:
-    """How surprising what the views showed was, by what it was expected to be: 1 where it is known as well as it says.
+    """Statistics of the innovations; the expected mean is 1.
 
     Attributes:
-        n_keypoints: how many keypoints of all views and frames there were.
-        mean: NIS by its degrees of freedom, all together; above 1 errors are larger than said. A few gross ones count.
-        median: of frames and people; these do not count.
+        n_keypoints: number of keypoints over all views and frames.
+        mean: total NIS per degree of freedom; above 1 the result is overconfident. Sensitive to gross errors.
+        median: median over frames and people; robust against gross errors.
     """
 
     n_keypoints: int
@@ -31,15 +30,15 @@ class Innovations:
 
 
 @dataclass(frozen=True)
-class PersonAccount:
-    """One person of a result.
+class PersonConsistency:
+    """Self-consistency of one person.
 
     Attributes:
-        name: of the person.
-        n_frames: in how many frames they have points.
-        missing_share: of their keypoints in those frames.
-        bone_variation: as of the whole.
-        innovations: likewise; None where no body was followed.
+        name: name of the person.
+        n_frames: number of frames with points.
+        missing_share: fraction of keypoints missing in these frames.
+        bone_variation: as for the whole result.
+        innovations: as for the whole result; None without a body model.
     """
 
     name: str
@@ -50,18 +49,18 @@ class PersonAccount:
 
 
 @dataclass(frozen=True)
-class OwnAccount:
-    """What a result says of itself.
+class SelfConsistency:
+    """Self-consistency of a result.
 
     Attributes:
-        layer: which.
-        n_frames: of the result.
-        reprojection_median_px: over all used observations; None where there are none.
+        layer: layer name.
+        n_frames: number of frames.
+        reprojection_median_px: median over all used observations; None without any.
         bone_variation: median over people and bones of the robust relative spread of their length over time; None
-            where no bone is seen twice.
-        acceleration_m_s2: median over points; NaN where none is seen three times in a row. The movement is in it.
-        innovations: of all people; None where no body was followed.
-        people: each.
+            if no bone is seen twice.
+        acceleration_m_s2: median over points, including motion; NaN if none occurs in three consecutive frames.
+        innovations: innovations of all people; None without a body model.
+        people: one record per person.
     """
 
     layer: str
@@ -70,18 +69,18 @@ class OwnAccount:
     bone_variation: float | None
     acceleration_m_s2: float
     innovations: Innovations | None
-    people: tuple[PersonAccount, ...]
+    people: tuple[PersonConsistency, ...]
 
 
-def own_account(result: Reconstruction) -> OwnAccount:
-    """What a result says of itself; ``options.layer`` or its best layer."""
+def self_consistency(result: Reconstruction) -> SelfConsistency:
+    """Return the self-consistency of ``options.layer`` or of the best layer."""
     name, layer = result.best_layer(result.options.layer)
     points = np.asarray(layer.points_m[:])
     sizes = accelerations_m_s2(points, result.time_s)
     sizes = sizes[np.isfinite(sizes)]
     people = tuple(_person(result, points, p) for p in range(len(result.person_ids)))
     variations = [person.bone_variation for person in people if person.bone_variation is not None]
-    return OwnAccount(
+    return SelfConsistency(
         layer=name,
         n_frames=result.n_frames,
         reprojection_median_px=median_reprojection_px(layer),
@@ -92,10 +91,10 @@ def own_account(result: Reconstruction) -> OwnAccount:
     )
 
 
-def _person(result: Reconstruction, points_m: np.ndarray, p: int) -> PersonAccount:
+def _person(result: Reconstruction, points_m: np.ndarray, p: int) -> PersonConsistency:
     known = np.isfinite(points_m[:, p, :, 0])
     there = known.any(axis=1)
-    return PersonAccount(
+    return PersonConsistency(
         name=result.person_ids[p],
         n_frames=int(there.sum()),
         missing_share=float(1.0 - known[there].mean()) if there.any() else math.nan,

@@ -1,4 +1,4 @@
-"""A result of many people beside its truth, on the same frames and keypoints."""
+"""Results of several people paired with ground truth, on the same frames and keypoints."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
-    """People with all the keypoints they have.
+class KeypointSet:
+    """People with all their keypoints.
 
     Attributes:
-        skeleton: of the keypoint axis.
+        skeleton: skeleton of the keypoint axis.
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
     """
 
@@ -30,25 +30,24 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False)
 class PeoplePoints:
-    """A result and its truth on the same frames and keypoints.
+    """A result and its ground truth on the same frames and keypoints.
 
     Attributes:
-        skeleton: of the keypoint axes.
+        skeleton: skeleton of the keypoint axes.
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
         truth_m: shape (frame, truth, keypoint, 3), NaN where missing, in the same world.
-        time_s: shape (frame,), increasing, or None where unknown.
-        covariance_m2: shape (frame, person, keypoint, 3, 3), NaN where unknown, or None where there is none at all.
-        person_ids: names of the result's people; by default numbered.
-        truth_ids: names of the truth's people; by default numbered.
-        up_axis: of the world, None where unknown.
-        layer: of the result.
-        matched_by: how frames were put together.
-        whole: result and truth with all keypoints each has, of the same frames and people: parts need the nose and ears
-            of the one and the head of the other. By default the shared ones.
-        scale: how large bodies are next to an adult human.
+        time_s: shape (frame,), increasing, or None if unknown.
+        covariance_m2: shape (frame, person, keypoint, 3, 3), NaN if unknown, or None without covariances.
+        person_ids: names of the result's people; default: numbered.
+        truth_ids: names of the truth's people; default: numbered.
+        up_axis: up axis of the world, None if unknown.
+        layer: layer of the result.
+        matched_by: how frames were matched.
+        whole: result and truth with all their keypoints, which PCP needs; default: the common ones.
+        scale: ratio of the body size to that of an adult human.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: if the arrays do not match.
     """
 
     skeleton: Skeleton
@@ -61,7 +60,7 @@ class PeoplePoints:
     up_axis: UpAxis | None = None
     layer: str = "points"
     matched_by: str = "order"
-    whole: tuple[Bodies, Bodies] | None = None
+    whole: tuple[KeypointSet, KeypointSet] | None = None
     scale: float = 1.0
 
     def __post_init__(self) -> None:
@@ -74,11 +73,11 @@ class PeoplePoints:
                 )
         if self.covariance_m2 is not None and self.covariance_m2.shape != (*self.points_m.shape, 3):
             raise ResultError(
-                f"covariance_m2: expected {(*self.points_m.shape, 3)}, a 3 x 3 matrix a point, "
+                f"covariance_m2: expected {(*self.points_m.shape, 3)}, one 3 x 3 matrix per point, "
                 f"got {self.covariance_m2.shape}."
             )
         if self.time_s is not None and not (len(self.time_s) == frames and np.all(np.diff(self.time_s) > 0)):
-            raise ResultError(f"time_s: expected {frames} increasing times; leave it out where they are not known.")
+            raise ResultError(f"time_s: expected {frames} increasing times; omit it if they are unknown.")
         for name, points in (("person_ids", self.points_m), ("truth_ids", self.truth_m)):
             ids = getattr(self, name) or tuple(f"person_{i + 1}" for i in range(points.shape[1]))
             if len(ids) != points.shape[1]:
@@ -87,13 +86,13 @@ class PeoplePoints:
 
 
 def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Reconstruction:
-    """The same result without points of people who are not in one of these states, such as lost ones' predictions.
+    """Return the result without points of people outside the given track states, such as predictions of lost tracks.
 
     Raises:
-        ResultError: if the result does not say who is in which state.
+        ResultError: if the result has no tracks.
     """
     if result.tracks is None:
-        raise ResultError("This result has no tracks, so nobody in it is tentative, active or lost: leave states out.")
+        raise ResultError("This result has no tracks and therefore no states. Omit states.")
     out = ~np.isin(np.asarray(result.tracks.state[:]), [int(state) for state in states])
     layers = {}
     for name, layer in result.layers.items():
@@ -105,14 +104,14 @@ def only_in_states(result: Reconstruction, states: Collection[TrackState]) -> Re
 
 
 def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints:
-    """A result and another reconstruction, such as the truth of a simulation, on the frames both have.
+    """Pair a result with another reconstruction, such as the truth of a simulation, on common frames.
 
-    Frames are put together by their numbers, or, where the rates differ, by time: the truth is interpolated linearly.
-    Keypoints are the truth's, those the result lacks left out; the truth's derived ones are made of the result's.
+    Frames are matched by number, or by time with linear interpolation of the truth if the rates differ. Keypoints are
+    those of the truth that the result has or can derive.
 
     Args:
-        result: in metres; ``options.layer`` or the best layer is compared.
-        truth: in the same world.
+        result: result in meters; ``options.layer`` or the best layer is compared.
+        truth: ground truth in the same world.
 
     Raises:
         ResultError: if they share no frame or no keypoint.
@@ -122,20 +121,20 @@ def people_points(result: Reconstruction, truth: Reconstruction) -> PeoplePoints
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
     frames, whole_m, matched_by = _at_frames_of(result, truth)
     skeleton = sub_skeleton(truth.skeleton, tuple(sources))
-    return _joined(result, skeleton, frames, Bodies(truth.skeleton, whole_m), truth.person_ids, matched_by)
+    return _joined(result, skeleton, frames, KeypointSet(truth.skeleton, whole_m), truth.person_ids, matched_by)
 
 
 def _joined(
     result: Reconstruction,
     skeleton: Skeleton,
     frames: np.ndarray,
-    truth: Bodies,
+    truth: KeypointSet,
     truth_ids: Sequence[str],
     matched_by: str,
 ) -> PeoplePoints:
-    """Some frames of a result, with its keypoints as ``skeleton`` has them, beside the truth of these frames."""
+    """Pair selected frames of a result, with the keypoints of ``skeleton``, with the truth of these frames."""
     if result.unit != "m":
-        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
+        raise ResultError(f"The result is in {result.unit} (one camera's image plane) and cannot be compared in 3D.")
     name, layer = result.best_layer(result.options.layer)
     sources = result.skeleton.sources_of(skeleton)
     covariance = unpack_covariance(np.asarray(layer.covariance_m2[:])[frames])
@@ -153,54 +152,54 @@ def _joined(
         up_axis=result.rig.up_axis,
         layer=name,
         matched_by=matched_by,
-        whole=(Bodies(result.skeleton, points), truth),
+        whole=(KeypointSet(result.skeleton, points), truth),
         scale=_scale(truth.skeleton, result.skeleton),
     )
 
 
 def _scale(*skeletons: Skeleton) -> float:
-    """Of the first of them whose tree knows how large a body is."""
+    """Return the scale of the first skeleton with a tree."""
     return next((skeleton.tree.scale for skeleton in skeletons if skeleton.tree is not None), 1.0)
 
 
 def with_truths(result: Reconstruction, truths: Sequence[Truth], names: Sequence[str]) -> PeoplePoints:
-    """A result and people whose positions came each from its own file, on the keypoints that all have.
+    """Pair a result with people from separate files, on their common keypoints.
 
     Args:
-        result: in metres; ``options.layer`` or the best layer is compared.
-        truths: one a person, of the result's frames.
-        names: of the people.
+        result: result in meters; ``options.layer`` or the best layer is compared.
+        truths: one per person, on the result's frames.
+        names: names of the people.
 
     Raises:
-        ResultError: if they have no keypoint in common.
+        ResultError: if they have no common keypoint.
     """
     shared = tuple(name for name in result.skeleton.keypoints if all(name in truth.keypoints for truth in truths))
     if not truths or not shared:
-        raise ResultError(f"The truth's {len(truths)} people ({choices(names)}) have no keypoint in common.")
+        raise ResultError(f"The truth's {len(truths)} people ({choices(names)}) have no common keypoint.")
     columns = [[truth.keypoints.index(name) for name in shared] for truth in truths]
     known = np.stack([truth.points_m[:, c] for truth, c in zip(truths, columns, strict=True)], axis=1)
     covered = np.flatnonzero(is_here(known).any(axis=1))
     if not len(covered):
-        raise ResultError("Result and truth share no frame; are they of the same recording?")
+        raise ResultError("Result and truth share no frame. Check that they are of the same recording.")
     skeleton = sub_skeleton(result.skeleton, shared)
-    return _joined(result, skeleton, covered, Bodies(skeleton, known[covered]), names, truths[0].matched_by)
+    return _joined(result, skeleton, covered, KeypointSet(skeleton, known[covered]), names, truths[0].matched_by)
 
 
 def sub_skeleton(skeleton: Skeleton, keypoints: tuple[str, ...]) -> Skeleton:
-    """Some of a skeleton's keypoints, in the given order, and the edges between them."""
+    """Return a skeleton with selected keypoints, in the given order, and the edges between them."""
     edges = tuple((a, b) for a, b in skeleton.edges if a in keypoints and b in keypoints)
     derived = {name: parts for name, parts in skeleton.derived.items() if name in keypoints}
     return Skeleton(skeleton.name, keypoints, edges, derived=derived)
 
 
 def _derived(points_m: np.ndarray, skeleton: Skeleton, sources: Mapping[str, tuple[str, ...]]) -> np.ndarray:
-    """Each keypoint as the mean of its parts, shape (frame, person, keypoint, 3)."""
+    """Return each keypoint as the mean of its parts, shape (frame, person, keypoint, 3)."""
     parts = [[skeleton.index(part) for part in names] for names in sources.values()]
     return np.stack([points_m[:, :, columns].mean(axis=2) for columns in parts], axis=2)
 
 
 def _undivided(covariance_m2: np.ndarray, skeleton: Skeleton, sources: Mapping[str, tuple[str, ...]]) -> np.ndarray:
-    """Covariances of keypoints the result has itself; a mean's is not known, its parts being correlated."""
+    """Return covariances of direct keypoints; those of derived ones are unknown because their parts are correlated."""
     columns = [skeleton.index(names[0]) for names in sources.values()]
     found = covariance_m2[:, :, columns]
     found[:, :, [len(names) > 1 for names in sources.values()]] = np.nan
@@ -208,20 +207,21 @@ def _undivided(covariance_m2: np.ndarray, skeleton: Skeleton, sources: Mapping[s
 
 
 def _at_frames_of(result: Reconstruction, truth: Reconstruction) -> tuple[np.ndarray, np.ndarray, str]:
-    """Which of the result's frames the truth covers, its points there, and how they were put together.
+    """Return the result's frames covered by the truth, the truth's points, and how frames were matched.
 
     Returns:
-        Shape (shared frame,), int64: places in the result; shape (shared frame, truth, keypoint, 3); and words.
+        Shape (shared frame,), int64: indices in the result; shape (shared frame, truth, keypoint, 3); and a
+        description.
     """
     _, layer = truth.best_layer()
     points = np.asarray(layer.points_m[:])
     if result.rate_hz and truth.rate_hz and abs(result.rate_hz / truth.rate_hz - 1.0) > 1e-3:
         inside = np.flatnonzero((result.time_s >= truth.time_s[0]) & (result.time_s <= truth.time_s[-1]))
         if not len(inside):
-            raise ResultError("Result and truth share no time; are they of the same recording?")
+            raise ResultError("Result and truth share no time. Check that they are of the same recording.")
         flat = interpolated(points.reshape(len(points), -1, 3), truth.time_s, result.time_s[inside])
         return inside, flat.reshape(-1, *points.shape[1:]), "time"
     shared, ours, theirs = np.intersect1d(result.frame_numbers, truth.frame_numbers, return_indices=True)
     if not len(shared):
-        raise ResultError("Result and truth share no frame number; are they of the same recording?")
+        raise ResultError("Result and truth share no frame number. Check that they are of the same recording.")
     return ours, points[theirs], "frame number"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from posefuse.errors import ResultError
-from posefuse.evaluation.heads import JOINTS, joints_14
-from posefuse.evaluation.parts import PARTS, part_scores, pck
+from posefuse.evaluation.head_points import JOINTS, joints_14
+from posefuse.evaluation.pcp import PARTS, part_scores, pck
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 BODY = {
@@ -42,7 +42,7 @@ def test_heads_by_hand():
     np.testing.assert_allclose(joint(shelf, "bottom_head"), [0.75 * 0.05, 0, 1.5], atol=1e-12)
     np.testing.assert_allclose(joint(shelf, "top_head"), [0.75 * 0.075, 0, 0.75 * 1.7 + 0.25 * 1.7], atol=1e-12)
     assert np.isnan(joints_14(body(), COCO, "none")[12:]).all()
-    with pytest.raises(ResultError, match="along z"):
+    with pytest.raises(ResultError, match="with z up"):
         joints_14(body(), COCO, "shelf", "-y")
     with pytest.raises(ResultError, match="Did you mean 'shelf'"):
         joints_14(body(), COCO, "self")  # type: ignore[arg-type]

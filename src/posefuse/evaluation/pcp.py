@@ -1,8 +1,8 @@
-"""Share of correct body parts (PCP) by the recipe of Shelf and Campus, and of correct keypoints (PCK).
+"""Percentage of correct parts (PCP) as for Shelf and Campus, and of correct keypoints (PCK).
 
-The recipe is that of VoxelPose's published code, which PlaneSweepPose and Faster VoxelPose share. Each person of the
-truth is compared with the closest prediction, however far, and two may share one: what is found too much costs
-nothing, so false people must be counted elsewhere.
+PCP follows VoxelPose's published code, shared by PlaneSweepPose and Faster VoxelPose. Each person of the truth is
+compared with the closest prediction, however far, and two may share one. False people cost nothing and must be counted
+separately.
 """
 
 import math
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.evaluation.heads import HeadRule
+from posefuse.evaluation.head_points import HeadRule
 from posefuse.evaluation.matching import mean_distances_m
 
 LIMBS = {
@@ -20,7 +20,7 @@ LIMBS = {
     "head": (12, 13),
 }  # fmt: skip
 PARTS = (*LIMBS, "torso")
-"""The ten parts; the torso runs from between the hips to the bottom of the head."""
+"""The ten parts; the torso extends from mid-hip to the bottom of the head."""
 
 ALPHA = 0.5
 RECALL_M = 0.5
@@ -32,19 +32,19 @@ _R_HIP, _L_HIP, _BOTTOM = 2, 3, 12
 
 @dataclass(frozen=True)
 class PartScores:
-    """PCP. NaN where there is nothing to count.
+    """PCP. NaN where undefined.
 
     Attributes:
-        alpha: a part is correct whose ends are wrong, on average, by at most this share of its true length.
-        head_rule: how head points were had from the result's keypoints.
+        alpha: a part is correct if the mean error of its ends is at most this fraction of its true length.
+        head_rule: rule for the head points of the result.
         parts: names, in order.
-        by_actor: a share for each person of the truth.
-        by_part: a share for each part, over all people.
-        by_actor_and_part: a row a person.
+        by_actor: fraction per person of the truth.
+        by_part: fraction per part, over all people.
+        by_actor_and_part: one row per person.
         average: mean over all people.
-        average_first_three: mean over the first three, the figure Shelf and Campus are reported by.
-        recall_500: share of the truth's person-frames whose closest prediction is less than 0.5 m off.
-        n_person_frames: of the truth.
+        average_first_three: mean over the first three people, as reported for Shelf and Campus.
+        recall_500: fraction of the truth's person-frames whose closest prediction is less than 0.5 m away.
+        n_person_frames: number of person-frames of the truth.
     """
 
     alpha: float
@@ -60,17 +60,18 @@ class PartScores:
 
 
 def part_scores(predicted_m: np.ndarray, truth_m: np.ndarray, head_rule: HeadRule, alpha: float = ALPHA) -> PartScores:
-    """PCP of predictions against truth.
+    """Return PCP of predictions against truth.
 
-    A missing joint of the prediction makes its parts wrong and is left out of the distance that finds the closest
-    prediction; without predictions all parts are wrong. Parts the truth lacks do not count, nor do head and torso
-    under the rule ``none``.
+    Parts with a missing joint of the prediction are wrong; the joint is ignored when the closest prediction is
+    determined. Without predictions all parts are wrong. Parts that the truth lacks do not count, nor do head and torso
+    with the rule ``none``.
 
     Args:
-        predicted_m: shape (frame, person, 14, 3), joints as :data:`posefuse.evaluation.heads.JOINTS`.
+        predicted_m: shape (frame, person, 14, 3), joints in the order of
+            :data:`posefuse.evaluation.head_points.JOINTS`.
         truth_m: shape (frame, actor, 14, 3).
-        head_rule: by which the predictions' head was made.
-        alpha: share of the true length.
+        head_rule: head rule of the predictions.
+        alpha: fraction of the true length.
     """
     closest, apart = closest_people(predicted_m, truth_m)
     correct, counted = correct_parts(closest, truth_m, alpha)
@@ -94,10 +95,10 @@ def part_scores(predicted_m: np.ndarray, truth_m: np.ndarray, head_rule: HeadRul
 
 
 def closest_people(predicted_m: np.ndarray, truth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The closest prediction of each person of the truth: no gate, not one to one.
+    """Return the closest prediction for each person of the truth, without gate and not one-to-one.
 
     Returns:
-        Points, shape (frame, actor, joint, 3), and mean distances, shape (frame, actor); NaN where there is none.
+        Points, shape (frame, actor, joint, 3), and mean distances, shape (frame, actor); NaN without a prediction.
     """
     shape = truth_m.shape[:2]
     if not predicted_m.shape[1]:
@@ -111,12 +112,12 @@ def closest_people(predicted_m: np.ndarray, truth_m: np.ndarray) -> tuple[np.nda
 
 
 def correct_parts(predicted_m: np.ndarray, truth_m: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which parts are correct, and which the truth has: both of shape (..., part), bool.
+    """Return which parts are correct and which exist in the truth: shapes (..., part), bool.
 
     Args:
         predicted_m: shape (..., 14, 3).
         truth_m: shape (..., 14, 3).
-        alpha: share of the true length.
+        alpha: fraction of the true length.
     """
     ours, true = _ends(predicted_m), _ends(truth_m)
     errors = np.linalg.norm(ours - true, axis=-1).mean(axis=-1)
@@ -125,7 +126,7 @@ def correct_parts(predicted_m: np.ndarray, truth_m: np.ndarray, alpha: float) ->
 
 
 def _ends(joints_m: np.ndarray) -> np.ndarray:
-    """Shape (..., part, 2, 3)."""
+    """Return the ends of the parts, shape (..., part, 2, 3)."""
     limbs = joints_m[..., list(LIMBS.values()), :]
     middle = joints_m[..., [_R_HIP, _L_HIP], :].mean(axis=-2)
     torso = np.stack([middle, joints_m[..., _BOTTOM, :]], axis=-2)
@@ -141,19 +142,19 @@ def _mean(values: np.ndarray) -> float:
     return float(known.mean()) if known.size else math.nan
 
 
-def pck(followed_m: np.ndarray, truth_m: np.ndarray, within_m: Sequence[float]) -> tuple[float, ...]:
+def pck(matched_m: np.ndarray, truth_m: np.ndarray, within_m: Sequence[float]) -> tuple[float, ...]:
     """Share of the truth's points that the matched person has within each distance.
 
-    Points of people nobody is matched to, and points the match lacks, are wrong.
+    Points of unmatched people, and points that the match lacks, count as wrong.
 
     Args:
-        followed_m: shape (frame, truth, keypoint, 3): what the result says of each person of the truth.
-        truth_m: of the same shape.
-        within_m: distances.
+        matched_m: shape (frame, truth, keypoint, 3): points of the result for each person of the truth.
+        truth_m: points of the truth, same shape.
+        within_m: distances in meters.
 
     Returns:
-        A share for each distance, NaN without truth.
+        One fraction per distance, NaN without truth.
     """
     known = np.isfinite(truth_m).all(axis=-1)
-    errors = np.linalg.norm(followed_m - truth_m, axis=-1)[known]
+    errors = np.linalg.norm(matched_m - truth_m, axis=-1)[known]
     return tuple(float((errors <= limit).mean()) if errors.size else math.nan for limit in within_m)
