@@ -18,7 +18,7 @@ from posefuse.tracking.history import Run
 from posefuse.tracking.settings import Settings, memory_s, tempering
 from posefuse.tracking.smoothing import smooth_run, smooth_states
 from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again
-from tests.reference import tempering as reference
+from tests.reference import refiltering as reference
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree
