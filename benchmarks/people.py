@@ -37,7 +37,7 @@ from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person
 from posefuse.tracking.smoothing import PeopleSmoother
-from posefuse.tracking.strategies import stages_of
+from posefuse.tracking.strategies import find_strategy
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5
@@ -138,10 +138,11 @@ def follow(
     for i in range(len(spent)):
         frame = Frame.of(scene.detections, i)
         start = time.process_time()
-        told.append(tracker.update(frame))
+        tracked = tracker.process(frame)
+        told.append(tracked.people)
         spent[i] = time.process_time() - start
         if smoothed:
-            history.add(tracker, told[-1])
+            history.add(tracker, tracked)
             numbers.append({track.name: track.number for track in tracker.tracks})
     events = tuple(event for people in told for event in people.events)
     data = _points(scene, _smoothed(history, told, numbers) if smoothed else told)
@@ -150,7 +151,7 @@ def follow(
         score_people(data, scoring or ScoringOptions()),
         is_right(data),
         events,
-        tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
+        tuple(dict.fromkeys(event.person for event in events if event.what == "camera_rejected")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
         exclusive_folder(scene, told),
@@ -318,7 +319,7 @@ def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
     """What a table does not say: which seeds are wrong, and what was said of identities and cameras."""
     said = [f"{name}: not right are the seeds {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
     if name in ("hug", "equal"):
-        for what in ("identity uncertain", "identities exchanged"):
+        for what in ("possible_identity_switch", "identities_swapped"):
             n = sum(any(event.what == what for event in run.events) for run in runs)
             said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
     if name == "one_camera":
@@ -362,7 +363,7 @@ class Ablation:
     def follow(self, scene: CrowdScene) -> Run:
         """Follow everybody in a scene."""
         tracker = tracker_for(scene, self.options)
-        theirs = stages_of("specification")
+        theirs = find_strategy("specification")
         tracker.stages = replace(tracker.stages, **{name: getattr(theirs, name) for name in self.stages})
         tree = tracker.settings.tree
         wide = replace(tree, shape_covariance=self.shape_spread * tree.shape_covariance)
@@ -378,7 +379,7 @@ ABLATIONS = (
     Ablation("noise believed white (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
     Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6)),
     Ablation("bones hardly known (variance x 25)", shape_spread=_WIDE),
-    Ablation("`preset` specification", TrackerOptions(preset="specification")),
+    Ablation("`preset` specification", TrackerOptions(strategy="specification")),
     *(
         Ablation(f"of it only the {what}", stages=(name,))
         for name, what in (

@@ -4,7 +4,7 @@ import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
-from tests.videos import N_FRAMES, coded_video, moving_sticks, images_of, exact_detections
+from tests.videos import N_FRAMES, coded_video, exact_detections, images_of, moving_sticks
 
 
 @pytest.fixture(scope="module")

@@ -106,7 +106,7 @@ def test_one_person(scene, result):
     told = explain(result, 10, scene.detections, "person_2")
     assert [person.name for person in told.people] == ["person_2"]
     assert {each.person for view in told.views for each in view.sightings} <= {"person_2", None}
-    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera refused", "b"))
+    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera_rejected", "b"))
     assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
 
 

@@ -9,7 +9,7 @@ from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
-from posefuse.io.recording import choose_calibration, choose_keypoints, choose_timestamps, find_recording
+from posefuse.io.recording import choose_timestamps, find_inputs
 from posefuse.io.timestamps import read_timestamps
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -45,12 +45,8 @@ def read_inputs(
     Raises:
         PosefuseError: with what is missing, ambiguous or broken.
     """
-    recording = find_recording(folder) if calibration is None or keypoints is None else None
-    if recording is not None:
-        calibration = calibration or choose_calibration(recording)
-        keypoints = keypoints or choose_keypoints(recording)
-    assert calibration is not None
-    assert keypoints is not None
+    found = find_inputs(folder, calibration, keypoints, options)
+    calibration, keypoints = found.calibration, found.keypoints
     nearby = None if timestamps is not None else timestamps_of(folder, keypoints, options)
     # Before they are read: what changes meanwhile is then of other digests, and nothing is taken for made of it.
     files = [file for file in (calibration, keypoints, timestamps, nearby) if file is not None]

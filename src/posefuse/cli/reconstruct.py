@@ -376,7 +376,9 @@ def describe_people(result: Reconstruction, layer: LayerName) -> None:
     if result.events:
         note(f"events: {format_event_counts(result.events)}")
     uncertain = [
-        event for event in result.events if event.what in ("identity uncertain", "camera refused", "camera silent")
+        event
+        for event in result.events
+        if event.what in ("possible_identity_switch", "camera_rejected", "camera_silent")
     ]
     for event in uncertain:
         note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")

@@ -110,7 +110,7 @@ def prepare_divided(rig: CameraRig, detections: Detections, options: Options, te
     plan = prepare(rig, detections, options, progress, who=who)
     if not isinstance(plan.subjects, StitchedPeople):
         return plan
-    number, beside_s = len(plan.subjects.starts) - 1, options.tracker.forget_after_s
+    number, beside_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
     note = (
         f"People were followed in {number} windows of about {team.window_s:g} s, each from where the tracker had come "
         f"and to more than {beside_s:g} s after it, and made one by their detections there."
@@ -171,7 +171,7 @@ def _followed(
     """Everybody, of all windows."""
     skeleton, fixed = agreed(rig, detections, options)
     rate_hz = 1.0 / clock_of(detections).period_s
-    spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.forget_after_s)
+    spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.terminate_after_s)
 
     places = [window.first for window in spans]
     trackers = keep_trackers(rig, replace(detections, skeleton=skeleton), fixed, places, progress, team.parts)

@@ -132,7 +132,7 @@ def _measured(plan: Plan, checkpoint: Checkpoint, first: int = 0) -> Iterator[Re
             given = stop
             if smoother is not None and checkpoint.enabled:
                 # Of two, one is always whole, and of where the chunk that is not kept yet begins.
-                smoother.goes_on_from(checkpoint.save(_SMOOTHER.format(i % 2), smoother.memory))
+                smoother.resume_from(checkpoint.save(_SMOOTHER.format(i % 2), smoother.memory))
             piece = checkpoint.save(name, Piece.of(part)) if checkpoint.enabled else None
             if piece is None:
                 yield part
@@ -148,7 +148,7 @@ def _smoother_at(plan: Plan, checkpoint: Checkpoint, start: int) -> WholeSmoothe
     memories = (checkpoint.load(_SMOOTHER.format(i)) for i in range(2))
     memory = next((each for each in memories if each is not None and each[0].done == start), None)
     if memory is not None:
-        smoother.goes_on_from(memory)
+        smoother.resume_from(memory)
         return smoother
     # The part that says so is damaged: what was given before is gone through again.
     for stop in (stop for _, stop in ranges(start, plan.options.chunk_frames)):

@@ -13,8 +13,7 @@ from posefuse.kernels.tracking.frame_statistics import (
     record_matches,
     update_gated_time,
 )
-from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
-from posefuse.tracking.body_states import Uses
+from posefuse.tracking.body_states import KeypointUses
 
 SEEDS = range(5)
 
@@ -22,7 +21,7 @@ SEEDS = range(5)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_observation_counts_match_numpy(seed):
     use = np.random.default_rng(seed).choice([USED, GATED, UNOBSERVED], size=(3, 4, 7))
-    uses = Uses.of(use)
+    uses = KeypointUses.of(use)
     np.testing.assert_array_equal(uses.of_view, (use == USED).sum(axis=2))
     np.testing.assert_array_equal(uses.used, (use == USED).sum(axis=1))
     np.testing.assert_array_equal(uses.gated, (use == GATED).sum(axis=1))
@@ -73,25 +72,25 @@ def test_recorded_matches_match_numpy(seed):
     rng = np.random.default_rng(seed)
     rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
     odds = rng.normal(0.0, 3.0, (5, 6, 2))
-    ids, alone_s = rng.integers(-1, 9, 6), rng.random(5)
+    ids, single_view_s = rng.integers(-1, 9, 6), rng.random(5)
     rows[0] = [-1, 3, -1, -1]
-    was, known, before = rng.random((5, 4, 2)), rng.integers(-1, 9, (5, 4)), alone_s.copy()
+    was, known, before = rng.random((5, 4, 2)), rng.integers(-1, 9, (5, 4)), single_view_s.copy()
     was_then, ids_then = was.copy(), known.copy()
-    record_matches(rows, swapped, odds, frozen(ids, np.int64), 0.04, alone_s, was, known)
+    record_matches(rows, swapped, odds, frozen(ids, np.int64), 0.04, single_view_s, was, known)
     there = rows >= 0
     probable = 1.0 / (1.0 + np.exp(-np.where(swapped != 0, odds, -np.abs(odds))))
     np.testing.assert_array_equal(known, np.where(there, ids[rows], ids_then))
     np.testing.assert_allclose(was, np.where(there[..., None], probable[np.arange(5)[:, None], rows], was_then))
-    np.testing.assert_allclose(alone_s, np.where(there.sum(axis=1) == 1, before + 0.04, 0.0))
+    np.testing.assert_allclose(single_view_s, np.where(there.sum(axis=1) == 1, before + 0.04, 0.0))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_gated_time_matches_numpy(seed):
     rng = np.random.default_rng(seed)
-    used, gated, off_s = rng.integers(0, 4, (3, 7)), rng.integers(0, 4, (3, 7)), rng.random((3, 7))
-    expected = np.where((gated >= 2) & (gated > used), off_s + 0.1, 0.0)
-    assert update_gated_time(used, gated, 0.1, off_s) == expected.max()
-    np.testing.assert_array_equal(off_s, expected)
+    used, gated, displaced_s = rng.integers(0, 4, (3, 7)), rng.integers(0, 4, (3, 7)), rng.random((3, 7))
+    expected = np.where((gated >= 2) & (gated > used), displaced_s + 0.1, 0.0)
+    assert update_gated_time(used, gated, 0.1, displaced_s) == expected.max()
+    np.testing.assert_array_equal(displaced_s, expected)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

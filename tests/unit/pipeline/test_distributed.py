@@ -61,7 +61,7 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
 def test_people_of_two_windows_are_those_of_one_run(tmp_path):
     scene = crowd_of(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels")
-    options = replace(options, tracker=replace(options.tracker, forget_after_s=0.5))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 4.5)
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
@@ -98,7 +98,7 @@ def test_a_divided_run_that_was_ended_goes_on_from_the_pieces_that_are_done(tmp_
 def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
     scene = crowd_of(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
-    options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 40.0)
     check_same(whole, pieces)
 

@@ -61,10 +61,10 @@ def test_timeline_matches_the_track_states(result):
 
 
 def test_camera_events_have_a_separate_row(result):
-    event = Event(7, 0.28, "cam_1", "camera refused", "it disagrees")
+    event = Event(7, 0.28, "cam_1", "camera_rejected", "it disagrees")
     timeline = track_timeline(replace(result, events=(event,)))
     assert timeline["rows"] == [*result.person_ids, "cam_1"]
-    assert (timeline["people"], timeline["events"]) == (4, [[7, 4, "camera refused", "it disagrees", 7]])
+    assert (timeline["people"], timeline["events"]) == (4, [[7, 4, "camera_rejected", "it disagrees", 7]])
 
 
 def test_person_statistics(result):

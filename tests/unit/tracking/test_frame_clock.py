@@ -5,7 +5,7 @@ import pytest
 
 from posefuse.errors import DetectionsError
 from posefuse.model.frames import Frame
-from posefuse.tracking.frame_clock import Clock, moments
+from posefuse.tracking.frame_clock import FrameClock, view_times
 
 NAN = float("nan")
 
@@ -24,15 +24,15 @@ def frame(number: int, *times_s: float, people: int = 0, recorded: tuple[bool, .
     )
 
 
-def after(*frames: Frame) -> Clock:
-    clock = Clock()
+def after(*frames: Frame) -> FrameClock:
+    clock = FrameClock()
     for each in frames:
         clock.take(each)
     return clock
 
 
 def test_the_time_between_frames():
-    clock = Clock()
+    clock = FrameClock()
     assert [clock.take(frame(k, 0.1 * k, 0.1 * k)) for k in (3, 4, 6)] == pytest.approx([0.0, 0.1, 0.2])
     assert clock.time_s == pytest.approx(0.6)
     assert clock.period_s == pytest.approx(0.1)
@@ -46,7 +46,7 @@ def test_a_frame_that_no_camera_recorded_is_when_it_should_have_been():
     assert clock.take(frame(5, 0.5, NAN)) == pytest.approx(0.1)
     said = frame(6, 0.57, 0.57, recorded=(False, False))
     assert clock.take(said) == pytest.approx(0.07)
-    assert moments(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
+    assert view_times(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
 
 
 def test_frames_without_numbers_have_periods_too():
@@ -59,7 +59,7 @@ def test_people_without_a_time_are_an_error():
     with pytest.raises(DetectionsError, match="Frame 2 has no time"):
         clock.take(frame(2, NAN, NAN, people=1))
     with pytest.raises(DetectionsError, match="Frame 0 has no time"):
-        Clock().take(frame(0, NAN, NAN))
+        FrameClock().take(frame(0, NAN, NAN))
 
 
 def test_a_late_camera_that_drops_a_frame_does_not_turn_time_back():
@@ -78,7 +78,7 @@ def test_frames_come_in_order():
 
 
 def test_views_one_after_the_other():
-    parts = moments(frame(0, 0.1, 0.12, NAN, 0.1002), 0.12)
+    parts = view_times(frame(0, 0.1, 0.12, NAN, 0.1002), 0.12)
     assert [(time_s, views.tolist()) for time_s, views in parts] == [
         (0.1002, [True, False, True, True]),
         (0.12, [False, True, False, False]),

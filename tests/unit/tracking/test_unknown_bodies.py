@@ -1,4 +1,4 @@
-"""Bodies of which nobody has said how they move: bones are measured, and the bodies followed."""
+"""BodyFrame of which nobody has said how they move: bones are measured, and the bodies followed."""
 
 from dataclasses import replace
 
@@ -131,7 +131,7 @@ def test_options_are_a_humans():
     options = TrackerOptions()
     assert options.in_proportion(1.0) is options
     small = options.in_proportion(0.125)
-    assert small.births.apart_m == pytest.approx(0.125 * options.births.apart_m)
+    assert small.initiation.apart_m == pytest.approx(0.125 * options.initiation.apart_m)
     assert small.lost_after_s == options.lost_after_s
     # Speeds: a length over a time.
     before, after = options.motion, small.motion

@@ -11,7 +11,7 @@ from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.tracked_people import Naming, TrackedPeople
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People
+from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 
@@ -56,9 +56,10 @@ class Book:
         lines, innovations = zip(*away, (np.array(self.lines), np.array(self.innovations)), strict=True)
         return np.concatenate(lines), np.concatenate(innovations)
 
-    def enter(self, tracker: ArticulatedTracker, people: People) -> None:
-        """A frame."""
-        self.history.add(tracker, people)
+    def enter(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
+        """Add a frame."""
+        people = tracked.people
+        self.history.add(tracker, tracked)
         for history, follower in zip(self.parts, tracker.parts, strict=True):
             history.add_parts(follower, tracker.tracks, people)
         place = len(self.history) - 1
@@ -72,10 +73,10 @@ class Book:
             self._note(place, track.number, track.state, person.rows)
             if person.nis_dof:
                 self.innovations.extend((place, track.number, person.nis, person.nis_dof))
-            for each in tracker.remembered.get(track.name, []):
+            for each in tracked.past_states.get(track.name, []):
                 self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
-        for numbers, since_s in tracker.exchanged:
-            self._rename(tracker, numbers, self.history.place_at(since_s))
+        for swap in tracked.swaps:
+            self._rename(tracker, swap.numbers, self.history.place_at(swap.since_s))
         self.events.extend(people.events)
 
     def _note(self, place: int, number: int, state: TrackState, rows: np.ndarray) -> None:

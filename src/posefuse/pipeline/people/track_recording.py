@@ -21,7 +21,7 @@ from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People
+from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
@@ -52,12 +52,12 @@ def track_subject(
     theirs = tracks.rows(detections)[:, 0]
     kept = theirs >= 0
     alone = replace(detections, offsets=np.concatenate([[0], np.cumsum(kept.ravel())]), **detections.rows(theirs[kept]))
-    # Whoever comes back is the subject.
+    # Every person who appears is the subject.
     anywhere = replace(options.tracker.specification, reacquire_gate=_ANYWHERE)
+    always = replace(options.tracker.reidentification, min_log_odds=-_SURE_LOG_ODDS)
     tracker = replace(
-        options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_SURE_LOG_ODDS,
-        specification=anywhere,
-    )  # fmt: skip
+        options.tracker, max_people=1, terminate_after_s=_NEVER_S, reidentification=always, specification=anywhere
+    )
     return track_people(rig, alone, replace(options, tracker=tracker), progress, checkpoint)
 
 
@@ -149,7 +149,7 @@ def keep_trackers(
         if kept is None:
             for start, stop in ranges(place - done, CHUNK_FRAMES):
                 first, last = done + start, done + stop
-                for _ in _follow(tracker, detections.frames(first, last), times_s[first:last]):
+                for _ in _track_frames(tracker, detections.frames(first, last), times_s[first:last]):
                     pass
             kept = checkpoint.save(name, tracker)
         progress.advance(place - done)
@@ -209,23 +209,23 @@ class _Stage:
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = checkpoint.spool(name)
             assert spool is not None
-            history.goes_on_in(spool)
+            history.attach_spool(spool)
         return self
 
     def go_on(self, chunk: Detections, times_s: np.ndarray) -> None:
         """Follow people through more frames, those at these times, shape (frame,)."""
-        for people in _follow(self.tracker, chunk, times_s):
-            self.book.enter(self.tracker, people)
+        for tracked in _track_frames(self.tracker, chunk, times_s):
+            self.book.enter(self.tracker, tracked)
         self.done += chunk.n_frames
 
 
-def _follow(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[People]:
+def _track_frames(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
     """Everybody in each of some frames, those at these times, shape (frame,)."""
     for i in range(chunk.n_frames):
         frame = Frame.of(chunk, i)
         if not frame.recorded.any():
             frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
-        yield tracker.update(frame)
+        yield tracker.process(frame)
 
 
 def _spools(parts: int) -> tuple[str, ...]:

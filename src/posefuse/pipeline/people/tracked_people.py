@@ -18,7 +18,7 @@ from posefuse.pipeline.people.poses import Known, Places, Stood
 from posefuse.pipeline.people.selection import kept_tracks
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.history import History
-from posefuse.tracking.parts import sure_directions
+from posefuse.tracking.parts import certain_directions
 from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 
 
@@ -144,7 +144,7 @@ class TrackedPeople:
     ) -> "Known":
         """What is known of the directions and angles of somebody's part: that of its root by the body, too."""
         part, tree, body = self.skeleton.parts[i], self.history.settings.tree, person.body
-        sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
+        sure = certain_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
         s, b = len(tree.segments), len(tree.bones)
         stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
         own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
@@ -202,7 +202,7 @@ class WholeSmoother:
         """What the next range of frames goes on from: of bodies, then of their parts."""
         return tuple(each.memory for each in (self.body, *self.parts))
 
-    def goes_on_from(self, memory: tuple[Memory, ...]) -> None:
+    def resume_from(self, memory: tuple[Memory, ...]) -> None:
         """Go on from where another smoother of the same people was."""
         for each, known in zip((self.body, *self.parts), memory, strict=True):
-            each.goes_on_from(known)
+            each.resume_from(known)

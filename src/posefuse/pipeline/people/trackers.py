@@ -16,7 +16,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.pipeline.people.initial_noise import propose_people, proposed, sampled_frames
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.known_lengths import with_known_lengths
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
@@ -25,15 +25,15 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     """What is asked for that does nothing here, each with what would make it do something."""
     tracker, usual = options.tracker, TrackerOptions()
     said = []
-    if tracker.preset != "specification" and tracker.specification != usual.specification:
+    if tracker.strategy != "specification" and tracker.specification != usual.specification:
         said.append(
-            "tracker.specification has options of the preset 'specification', and the preset is "
-            f"{tracker.preset!r}: they do nothing. Add --tracker.preset specification, or leave them out."
+            "tracker.specification has options of the strategy 'specification', and the strategy is "
+            f"{tracker.strategy!r}: they do nothing. Add --tracker.strategy specification, or leave them out."
         )
-    if tracker.preset == "specification" and tracker.smoother != "none":
+    if tracker.strategy == "specification" and tracker.smoother != "none":
         said.append(
-            f"tracker.smoother = {tracker.smoother!r} does nothing with the preset 'specification', whose states "
-            "forget how well they are known: nothing is smoothed. Say --smoother none, or take the preset 'posefuse'."
+            f"tracker.smoother = {tracker.smoother!r} does nothing with the strategy 'specification', whose states "
+            "forget how well they are known: nothing is smoothed. Say --smoother none, or take the strategy 'posefuse'."
         )
     if tracker.parts != usual.parts and not skeleton.parts:
         said.append(
@@ -64,7 +64,7 @@ def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: O
         SkeletonError: if the skeleton has no tree.
     """
     skeleton = with_known_lengths(skeleton, options.tracker)
-    settings = Settings.of(rig, skeleton, noise, options.tracker)
+    settings = TrackerSettings.of(rig, skeleton, noise, options.tracker)
     return ArticulatedTracker(settings, partial(propose_people, rig, noise, skeleton, options))
 
 

@@ -1,4 +1,4 @@
-"""Two points from rays whose labels are not believed."""
+"""Pair solvers, which do not trust the labels."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ CLOSE_M = 1e-3
 
 
 def seen_by(data: Scene, views: list[int]) -> Scene:
-    """The same seen by some of the cameras, in that order."""
+    """Return the scene as seen by some of the cameras, in that order."""
     rig = data.rig.select([data.rig.names[v] for v in views])
     return replace(
         data, rig=rig, pixels=data.pixels[:, views], truth=data.truth[:, views], inlier=data.inlier[:, views]
@@ -33,20 +33,20 @@ def seen_by(data: Scene, views: list[int]) -> Scene:
 
 
 def sorted_points(result: SolvedPairs) -> np.ndarray:
-    """Shape (trial, 2, 3): both points, in an order that labels have no part in; NaN last."""
+    """Return both points in an order independent of the labels, shape (trial, 2, 3); NaN last."""
     points = result.points_m[:, 0].copy()
     order = np.argsort(points[..., 0], axis=1)
     return np.take_along_axis(points, order[..., None], axis=1)
 
 
-def gaps(trials: int, seed: int) -> np.ndarray:
-    """By how much the cost exceeds the least over all states of all views, two to six of them."""
+def cost_gaps(trials: int, seed: int) -> np.ndarray:
+    """Return by how much the cost exceeds the minimum over all states of two to six views."""
     bound = FULL + (NONE - FULL) / 3
     out = []
     for views in (2, 3, 4, 5, 6):
         data = scene(trials, 7, outlier=0.2, missing=0.15, apart_m=0.25, seed=seed + views)
         data = seen_by(data, list(np.random.default_rng(views).permutation(7)[:views]))
-        # With no point nothing is explained, but for one observation that may be that of a point which it does not fix.
+        # Without a point every observation costs the bound, except one that may belong to an undetermined point.
         seen = np.isfinite(data.pixels).all(axis=-1).sum(axis=(1, 2))
         cost = solved(data, enumerated.solve).cost[:, 0]
         cost = np.where(np.isnan(cost), bound * np.maximum(seen - 1, 0), cost)
@@ -56,16 +56,16 @@ def gaps(trials: int, seed: int) -> np.ndarray:
 
 
 def test_cost_is_the_exhaustive_minimum():
-    assert np.abs(gaps(20, 100)).max() < 2e-3
+    assert np.abs(cost_gaps(20, 100)).max() < 2e-3
 
 
 @pytest.mark.long
 def test_cost_is_the_exhaustive_minimum_on_two_thousand_cases():
-    assert np.abs(gaps(400, 200)).max() < 2e-3
+    assert np.abs(cost_gaps(400, 200)).max() < 2e-3
 
 
 @pytest.mark.parametrize("cameras", [4, 5, 8, 16])
-def test_near_the_oracle_whatever_the_labels_say(cameras):
+def test_errors_are_close_to_the_oracle(cameras):
     data = scene(600, cameras, outlier=0.05, missing=0.05)
     ours = errors_mm(solved(data, enumerated.solve).points_m[:, 0], data.points_m)
     best = errors_mm(oracle(data), data.points_m)
@@ -74,7 +74,7 @@ def test_near_the_oracle_whatever_the_labels_say(cameras):
     assert np.median(ours[both]) < 1.05 * np.median(best[both])
 
 
-def test_swapping_the_labels_of_a_view_changes_nothing_but_the_order():
+def test_swapping_a_views_labels_changes_only_the_order():
     data = scene(300, 6, **FAULTS)
     pixels = data.pixels.copy()
     pixels[:, [1, 4]] = pixels[:, [1, 4]][:, :, ::-1]
@@ -83,7 +83,7 @@ def test_swapping_the_labels_of_a_view_changes_nothing_but_the_order():
     np.testing.assert_allclose(one.cost, other.cost, atol=2e-3)
 
 
-def test_the_order_of_views_does_not_matter():
+def test_result_is_independent_of_the_order_of_views():
     data = scene(300, 6, **FAULTS)
     order = [3, 0, 5, 1, 4, 2]
     one, other = solved(data, enumerated.solve), solved(seen_by(data, order), enumerated.solve)
@@ -92,7 +92,7 @@ def test_the_order_of_views_does_not_matter():
     np.testing.assert_allclose(one.evidence[:, :, order], other.evidence, atol=0.05)
 
 
-def test_the_world_may_be_moved_and_measured_otherwise():
+def test_result_is_independent_of_world_pose_and_scale():
     data = scene(200, 6, **FAULTS)
     turn, shift, scale = Rotation.random(random_state=3).as_matrix(), np.array([3.0, -20.0, 7.0]), 4.0
 
@@ -112,14 +112,14 @@ def test_the_world_may_be_moved_and_measured_otherwise():
 
 
 @pytest.mark.parametrize("method", [enumerated.solve, population_search.solve])
-def test_the_same_seed_gives_the_same_bytes(method):
+def test_same_seed_gives_the_same_result(method):
     data = scene(20, 5, **FAULTS)
     one, other = solved(data, method), solved(data, method)
     for a, b in zip(one.arrays, other.arrays, strict=True):
         assert a.tobytes() == b.tobytes()
 
 
-def test_another_seed_of_sds_draws_otherwise_and_ends_nearby():
+def test_other_seed_gives_a_similar_result():
     data = scene(20, 8, swap=0.25)
     one = solved(data, population_search.solve, PairOptions(seed=0))
     other = solved(data, population_search.solve, PairOptions(seed=1))
@@ -127,7 +127,7 @@ def test_another_seed_of_sds_draws_otherwise_and_ends_nearby():
     assert 0.0 < np.median(distance) < 5.0
 
 
-def test_a_couple_does_not_depend_on_its_neighbours():
+def test_pairs_are_independent():
     data = scene(70, 6, **FAULTS)
     alone = replace(data, pixels=data.pixels[40:41])
     whole, part = solved(data, enumerated.solve), solved(alone, enumerated.solve)
@@ -135,7 +135,7 @@ def test_a_couple_does_not_depend_on_its_neighbours():
     np.testing.assert_array_equal(whole.status[40], part.status[0])
 
 
-def test_draws_of_sds_do_not_depend_on_where_a_range_begins():
+def test_random_numbers_are_independent_of_ranges():
     data = scene(12, 5)
     later = replace(data, pixels=data.pixels[5:])
     whole = solved(data, population_search.solve)
@@ -144,7 +144,7 @@ def test_draws_of_sds_do_not_depend_on_where_a_range_begins():
     np.testing.assert_array_equal(whole.points_m[5:], part.points_m)
 
 
-def test_covariances_hold_what_they_say():
+def test_covariances_match_the_errors():
     data = scene(4000, 6, swap=0.25)
     result = solved(data, enumerated.solve)
     points = result.points_m[:, 0]
@@ -159,7 +159,7 @@ def test_covariances_hold_what_they_say():
     assert (squared < 7.8147).mean() == pytest.approx(0.95, abs=0.012)
 
 
-def test_both_labels_on_one_limb_give_the_other_nothing():
+def test_both_labels_on_one_limb_give_one_point():
     data = scene(200, 6, swap=0.0)
     rng = np.random.default_rng(4)
     pixels = data.pixels.copy()
@@ -174,7 +174,7 @@ def test_both_labels_on_one_limb_give_the_other_nothing():
     assert (errors_mm(result.points_m[:, 0], data.points_m) < 60.0).all()
 
 
-def test_fewer_than_four_rays_leave_the_point_they_see():
+def test_fewer_than_four_rays_give_the_visible_point():
     data = scene(50, 3, swap=0.0)
     pixels = data.pixels.copy()
     pixels[:, :, 0] = np.nan
@@ -188,7 +188,7 @@ def test_fewer_than_four_rays_leave_the_point_they_see():
     assert (solved(replace(data, pixels=pixels), population_search.solve).status == PointStatus.TOO_FEW_VIEWS).all()
 
 
-def test_nothing_seen_is_no_point():
+def test_no_observations_give_no_point():
     data = scene(3, 4)
     result = solved(replace(data, pixels=np.full_like(data.pixels, np.nan)), enumerated.solve)
     assert (result.status == PointStatus.NOT_SEEN).all()
@@ -199,28 +199,28 @@ def test_nothing_seen_is_no_point():
     assert (result.evidence == 0.0).all()
 
 
-def test_points_of_two_views_say_that_they_are_ambiguous():
+def test_points_of_two_views_are_ambiguous():
     result = solved(seen_by(scene(100, 7, swap=0.0), [0, 2]), enumerated.solve)
     has = result.status < PointStatus.NOT_SEEN
     assert has.any()
     assert (result.status[has] == PointStatus.AMBIGUOUS).all()
 
 
-def test_evidence_names_the_swapped_views():
+def test_evidence_identifies_swapped_views():
     data = scene(400, 8, swap=0.2)
     result = solved(data, enumerated.solve)
     swapped = data.truth[..., 0] == 1
     straight = np.linalg.norm(result.points_m[:, 0] - data.points_m, axis=-1).sum(axis=1)
     crossed = np.linalg.norm(result.points_m[:, 0, ::-1] - data.points_m, axis=-1).sum(axis=1)
     in_order = straight <= crossed
-    said = result.evidence[:, 0] > 0
+    warnings = result.evidence[:, 0] > 0
     sure = np.abs(result.evidence[:, 0]) > 6.0
     assert in_order.mean() > 0.9
-    agree = said == np.where(in_order[:, None], swapped, ~swapped)
+    agree = warnings == np.where(in_order[:, None], swapped, ~swapped)
     assert agree[sure].mean() > 0.99
 
 
-def test_the_frame_before_decides_between_explanations():
+def test_previous_frame_resolves_ambiguity():
     data = scene(900, 4, walk=True, outlier=0.15, missing=0.15, seed=5)
     alone = solved(data, enumerated.solve)
     helped = solved(data, enumerated.solve, PairOptions(motion_sd_m=0.05))
@@ -232,7 +232,7 @@ def test_the_frame_before_decides_between_explanations():
     assert wrong(helped) <= wrong(alone)
 
 
-def test_weights_of_sds_are_options():
+def test_sds_weights_are_options():
     data = scene(40, 8, swap=0.25)
     usual = errors_mm(solved(data, population_search.solve).points_m[:, 0], data.points_m)
     deaf = PairOptions(sds=SdsOptions(ray_weight=0.0))
@@ -255,6 +255,6 @@ def test_weights_of_sds_are_options():
         (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be an integer of at least 1"),
     ],
 )
-def test_options_say_what_is_wrong(make, message):
+def test_invalid_options_are_errors(make, message):
     with pytest.raises(OptionsError, match=message):
         make()

@@ -14,8 +14,8 @@ from posefuse.model.tracks import TrackState
 from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import Sight
-from posefuse.tracking.missed_views import is_covered
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.camera_monitor import is_occluded
 from posefuse.tracking.records import People
 from posefuse.tracking.tracker import ArticulatedTracker
 
@@ -27,19 +27,19 @@ FIRM_S = 0.6
 
 
 def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
-    options = Options(tracker=TrackerOptions(preset=preset))  # pyright: ignore[reportArgumentType]
+    options = Options(tracker=TrackerOptions(strategy=preset))  # pyright: ignore[reportArgumentType]
     return tracker_of(RIG, SKELETON, default_noise(RIG, options), options)
 
 
 def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
-    """Shape (view, keypoint, 2): somebody upright in the middle."""
+    """Shape (view, keypoint, 2): somebody trunk_axis in the middle."""
     tree = tracker.settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
-    sight = Sight.room(1, len(RIG), len(SKELETON))
-    project_people(tracker.settings.cameras, tracker.settings.body, body, *sight.arrays)
-    return sight.pixels[0]
+    projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
+    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    return projected.pixels[0]
 
 
 def frame_of(number: int, shown: np.ndarray, views: tuple[int, ...], rng: np.random.Generator) -> Frame:
@@ -111,7 +111,7 @@ def test_who_was_hardly_seen_is_forgotten_in_one_view():
 def test_the_specification_is_not_asked():
     tracker = tracker_with("specification")
     watched(tracker, [(0.4, EVERY)])
-    assert all(track.sure for track in tracker.tracks)
+    assert all(track.established for track in tracker.tracks)
     assert tracker.tracks
 
 
@@ -120,8 +120,8 @@ def test_somebody_else_hides_and_oneself_does_not():
     frame = frame_of(0, shown, EVERY, rng)
     core = shown[:, [SKELETON.index(name) for name in SKELETON.core]]
     nobody, rows = np.full(5, -1), np.array([0, -1, 2, -1, -1])
-    np.testing.assert_array_equal(is_covered(core, nobody, frame), np.ones(5, dtype=bool))
-    np.testing.assert_array_equal(is_covered(core, rows, frame), rows < 0)
+    np.testing.assert_array_equal(is_occluded(core, nobody, frame, 0.5), np.ones(5, dtype=bool))
+    np.testing.assert_array_equal(is_occluded(core, rows, frame, 0.5), rows < 0)
     aside = core + np.array([400.0, 0.0])
-    assert not is_covered(aside, nobody, frame).any()
-    assert not is_covered(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng)).any()
+    assert not is_occluded(aside, nobody, frame, 0.5).any()
+    assert not is_occluded(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng), 0.5).any()

@@ -3,29 +3,29 @@
 import numpy as np
 
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import joined
-from posefuse.tracking.identity_audit import Contact, forget, pair_of
-from posefuse.tracking.lifecycle import exchange, settle_shape
-from posefuse.tracking.settings import Settings
-from tests.unit.tracking.test_forgetting import somebody
+from posefuse.tracking.body_states import join_states
+from posefuse.tracking.identity_audit import Contact, drop_contacts, ordered_pair
+from posefuse.tracking.lifecycle import fix_shape, swap_identities
+from posefuse.tracking.settings import TrackerSettings
+from tests.unit.tracking.test_lifecycle import somebody
 from tests.unit.tracking.test_smoothing import settings
 
 __all__ = ["settings"]
 
 
-def test_what_is_known_of_lengths_goes_with_the_name(settings: Settings):
+def test_what_is_known_of_lengths_goes_with_the_name(settings: TrackerSettings):
     """One of the two is known well, the other not yet: so they stay, and nothing becomes certain by itself."""
     (one, first), (other, second) = (somebody(settings, TrackState.ACTIVE) for _ in range(2))
     other.number, other.name = 2, "person_2"
-    state = joined(first, second)
+    state = join_states(first, second)
     state.shape[1] *= 1.1
     state.root[1] += 1.0
-    one.firm_s = 1e3
-    settle_shape(one, state, 0, 1e3, 1e3, settings)
+    one.last_multiview_s = 1e3
+    fix_shape(one, state, 0, 1e3, 1e3, settings)
     roots, shapes, covariance = state.root.copy(), state.shape.copy(), state.covariance.copy()
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    exchange([one, other], state, 0, 1)
-    assert [(t.number, t.name, t.trusted is not None, t.sought_s) for t in (one, other)] == [
+    swap_identities([one, other], state, 0, 1)
+    assert [(t.number, t.name, t.known_shape is not None, t.shape_observed_s) for t in (one, other)] == [
         (1, "person_2", False, 0.0),
         (2, "person_1", True, 1e3),
     ]
@@ -40,8 +40,8 @@ def test_what_is_known_of_lengths_goes_with_the_name(settings: Settings):
 
 
 def test_contacts_are_known_by_two_names_in_any_order():
-    pairs = [pair_of("b", "a"), pair_of("a", "c"), pair_of("c", "d")]
+    pairs = [ordered_pair("b", "a"), ordered_pair("a", "c"), ordered_pair("c", "d")]
     assert pairs == [("a", "b"), ("a", "c"), ("c", "d")]
     known = {pair: Contact(pair) for pair in pairs}
-    forget(known, ("d", "b"))
+    drop_contacts(known, ("d", "b"))
     assert list(known) == [("a", "c")]

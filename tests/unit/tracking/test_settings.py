@@ -12,9 +12,9 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.pipeline.people import default_noise, tracker_of
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import Sight
+from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Person
-from posefuse.tracking.settings import memory_s, tempering
+from posefuse.tracking.settings import filter_memory_s, tempering_factor
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -26,14 +26,14 @@ def tracker_of_ring() -> ArticulatedTracker:
     return tracker_of(RIG, SKELETON, default_noise(RIG, Options()), Options())
 
 
-def standing(tracker: ArticulatedTracker) -> Sight:
+def standing(tracker: ArticulatedTracker) -> ProjectedBodies:
     tree = tracker.settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
-    sight = Sight.room(1, len(RIG), len(SKELETON))
-    project_people(tracker.settings.cameras, tracker.settings.body, body, *sight.arrays)
-    return sight
+    projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
+    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    return projected
 
 
 def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
@@ -48,9 +48,9 @@ def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
 def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
     """Points of somebody who stands, and what is said of them while view 0 alone shows them."""
     tracker = tracker_of_ring()
-    sight, rng = standing(tracker), np.random.default_rng(seed)
+    projected, rng = standing(tracker), np.random.default_rng(seed)
     frames = round((FIRM_S + ALONE_S) / DT_S)
-    pixels = sight.pixels[0] + 4.5 * lasting((frames, *sight.pixels[0].shape), rng)
+    pixels = projected.pixels[0] + 4.5 * lasting((frames, *projected.pixels[0].shape), rng)
     told = []
     for i in range(frames):
         views = np.arange(1 if i * DT_S >= FIRM_S else len(RIG))
@@ -66,12 +66,14 @@ def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
         people = tracker.update(frame).people
         if i * DT_S >= FIRM_S:
             told += people[:1]
-    return sight.points_m[0], told
+    return projected.points_m[0], told
 
 
-def memory_of(n_views: list[int], alone_s: float = 0.0, dt_s: float = DT_S, **options: float) -> list[float]:
+def memory_of(n_views: list[int], single_view_s: float = 0.0, dt_s: float = DT_S, **options: float) -> list[float]:
     n = len(n_views)
-    return memory_s(np.array(n_views), np.full(n, alone_s), np.full(n, dt_s), TrackerOptions(**options)).tolist()
+    return filter_memory_s(
+        np.array(n_views), np.full(n, single_view_s), np.full(n, dt_s), TrackerOptions(**options)
+    ).tolist()
 
 
 def test_memory_is_longer_for_whom_one_view_alone_has_shown_for_some_time():
@@ -94,7 +96,7 @@ def test_memory_is_longer_the_fewer_views_and_frames_there_are():
 def test_so_many_frames_count_as_one_whatever_their_rate():
     """Of one view alone, whose frames are averaged for longer than there is between them."""
     rates_hz = np.array([50.0, 100.0])
-    a_second = [rate / tempering(np.array(1.0 / rate), memory_of([1], 1.0, 1.0 / rate)[0]) for rate in rates_hz]
+    a_second = [rate / tempering_factor(np.array(1.0 / rate), memory_of([1], 1.0, 1.0 / rate)[0]) for rate in rates_hz]
     assert a_second[0] == pytest.approx(a_second[1], rel=0.01)
 
 
@@ -122,6 +124,6 @@ def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkey
             truth, told = seen_by_one(seed)
             ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
             off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
-        monkeypatch.setattr("posefuse.tracking.tracker.keep_posture", lambda *_: None)
+        monkeypatch.setattr("posefuse.tracking.tracker.apply_posture_prior", lambda *_: None)
     told, untold = np.abs(np.mean(off_m, axis=1))
     assert told < 0.8 * untold
