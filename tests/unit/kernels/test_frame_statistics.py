@@ -13,6 +13,7 @@ from posefuse.kernels.tracking.frame_statistics import (
     record_matches,
     update_gated_time,
 )
+from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
 from posefuse.tracking.body_states import KeypointUses
 
 SEEDS = range(5)
