@@ -228,7 +228,9 @@ class TestBadInput:
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"])
+        refused(
+            "reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"]
+        )
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()

@@ -98,7 +98,11 @@ class Session:
         times = self.counts.malformed[found.fault]
         if times > _TOLD_FAULTS:
             return None
-        return found.reason if times < _TOLD_FAULTS else f"{found.reason} More like this ({found.fault}) are counted alone."
+        return (
+            found.reason
+            if times < _TOLD_FAULTS
+            else f"{found.reason} More like this ({found.fault}) are counted alone."
+        )
 
     def tick(self, now_s: float) -> None:
         """Time goes on without a line."""

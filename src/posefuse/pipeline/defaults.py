@@ -11,7 +11,6 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
-from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.subjects import Subjects
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.triangulation.registry import find_method

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.errors import DetectionsError, MatchError, suggestion
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import Detections
 from posefuse.model.options.sync import NEAR_FRAMES, SyncOptions
 from posefuse.model.tracks import Tracks
+from posefuse.preprocess.timeline import fill_missing_times
 
 _MOST_FRAMES = 2.1
 
@@ -51,7 +52,7 @@ def in_step(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions)
     if not np.isfinite(said).any():
         raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
     for v in range(said.shape[1]):
-        said[:, v] = with_lacking_times(said[:, v], everything.frame_numbers)
+        said[:, v] = fill_missing_times(said[:, v], everything.frame_numbers)
     common = np.nanmean(said, axis=1)
     true = np.stack([said[:, v] + sync.offset_at(name, said[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
