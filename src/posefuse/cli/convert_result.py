@@ -1,6 +1,5 @@
-"""``posefuse convert`` of a stored result, and the formats that commands write as well."""
+"""``posefuse convert`` of a stored result."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,8 +21,8 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
         FileError: if there is no such result, or the output cannot be written.
         ResultError: if there is no such format or layer, or the format cannot hold the result.
     """
-    from posefuse.cli.results import open_result
     from posefuse.errors import ResultError
+    from posefuse.io.results.open_result import open_result
     from posefuse.io.results.write import write
 
     source, result = open_result(path)
@@ -34,31 +33,3 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
     wrote([file.name for file in done.files], output.parent)
     for remark in done.notes:
         note(f"note: {remark}")
-
-
-def must_be_written(also: Sequence[str]) -> None:
-    """Refuse unknown names before any work is done.
-
-    Raises:
-        OptionsError: if one is of no format that is written beside a result.
-    """
-    from posefuse.errors import OptionsError, suggestion
-    from posefuse.io.results.write import ALSO
-
-    for name in also:
-        if name not in ALSO:
-            raise OptionsError(f"--also {name}: no such format beside a result. {suggestion(name, ALSO)}")
-
-
-def also_into(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Write the result of a folder in other formats beside it.
-
-    Returns:
-        The names of what was written, and what it does not hold.
-    """
-    if not also:
-        return [], ()
-    from posefuse.cli.results import open_result
-    from posefuse.io.results.write import write_also
-
-    return write_also(open_result(folder)[1], folder, also)

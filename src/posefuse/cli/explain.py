@@ -37,7 +37,7 @@ def explain(
     Detections that are nobody's are known only with the 2D keypoints: --recording or --keypoints.
     """
     from posefuse import explain as explaining
-    from posefuse.cli.results import open_result
+    from posefuse.io.results.open_result import open_result
 
     _, opened = open_result(result)
     detections = None
@@ -63,8 +63,8 @@ def detections_for(
     result: Reconstruction, recording: Path | None, keypoints: Path | None, timestamps: Path | None
 ) -> Detections:
     """The 2D keypoints, their views in the order of the result's cameras."""
-    from posefuse.cli.reading import digest, request_of
     from posefuse.io.keypoints.read import read_keypoints
+    from posefuse.io.open_recording import digest_path, keypoint_request
     from posefuse.io.recording import choose_keypoints, find_recording
 
     if keypoints is None:
@@ -72,10 +72,10 @@ def detections_for(
         keypoints = choose_keypoints(find_recording(recording))
     # Where the skeleton's file lay is nobody's business, and the result holds the skeleton.
     options = replace(result.options, skeleton=None)
-    request = request_of(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
+    request = keypoint_request(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
     detections = read_keypoints(keypoints, replace(request, skeleton=result.skeleton))
     known = result.provenance.inputs.get(keypoints.name)
-    if known is not None and known != digest(keypoints):
+    if known is not None and known != digest_path(keypoints):
         warn(f"{keypoints.name} has changed since the result was made; what is said of detections may be wrong.")
     return detections.views(_views_of(result, detections))
 

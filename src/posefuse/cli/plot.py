@@ -29,8 +29,8 @@ def plot(
     """Draw a result's figures, each as PNG and as SVG: the report's numbers for papers and slides."""
     names = chosen_figures(figure)
 
-    from posefuse.cli.results import open_result
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.report.plots import draw, shown_of
 
     _, reconstruction = open_result(result)

@@ -35,9 +35,9 @@ def view(
 
     Needs pip install 'posefuse[view]'.
     """
-    from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.visualize.clock import frames_between
     from posefuse.visualize.viewer.library import rerun
     from posefuse.visualize.viewer.show import must_have_display, open_scene, save_scene

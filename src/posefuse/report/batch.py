@@ -7,26 +7,30 @@ from html import escape
 from importlib.resources import files
 from urllib.parse import quote
 
-from posefuse.model.batch import Numbers, Outcome
+from posefuse.model.batch import JobResult, ResultStatistics
 
-_COLUMNS = ("recording", "outcome", *Numbers.__dataclass_fields__, "warnings", "why")
+_COLUMNS = ("recording", "outcome", *ResultStatistics.__dataclass_fields__, "warnings", "why")
 _NONE = ("failed", "not done")
 _HEADS = ("Recording", "Outcome", "Frames", "s", "Cameras", "People", "Points", "Median px", "90 % px", "Typical sd mm")
 
 
-def batch_csv(outcomes: Sequence[Outcome]) -> str:
+def batch_csv(outcomes: Sequence[JobResult]) -> str:
     """A row a recording; what is not known is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for each in outcomes:
-        numbers = [None] * len(Numbers.__dataclass_fields__) if each.numbers is None else vars(each.numbers).values()
+        numbers = (
+            [None] * len(ResultStatistics.__dataclass_fields__)
+            if each.statistics is None
+            else vars(each.statistics).values()
+        )
         row = [each.name, _outcome(each), *numbers, " | ".join(each.warnings), each.why]
         writer.writerow("" if value is None else value for value in row)
     return text.getvalue()
 
 
-def batch_page(outcomes: Sequence[Outcome]) -> str:
+def batch_page(outcomes: Sequence[JobResult]) -> str:
     """The page: what failed and why, then all recordings with a link to each report."""
     failed = [each for each in outcomes if each.state in _NONE]
     there = len(outcomes) - len(failed)
@@ -44,12 +48,12 @@ def batch_page(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def _row(each: Outcome) -> str:
+def _row(each: JobResult) -> str:
     name = escape(each.name)
-    if each.numbers is None:
+    if each.statistics is None:
         cells = [name, _outcome(each), *[""] * (len(_HEADS) - 2)]
     else:
-        n = each.numbers
+        n = each.statistics
         share = None if n.points_share is None else 100.0 * n.points_share
         cells = [
             f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames), _shown(n.seconds, 1),
@@ -60,7 +64,7 @@ def _row(each: Outcome) -> str:
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"
 
 
-def _outcome(each: Outcome) -> str:
+def _outcome(each: JobResult) -> str:
     """Files do not say whether a result was made now or before: that would make them differ for no reason."""
     return each.state if each.state in _NONE else "reconstructed"
 

@@ -26,7 +26,9 @@ _USUAL_RATE_HZ = 30.0
 
 def look_section(result: Reconstruction, summary: Summary, cells: Cells, series: Series, gaps: list[Gap]) -> str:
     """A list of sentences, the findings first."""
-    health = [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
+    health = [str(finding) for finding in result.findings]
+    # Results of earlier versions hold findings as notes.
+    health += [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
     findings = (
         "<h3>Findings of the health check</h3><ol>" + "".join(f"<li>{escape(text)}</li>" for text in health) + "</ol>"
         if health

@@ -13,7 +13,7 @@ from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
 from posefuse.evaluation.sightings import count_misses
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.report import tables
 from posefuse.report.cells import cell_data, cells_of
 from posefuse.report.charts import chart_data
@@ -92,7 +92,7 @@ class _Ranges:
         self._result, self._progress = result, progress
 
     def __iter__(self) -> Iterator[Reconstruction]:
-        return watched(self._result.windows(), self._result.n_frames, "reporting", self._progress)
+        return report_ranges(self._result.windows(), self._result.n_frames, "reporting", self._progress)
 
 
 def _script() -> str:

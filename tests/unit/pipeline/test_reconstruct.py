@@ -11,7 +11,8 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options, TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.view_names import plain_name
-from posefuse.pipeline.reconstruct import match_views, reconstruct, triangulate
+from posefuse.pipeline.reconstruct import reconstruct, triangulate
+from posefuse.preprocess.match_cameras import match_views
 from tests.scenes import body_points, ring, seen, skeleton_of
 
 

@@ -12,7 +12,7 @@ from posefuse.io.results.axes import least_y_up_from_world
 from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """From forward, left, up to x left, y up, z forward, as glTF has it."""
@@ -108,7 +108,7 @@ def motions(body: Body, result: Reconstruction, progress: Progress | None = None
     """The motion of a figure in consecutive ranges of frames."""
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     found = (motion_of(body, result, start, stop) for start, stop in spans)
-    return watched(found, result.n_frames, what, progress or Silent())
+    return report_ranges(found, result.n_frames, what, progress or Silent())
 
 
 def in_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:

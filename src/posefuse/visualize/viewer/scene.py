@@ -25,7 +25,7 @@ from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.visualize.clock import Clock
 from posefuse.visualize.colors import NOBODY, PAPER, REJECTED, colour_of
@@ -87,7 +87,7 @@ def log_scene(
         _log_video(recording, name, video, clock)
     place_of = {} if detections is None else {n: i for i, n in enumerate(detections.frame_numbers.tolist())}
     first, before = 0, None
-    for part in watched(result.chunks(_CHUNK_FRAMES), result.n_frames, "logging", progress or Silent()):
+    for part in report_ranges(result.chunks(_CHUNK_FRAMES), result.n_frames, "logging", progress or Silent()):
         span = slice(first, first + part.n_frames)
         when = _when(clock.numbers[span], clock.time_s[span])
         layers: list[LayerName] = [name for name in LAYERS if name in part.layers]

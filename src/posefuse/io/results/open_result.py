@@ -1,4 +1,4 @@
-"""Opening results as every command does."""
+"""Open a stored result."""
 
 from pathlib import Path
 
@@ -8,10 +8,13 @@ from posefuse.model.reconstruction import Reconstruction
 
 
 def open_result(path: Path) -> tuple[Path, Reconstruction]:
-    """A result by its folder or its file.
+    """Open a result by its folder or by its ``reconstruction.nc``.
+
+    Returns:
+        The path of ``reconstruction.nc`` and the result.
 
     Raises:
-        FileError: if there is none, or it cannot be read.
+        FileError: if there is no result, or it cannot be read.
     """
     file = path / "reconstruction.nc" if path.is_dir() else path
     must_exist(file, "result")
