@@ -15,7 +15,8 @@ from tests.reference.points import maximum_likelihood_point
 
 from benchmarks.trajectory import solved
 from benchmarks.walking import SIGMA_PX, Walk, walk
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.options import LensKind

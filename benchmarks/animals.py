@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import posefuse
+from posefuse.evaluation.paired_results import people_points
 from posefuse.evaluation.people import PeopleScores, score_people
-from posefuse.evaluation.together import people_points
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
 from posefuse.synthetic.animals import AnimalOptions, AnimalScenario, renamed, simulate_animals

@@ -17,32 +17,32 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
 from posefuse.errors import DetectionsError
+from posefuse.model.findings import Finding, FindingKind
 from posefuse.model.options.options import Options
 from posefuse.pipeline.diagnose import inspect_health, measure_sync
 from posefuse.synthetic.faults import FAULTS, Fault, Planted, healthy, plant
 
-NAMED_AS: dict[Fault, tuple[Kind, ...]] = {
-    "turned": (Kind.POSE,),
-    "moved across": (Kind.POSE,),
-    "moved along": (Kind.POSE,),
-    "bumped": (Kind.POSE,),
-    "moved across later": (Kind.POSE,),
-    "moved along later": (Kind.POSE,),
-    "focal": (Kind.FOCAL,),
-    "lens": (Kind.LENS,),
-    "rotated image": (Kind.IMAGE,),
-    "resized image": (Kind.IMAGE,),
-    "order": (Kind.ORDER,),
-    "copied pose": (Kind.COPY,),
-    "late": (Kind.LATE,),
-    "drift": (Kind.DRIFT,),
-    "dropped": (Kind.DROPPED,),
-    "repeated": (Kind.REPEATED,),
-    "sides": (Kind.SIDES,),
-    "confidence": (Kind.CONFIDENCE,),
-    "another rig": (Kind.RIG,),
+NAMED_AS: dict[Fault, tuple[FindingKind, ...]] = {
+    "turned": (FindingKind.CAMERA_POSE,),
+    "moved across": (FindingKind.CAMERA_POSE,),
+    "moved along": (FindingKind.CAMERA_POSE,),
+    "bumped": (FindingKind.CAMERA_POSE,),
+    "moved across later": (FindingKind.CAMERA_POSE,),
+    "moved along later": (FindingKind.CAMERA_POSE,),
+    "focal": (FindingKind.FOCAL_LENGTH,),
+    "lens": (FindingKind.LENS_DISTORTION,),
+    "rotated image": (FindingKind.IMAGE_TRANSFORM,),
+    "resized image": (FindingKind.IMAGE_TRANSFORM,),
+    "order": (FindingKind.CAMERA_ORDER,),
+    "copied pose": (FindingKind.COPIED_POSE,),
+    "late": (FindingKind.TIME_OFFSET,),
+    "drift": (FindingKind.CLOCK_DRIFT,),
+    "dropped": (FindingKind.DROPPED_FRAMES,),
+    "repeated": (FindingKind.REPEATED_FRAMES,),
+    "sides": (FindingKind.LEFT_RIGHT_SWAP,),
+    "confidence": (FindingKind.CONFIDENCE,),
+    "another rig": (FindingKind.WRONG_CALIBRATION,),
 }
 ALONE: tuple[Fault, ...] = ("another rig",)
 """Faults beside which nothing else can be told."""

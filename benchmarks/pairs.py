@@ -22,8 +22,8 @@ from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.pairs import PairOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.skeleton.skeletons import Skeleton
@@ -240,7 +240,7 @@ def table(trials: int) -> None:
         data = scene(trials, **drawn)  # type: ignore[arg-type]
         best = oracle(data)
         judged = np.isfinite(best).all(axis=(1, 2))
-        options = PairOptions(prior_m=PRIOR_M) if drawn.get("walk") else PairOptions()
+        options = PairOptions(motion_sd_m=PRIOR_M) if drawn.get("walk") else PairOptions()
         floor = Score.of(best, data, judged)
         ours = Score.of(solved(data, enumerated.solve, options).points_m[:, 0], data, judged)
         searched = Score.of(solved(data, population_search.solve).points_m[:, 0], data, judged)

@@ -23,8 +23,8 @@ from scipy.stats import chi2
 import posefuse
 from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
-from posefuse.evaluation.together import PeoplePoints
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
@@ -153,11 +153,11 @@ def follow(
         tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
-        alone_in(scene, told),
+        exclusive_folder(scene, told),
     )
 
 
-def alone_in(scene: CrowdScene, told: Sequence[People]) -> Alone:
+def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
     """Everybody active whom one view alone shows, by a detection of one person, beside that person."""
     truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
     off, sd, squared = [], [], []

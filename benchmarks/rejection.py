@@ -20,7 +20,8 @@ from benchmarks.speed import median_cpu_s, run_peer
 from benchmarks.walking import SIGMA_PX, Walk, walk, with_one_wrong_view, with_swapped_sides
 from posefuse.io.calibration import anipose
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline.reconstruct import triangulate

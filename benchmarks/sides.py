@@ -26,7 +26,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.left_right import SideOptions
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.detector import detect

@@ -18,7 +18,8 @@ import numpy as np
 from benchmarks.walking import walk
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.pipeline.reconstruct import reconstruct, triangulate
 from posefuse.synthetic.options import LensKind
 
@@ -41,7 +42,7 @@ def median_cpu_s(work, runs: int = RUNS) -> float:
 
 def kernel_rate(lens: LensKind, frames: int = 8000) -> float:
     """Points a second of the kernel: undistortion, start, refinement, covariance, errors and statuses of 5 views."""
-    from posefuse.kernels.cameras.points import triangulate_views
+    from posefuse.kernels.triangulation.all_views import triangulate_views
 
     data = walk(frames, lens=lens)
     keypoints = np.ascontiguousarray(data.pixels.reshape(-1, 26, 2))

@@ -25,7 +25,8 @@ from posefuse.evaluation.accuracy import bone_variation
 from posefuse.evaluation.motion import accelerations_m_s2
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.pipeline.reconstruct import triangulate
 from posefuse.skeleton.skeletons import find_skeleton

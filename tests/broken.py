@@ -1,4 +1,8 @@
-"""Files as disks, transfers and hands break them."""
+"""Broken files: random damage, and a subprocess for libraries that do not survive them."""
+
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -6,7 +10,7 @@ _WORDS = (b"nan", b"1e999", b"null", b"true", b"-", b"[", b"{", b'"', b"99999999
 
 
 def broken(original: bytes, rng: np.random.Generator) -> bytes:
-    """Cut short, with bytes changed, doubled, left out or exchanged; once or a few times."""
+    """Return a copy that is truncated or has bytes changed, duplicated, removed or swapped, in one to three places."""
     data = bytearray(original)
     for _ in range(rng.integers(1, 4)):
         if not data:
@@ -28,3 +32,14 @@ def broken(original: bytes, rng: np.random.Generator) -> bytes:
             other = int(rng.integers(len(data)))
             data[at : at + span], data[other : other + span] = data[other : other + span], data[at : at + span]
     return bytes(data)
+
+
+def run_library(program: str, path: Path, timeout_s: float = 60.0) -> int:
+    """Run a program in another process, with ``path`` defined, and return its exit code: negative after a crash.
+
+    Raises:
+        subprocess.TimeoutExpired: If the program does not end in time.
+    """
+    quiet = "import resource, sys; resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); path = sys.argv[1]; "
+    command = [sys.executable, "-c", quiet + program, str(path)]
+    return subprocess.run(command, timeout=timeout_s, capture_output=True, check=False).returncode

@@ -22,7 +22,7 @@ def posed(
     """People who move smoothly in any way, of any lengths; away in some frames."""
     rng = np.random.default_rng(seed)
     skeleton = shipped_skeleton(name)
-    segments, bones, lengths = skeleton.stood_names
+    segments, bones, lengths = skeleton.body_names
     shape = np.concatenate([tree.shape_m for tree in trees(skeleton)]) * rng.uniform(0.8, 1.2, (people, len(lengths)))
     turns = _moving(rng, (frames, people, len(segments)))
     ways = _moving(rng, (frames, people, len(bones)))[..., 2]

@@ -1,11 +1,11 @@
-"""Small results and videos that tests of pictures use."""
+"""Small results and videos for tests of images."""
 
 from pathlib import Path
 
 import numpy as np
 
-from posefuse.io.videos.reading import open_video
-from posefuse.io.videos.writing import write_video
+from posefuse.io.videos.reader import open_video
+from posefuse.io.videos.writer import write_video
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer, Reconstruction
@@ -23,7 +23,7 @@ BARREL = (-0.25, 0.0, 1e-3, 5e-4, 0.0)
 
 
 def small_rig(size_px: tuple[int, int] = SIZE_PX) -> CameraRig:
-    """Two cameras of barrel lenses that face each other across the origin."""
+    """Two cameras with barrel distortion that face each other across the origin."""
     focal = 0.7 * size_px[0]
     matrix = np.array([[focal, 0, (size_px[0] - 1) / 2], [0, focal, (size_px[1] - 1) / 2], [0, 0, 1]])
     poses = [look_at(np.array(place), np.array([0.0, 0.0, 1.0])) for place in ((4.0, 0.0, 1.0), (-4.0, 0.5, 1.2))]
@@ -32,7 +32,7 @@ def small_rig(size_px: tuple[int, int] = SIZE_PX) -> CameraRig:
 
 
 def moving_sticks(rig: CameraRig | None = None, n_frames: int = N_FRAMES, people: int = 2) -> Reconstruction:
-    """People of three points, each a level stick that moves sideways, 10 cm a frame."""
+    """People of three points: horizontal sticks that move sideways by 10 cm per frame."""
     rig = rig or small_rig()
     points = np.empty((n_frames, people, 3, 3))
     for f in range(n_frames):
@@ -50,16 +50,23 @@ def moving_sticks(rig: CameraRig | None = None, n_frames: int = N_FRAMES, people
         view_error_px=np.full((*shape, len(rig)), 0.5, dtype=np.float32),
     )
     names = tuple(f"person_{p + 1}" for p in range(people))
-    whose = np.tile(np.arange(people, dtype=np.int32)[None, :, None], (n_frames, 1, len(rig)))
+    assigned = np.tile(np.arange(people, dtype=np.int32)[None, :, None], (n_frames, 1, len(rig)))
     state = np.full((n_frames, people), TrackState.ACTIVE, dtype=np.int8)
     numbers = np.arange(n_frames)
     return Reconstruction(
-        rig, STICK, names, numbers, numbers / RATE_HZ, {"measured": layer}, Tracks(names, whose, state), rate_hz=RATE_HZ
+        rig,
+        STICK,
+        names,
+        numbers,
+        numbers / RATE_HZ,
+        {"measured": layer},
+        Tracks(names, assigned, state),
+        rate_hz=RATE_HZ,
     )
 
 
-def seen_exactly(result: Reconstruction) -> Detections:
-    """What perfect detectors would see of a result."""
+def exact_detections(result: Reconstruction) -> Detections:
+    """Return the exact projections of a result as detections."""
     n_frames, people, keypoints, _ = result.layers["measured"].points_m.shape
     views = len(result.rig)
     pixels = np.moveaxis(result.rig.project(np.asarray(result.layers["measured"].points_m)), 0, 1)
@@ -81,18 +88,18 @@ def seen_exactly(result: Reconstruction) -> Detections:
 def coded_video(
     path: Path, n_frames: int = N_FRAMES, rate_hz: float = RATE_HZ, size_px: tuple[int, int] = SIZE_PX
 ) -> Path:
-    """A video whose pictures are of one grey each: 20 plus 10 times their number."""
-    with write_video(path, size_px, rate_hz) as writing:
+    """Write a video whose images are uniformly gray: 20 plus 10 times their number."""
+    with write_video(path, size_px, rate_hz) as writer:
         for f in range(n_frames):
-            writing.add(np.full((size_px[1], size_px[0], 3), 20 + 10 * f, dtype=np.uint8), f / rate_hz)
+            writer.add(np.full((size_px[1], size_px[0], 3), 20 + 10 * f, dtype=np.uint8), f / rate_hz)
     return path
 
 
-def pictures_of(path: Path) -> list[np.ndarray]:
-    """All pictures of a video."""
+def images_of(path: Path) -> list[np.ndarray]:
+    """Return all images of a video."""
     return [image.rgb for image in open_video(path).images()]
 
 
 def codes_of(pictures: list[np.ndarray]) -> list[int]:
-    """The numbers that the greys of coded pictures stand for."""
+    """Return the numbers encoded in the gray values of images."""
     return [round((float(np.median(picture)) - 20) / 10) for picture in pictures]

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from posefuse.errors import PosefuseError as PosefuseError
     from posefuse.errors import PosefuseWarning as PosefuseWarning
     from posefuse.evaluation.accuracy import evaluate as evaluate
-    from posefuse.evaluation.own_account import own_account as own_account
+    from posefuse.evaluation.paired_results import PeoplePoints as PeoplePoints
+    from posefuse.evaluation.paired_results import people_points as people_points
     from posefuse.evaluation.people import ScoringOptions as ScoringOptions
     from posefuse.evaluation.people import score_people as score_people
-    from posefuse.evaluation.together import PeoplePoints as PeoplePoints
-    from posefuse.evaluation.together import people_points as people_points
+    from posefuse.evaluation.self_consistency import self_consistency as self_consistency
     from posefuse.io.calibration.read import read_cameras as read_cameras
     from posefuse.io.checkpoints import CheckpointFolder as CheckpointFolder
     from posefuse.io.edits import read_edits as read_edits
@@ -48,13 +48,8 @@ if TYPE_CHECKING:
     from posefuse.model.options.association import AssociationOptions as AssociationOptions
     from posefuse.model.options.association import RptOptions as RptOptions
     from posefuse.model.options.left_right import SideOptions as SideOptions
-    from posefuse.model.options.options import ConsensusOptions as ConsensusOptions
-    from posefuse.model.options.options import NoiseOptions as NoiseOptions
+    from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
-    from posefuse.model.options.options import PercentileFilterOptions as PercentileFilterOptions
-    from posefuse.model.options.options import RansacOptions as RansacOptions
-    from posefuse.model.options.options import TriangulationOptions as TriangulationOptions
-    from posefuse.model.options.options import WeightedSubsetsOptions as WeightedSubsetsOptions
     from posefuse.model.options.pairs import PairOptions as PairOptions
     from posefuse.model.options.pairs import SdsOptions as SdsOptions
     from posefuse.model.options.postprocess import ButterworthOptions as ButterworthOptions
@@ -74,6 +69,11 @@ if TYPE_CHECKING:
     from posefuse.model.options.tracker import PartOptions as PartOptions
     from posefuse.model.options.tracker import TrackerOptions as TrackerOptions
     from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
+    from posefuse.model.options.triangulation import ConsensusOptions as ConsensusOptions
+    from posefuse.model.options.triangulation import PercentileFilterOptions as PercentileFilterOptions
+    from posefuse.model.options.triangulation import RansacOptions as RansacOptions
+    from posefuse.model.options.triangulation import TriangulationOptions as TriangulationOptions
+    from posefuse.model.options.triangulation import WeightedSubsetsOptions as WeightedSubsetsOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
     from posefuse.model.status import PointStatus as PointStatus
@@ -109,9 +109,9 @@ _PUBLIC = {
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
-    "evaluation.own_account": ("own_account",),
+    "evaluation.paired_results": ("people_points", "PeoplePoints"),
     "evaluation.people": ("score_people", "ScoringOptions"),
-    "evaluation.together": ("people_points", "PeoplePoints"),
+    "evaluation.self_consistency": ("self_consistency",),
     "io.calibration.read": ("read_cameras",),
     "io.checkpoints": ("CheckpointFolder",),
     "io.edits": ("read_edits",),
@@ -130,15 +130,8 @@ _PUBLIC = {
     "model.options.alignment": ("AlignOptions",),
     "model.options.association": ("AssociationOptions", "RptOptions"),
     "model.options.left_right": ("SideOptions",),
-    "model.options.options": (
-        "ConsensusOptions",
-        "NoiseOptions",
-        "Options",
-        "PercentileFilterOptions",
-        "RansacOptions",
-        "TriangulationOptions",
-        "WeightedSubsetsOptions",
-    ),
+    "model.options.noise": ("NoiseOptions",),
+    "model.options.options": ("Options",),
     "model.options.pairs": ("PairOptions", "SdsOptions"),
     "model.options.postprocess": (
         "ButterworthOptions",
@@ -156,6 +149,13 @@ _PUBLIC = {
     "model.options.sync": ("SyncOptions",),
     "model.options.tracker": ("BirthOptions", "MotionOptions", "PartOptions", "TrackerOptions"),
     "model.options.trajectory": ("TrajectoryOptions",),
+    "model.options.triangulation": (
+        "ConsensusOptions",
+        "PercentileFilterOptions",
+        "RansacOptions",
+        "TriangulationOptions",
+        "WeightedSubsetsOptions",
+    ),
     "model.reconstruction": ("Layer", "Reconstruction"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),

@@ -1,10 +1,10 @@
-"""Arrays: the order of their axes, and how a model noun may hold one that is not in memory.
+"""Arrays: the order of their axes, and how a data type may hold an array that is not in memory.
 
-Axes come in this order, absent ones dropped: frame, view, person, keypoint, xyz (or the two of a pixel). All numbers
-are float64 unless a field says otherwise; missing is NaN.
+Axes have this order, absent ones dropped: frame, view, person, keypoint, xyz (or the two pixel coordinates). All
+numbers are float64 unless a field states otherwise; missing values are NaN.
 
-A noun's array may be a NumPy array or anything that reads itself by ranges of its first axis: a memory map, a netCDF
-or HDF5 variable. Then ``noun.frames(start, stop)`` brings a range into memory, and nothing else does.
+An array of a data type may be a NumPy array or anything that can be read by ranges of its first axis: a memory map, a
+netCDF or HDF5 variable. Only ``frames(start, stop)`` of the data type brings a range into memory.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 
 
 class ArraySource(Protocol):
-    """An array that can be read by ranges of its first axis."""
+    """Array that can be read by ranges of its first axis."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -25,14 +25,14 @@ class ArraySource(Protocol):
 
     @property
     def dtype(self) -> Any:
-        """Kind of number."""
+        """Type of the elements."""
         ...
 
     def __getitem__(self, key: Any, /) -> Any: ...
 
 
 def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
-    """A read-only array of the given type; no copy where none is needed."""
+    """Return a read-only array of the given type, without a copy where none is needed."""
     out = np.asarray(array, dtype=dtype)
     if out.flags.writeable:
         out = out.view()
@@ -40,13 +40,13 @@ def frozen(array: Any, dtype: Any = np.float64) -> np.ndarray:
     return out
 
 
-class Stretch:
-    """Some rows of an array, read when they are first asked for, and kept as long as this is.
+class ArrayRange:
+    """Range of rows of an array, which is read on first access and then kept in memory.
 
     Args:
-        source: the array.
-        start: the first row.
-        stop: the row after the last.
+        source: Array to read.
+        start: First row.
+        stop: Row after the last one.
     """
 
     def __init__(self, source: ArraySource, start: int, stop: int) -> None:
@@ -68,32 +68,40 @@ class Stretch:
 
 
 def in_memory(source: ArraySource) -> bool:
-    """Whether the numbers are at hand, so that checking them costs no reading."""
+    """Return whether an array is in memory, so that checking it reads no file."""
     return isinstance(source, np.ndarray) and not isinstance(source, np.memmap)
 
 
 def check_shape(
     error: Callable[[str], Exception], owner: str, name: str, source: ArraySource, **axes: int | None
 ) -> None:
-    """Raise ``error`` unless the array has the named axes; ``None`` lets an axis have any length."""
-    wanted = tuple(axes.values())
+    """Check the shape of an array.
+
+    Args:
+        error: Class of the exception to raise.
+        owner: Name of the data type, for the message.
+        name: Name of the array, for the message.
+        source: Array to check.
+        **axes: Length of each axis by name; None allows any length.
+    """
+    expected = tuple(axes.values())
     shape = tuple(source.shape)
-    fits = len(shape) == len(wanted) and all(w is None or w == s for w, s in zip(wanted, shape, strict=True))
+    fits = len(shape) == len(expected) and all(e is None or e == s for e, s in zip(expected, shape, strict=True))
     if not fits:
-        lengths = ", ".join("any" if w is None else str(w) for w in wanted)
+        lengths = ", ".join("any" if length is None else str(length) for length in expected)
         raise error(
             f"{owner}.{name}: expected the axes ({', '.join(axes)}) = ({lengths}), got an array of shape {shape}."
         )
 
 
 def ranges(length: int, size: int) -> Iterator[tuple[int, int]]:
-    """Cut ``length`` into consecutive (start, stop) of at most ``size``."""
+    """Yield consecutive (start, stop) ranges of at most ``size`` that cover ``length``."""
     for start in range(0, length, size):
         yield start, min(start + size, length)
 
 
 def same(a: Any, b: Any) -> bool:
-    """Equality of two field values, NaN equal to NaN and arrays by content."""
+    """Return whether two field values are equal; arrays compare by content, and NaN equals NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         a, b = np.asarray(a), np.asarray(b)
         return a.shape == b.shape and bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f" and b.dtype.kind == "f"))
@@ -104,11 +112,11 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-class Rebuilt:
-    """Dataclasses that pickle as their fields, and are made anew from them: checked, and their arrays frozen again.
+class PickledByFields:
+    """Base class of dataclasses that are pickled as their fields and constructed again when they are unpickled.
 
-    A frozen array comes out of a pickle writable, which kernels take for another type: compiled anew, and with other
-    rounding.
+    The constructor checks the fields and makes their arrays read-only again. Without it, arrays would be writable after
+    unpickling; Numba treats those as another type, compiles kernels again, and may round differently.
     """
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:

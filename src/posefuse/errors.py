@@ -1,21 +1,21 @@
-"""Errors a user can act on.
+"""Errors and warnings of posefuse.
 
 ::
 
     PosefuseError
-    ├── FileError          a file or folder is missing, truncated, or not what its format says
-    ├── RecordingError     a folder holds no recording, or more than one
-    ├── CameraError        a camera or rig that cannot be
-    ├── DetectionsError    2D keypoints that cannot be
-    ├── SkeletonError      keypoint names that do not fit
-    ├── MatchError         cameras and views that do not belong together
-    ├── OptionsError       an option that does not exist, or a value it cannot take
-    ├── CalibrationError   cameras that what was seen does not determine
-    ├── StreamError        a live stream's source cannot be listened to or reached
-    ├── EditError          an edit of a result that cannot be done
-    └── ResultError        a result that cannot be, or that a format cannot hold
+    ├── FileError          a file or folder is missing, truncated, or does not match its format
+    ├── RecordingError     a folder holds no recording, or several
+    ├── CameraError        a camera or rig is invalid
+    ├── DetectionsError    2D keypoints are invalid
+    ├── SkeletonError      keypoint names do not match a skeleton
+    ├── MatchError         cameras and views do not match
+    ├── OptionsError       an option does not exist, or its value is invalid
+    ├── CalibrationError   the observations do not determine the cameras
+    ├── StreamError        the source of a live stream cannot be opened or reached
+    ├── EditError          an edit cannot be applied to a result
+    └── ResultError        a result is invalid, or a format cannot hold it
 
-Every message says what is wrong, where, what was expected and what was found, and what to do about it.
+Every message states what is wrong, where, what was expected, what was found, and what to do about it.
 """
 
 import warnings
@@ -26,55 +26,55 @@ from typing import Any
 
 
 class PosefuseError(Exception):
-    """The base of every error posefuse raises on purpose."""
+    """Base class of all errors that posefuse raises on purpose."""
 
 
 class FileError(PosefuseError):
-    """A file or folder is missing, truncated, or not what its format says."""
+    """A file or folder is missing, truncated, or does not match its format."""
 
 
 class RecordingError(PosefuseError):
-    """A folder holds no recording, or more than one."""
+    """A folder holds no recording, or several."""
 
 
 class CameraError(PosefuseError):
-    """A camera or rig that cannot be."""
+    """A camera or rig is invalid."""
 
 
 class DetectionsError(PosefuseError):
-    """2D keypoints that cannot be."""
+    """2D keypoints are invalid."""
 
 
 class SkeletonError(PosefuseError):
-    """Keypoint names that do not fit a skeleton."""
+    """Keypoint names do not match a skeleton."""
 
 
 class MatchError(PosefuseError):
-    """Cameras and views that do not belong together."""
+    """Cameras and views do not match."""
 
 
 class OptionsError(PosefuseError):
-    """An option that does not exist, or a value it cannot take."""
+    """An option does not exist, or its value is invalid."""
 
 
 class CalibrationError(PosefuseError):
-    """Cameras that what was seen does not determine."""
+    """The observations do not determine the cameras."""
 
 
 class StreamError(PosefuseError):
-    """A live stream's source cannot be listened to or reached."""
+    """The source of a live stream cannot be opened or reached."""
 
 
 class EditError(PosefuseError):
-    """An edit of a result that cannot be done."""
+    """An edit cannot be applied to a result."""
 
 
 class ResultError(PosefuseError):
-    """A result that cannot be, or that a format cannot hold."""
+    """A result is invalid, or a format cannot hold it."""
 
 
 class PosefuseWarning(UserWarning):
-    """Something was done that the user may not expect; said once, never once a frame."""
+    """Something happened that the user may not expect; issued once, never once per frame."""
 
 
 @contextmanager
@@ -101,17 +101,27 @@ def handle_warnings(handle: Callable[[str], None]) -> Iterator[None]:
 
 
 def choices(names: Iterable[str], most: int = 12) -> str:
-    """A readable list of the valid names, cut when long."""
+    """Return a list of names for a message, such as ``a, b, c``.
+
+    Args:
+        names: Valid names; none gives ``none``.
+        most: Number of names after which a long list is cut, with the total count.
+    """
     listed = [str(name) for name in names]
     shown = ", ".join(listed[:most]) or "none"
     return shown if len(listed) <= most else f"{shown}, ... ({len(listed)} in all)"
 
 
 def suggestion(name: str, names: Iterable[str]) -> str:
-    """What was probably meant, or what there is: the end of an error message."""
+    """Return the end of a message about an unknown name: the closest valid name, or the list of valid names.
+
+    Args:
+        name: Unknown name; case is ignored.
+        names: Valid names.
+    """
     listed = [str(candidate) for candidate in names]
     close = get_close_matches(name.lower(), [candidate.lower() for candidate in listed], n=1, cutoff=0.6)
     if close:
-        meant = next(candidate for candidate in listed if candidate.lower() == close[0])
-        return f"Did you mean {meant!r}?"
+        match = next(candidate for candidate in listed if candidate.lower() == close[0])
+        return f"Did you mean {match!r}?"
     return f"Choose one of: {choices(listed)}."

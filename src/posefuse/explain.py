@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.errors import DetectionsError, ResultError, choices, suggestion
-from posefuse.evaluation.sightings import in_image, recorded
+from posefuse.evaluation.visibility import in_image, recorded
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame
 from posefuse.model.label_swaps import SwapState
@@ -86,7 +86,7 @@ class LayerAccount:
 
 
 @dataclass(frozen=True)
-class PersonAccount:
+class PersonConsistency:
     """What is known of a person.
 
     Attributes:
@@ -118,7 +118,7 @@ class FrameAccount:
     number: int
     time_s: float
     views: tuple[ViewAccount, ...]
-    people: tuple[PersonAccount, ...]
+    people: tuple[PersonConsistency, ...]
     events: tuple[Event, ...]
     complete: bool
 
@@ -381,13 +381,13 @@ def _swapped_limbs(here: _Here, view: int, person: int) -> list[str]:
     return [chain for chain, each in zip(swaps.chains, state, strict=True) if each == SwapState.SWAPPED]
 
 
-def _person(result: Reconstruction, here: _Here, place: int, person: int) -> PersonAccount:
+def _person(result: Reconstruction, here: _Here, place: int, person: int) -> PersonConsistency:
     assert result.tracks is not None
     past = np.asarray(result.tracks.state[: place + 1])[:, person]
     others = np.flatnonzero(past != past[-1])
     since = int(result.frame_numbers[others[-1] + 1 if len(others) else 0])
     layers = tuple(_layer(here, name, person) for name in here.result.layers)
-    return PersonAccount(result.person_ids[person], TrackState(int(past[-1])), since, layers)
+    return PersonConsistency(result.person_ids[person], TrackState(int(past[-1])), since, layers)
 
 
 def _layer(here: _Here, name: str, person: int) -> LayerAccount:

@@ -69,7 +69,7 @@ def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
 
 
 def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:
-    from posefuse.evaluation.together import people_points
+    from posefuse.evaluation.paired_results import people_points
 
     found = posefuse.score_people(people_points(scene.truth, scene.truth))
     assert found.clear[0].mota == 1.0

@@ -19,7 +19,7 @@ from posefuse.batch.jobs import jobs_of
 from posefuse.batch.work import run_job
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import PARTS, alone_in
+from posefuse.io.files import PARTS, exclusive_folder
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
 from posefuse.model.batch import Job, JobResult
@@ -47,7 +47,7 @@ def _other_cameras(folder: Path) -> None:
 
 BREAK: dict[str, tuple[Callable[[Path], object], str]] = {
     "no calibration": (lambda folder: (folder / "calibration.toml").unlink(), "No calibrations in"),
-    "cut short": (_cut_short, "is not a whole HDF5 file"),
+    "cut short": (_cut_short, "is not a complete HDF5 file"),
     "other cameras": (_other_cameras, "has no camera of its name"),
     "no keypoints": (lambda folder: (folder / "keypoints.nc").unlink(), "No sets of 2D keypoints in"),
     "two calibrations": (
@@ -208,9 +208,9 @@ def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
 def test_two_batches_do_not_write_into_one_folder(run, tmp_path):
     folders = recordings(tmp_path / "recs", 1, {}, 0.5)
     (tmp_path / "out").mkdir()
-    with alone_in(tmp_path / "out", tmp_path / "out"):
+    with exclusive_folder(tmp_path / "out", tmp_path / "out"):
         code, _, wrong = run("batch", *folders, "--output", tmp_path / "out")
-    assert (code, "another posefuse is writing into it" in " ".join(wrong.split())) == (1, True)
+    assert (code, "another posefuse process is writing" in " ".join(wrong.split())) == (1, True)
 
 
 @pytest.mark.long

@@ -62,7 +62,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
     code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "against the truth, by order: 30 frames" in said
+    assert "against the ground truth, by order: 30 frames" in said
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())
@@ -254,7 +254,7 @@ class TestBadInput:
         write_openpose(recording / "pose", clean_scene.detections)
         broken = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
         broken.write_text(broken.read_text()[:200])
-        words = ["cam_2_000000000007_keypoints.json is not whole JSON (200 bytes)", "cut short"]
+        words = ["cam_2_000000000007_keypoints.json is not whole JSON (200 bytes)", "truncated"]
         refused("reconstruct", recording, "-o", tmp_path / "o", "--rate-hz", "30", words=words)
 
     def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
@@ -274,7 +274,7 @@ class TestBadInput:
         [
             ("1200.0", "0.0", ["'cam_0'", "focal lengths must be positive"]),
             ("1200.0", "nan", ["'cam_0'", "not finite"]),
-            ("[cam_0]", "[cam_0", ["calibration.toml is not TOML", "cut short"]),
+            ("[cam_0]", "[cam_0", ["calibration.toml is not valid TOML", "truncated"]),
         ],
     )
     def test_broken_calibration(self, old, new, words, refused, recording, tmp_path):
@@ -307,14 +307,16 @@ class TestBadInput:
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
     def test_an_output_that_is_something_else(self, refused, recording, tmp_path):
-        refused("reconstruct", recording, "-o", recording, words=["already holds other files", "empty folder"])
+        refused("reconstruct", recording, "-o", recording, words=["already contains other files", "empty folder"])
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [
-            (["--triangulation.method", "simpel"], ["no method 'simpel'", "Did you mean 'simple'"]),
+            (["--triangulation.method", "simpel"], ["got 'simpel'", "Did you mean 'simple'"]),
             (["--pick", "tallest"], ["tallest"]),
-            (["--min-vews", "3"], ["--min-vews"]),
+            (["--min-vews", "3"], ["--min-vews", "Did you mean --triangulation.min-views?"]),
+            (["--fps", "60"], ["--fps", "Did you mean --rate-hz?"]),
+            (["--rate-hz", "nan"], ["rate_hz must be a finite number above 0 Hz, got nan"]),
             (["--rate-hz", "fast"], ["fast"]),
             (["--people", "some"], ["some"]),
         ],
@@ -325,7 +327,7 @@ class TestBadInput:
     def test_wrong_keys_in_a_file(self, refused, recording, tmp_path):
         path = tmp_path / "options.toml"
         path.write_text("[triangulation]\nmin_vews = 3\n")
-        words = ["options.toml: unknown option triangulation.'min_vews'", "Did you mean 'min_views'"]
+        words = ["options.toml: unknown option 'triangulation.min_vews'", "Did you mean 'triangulation.min_views'"]
         refused("--options", path, "reconstruct", recording, "-o", tmp_path / "o", words=words, code=2)
 
     def test_no_result(self, refused, tmp_path):

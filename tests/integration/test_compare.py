@@ -9,7 +9,7 @@ import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
-from posefuse.model.options.options import METHODS
+from posefuse.model.options.triangulation import METHODS
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 
@@ -153,7 +153,7 @@ class TestRefused:
         refused("-o", tmp_path / "o", "--truth", tmp_path / "nowhere.nc", words=["No truth at", "nowhere.nc"])
 
     def test_an_output_that_is_something_else(self, refused, recording):
-        refused("-o", recording, words=["already holds other files"])
+        refused("-o", recording, words=["already contains other files"])
 
 
 class TestFilterFigure:

@@ -58,7 +58,7 @@ def test_calibrations(tmp_path):
         ("x.csv", ["--to", "opnpose"], 2, "Did you mean 'openpose'"),
         ("x.toml", [], 2, "not written as anipose"),
         ("in/records.jsonl", [], 1, "exists already"),
-        ("x.csv", ["--onto", "fly_38"], 2, "nothing of it can be made"),
+        ("x.csv", ["--onto", "fly_38"], 2, "none of its keypoints can be derived"),
     ],
 )
 def test_wrong_calls_say_what_to_do_and_write_nothing(records, tmp_path, capsys, output, flags, code, said):

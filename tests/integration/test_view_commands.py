@@ -4,14 +4,14 @@ import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
-from tests.videos import N_FRAMES, coded_video, moving_sticks, pictures_of, seen_exactly
+from tests.videos import N_FRAMES, coded_video, exact_detections, images_of, moving_sticks
 
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("result")
     posefuse.write(moving_sticks(), folder / "reconstruction.nc")
-    native.write(seen_exactly(moving_sticks()), folder / "keypoints.nc")
+    native.write(exact_detections(moving_sticks()), folder / "keypoints.nc")
     (folder / "videos").mkdir()
     for name in ("cam0", "CAM_1"):
         coded_video(folder / "videos" / f"{name}.mp4")
@@ -24,8 +24,8 @@ def test_overlay_of_a_folder_of_videos(run, stored, tmp_path):
                           "-o", out)  # fmt: skip
     assert (code, err) == (0, "")
     assert sorted(entry.name for entry in out.iterdir()) == ["cam0_overlay.mp4", "cam1_overlay.mp4"]
-    assert f"{N_FRAMES} pictures" in said
-    assert len(pictures_of(out / "cam1_overlay.mp4")) == N_FRAMES
+    assert f"{N_FRAMES} images" in said
+    assert len(images_of(out / "cam1_overlay.mp4")) == N_FRAMES
 
 
 def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
@@ -34,15 +34,15 @@ def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
         "overlay", stored, "--video", f"cam0={video}", "--offset-s", "cam0=0.04", "-o", tmp_path / "out"
     )
     assert code == 0
-    assert f"{N_FRAMES - 1} pictures" in said
-    assert "no video of cam1: not drawn" in said
+    assert f"{N_FRAMES - 1} images" in said
+    assert "no video of cam1; --blank" in said
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
         (("--video", "cam0"), "give CAMERA=FILE"),
-        (("--video", "cam5=a.mp4"), "The result's cameras are cam0, cam1"),
+        (("--video", "cam5=a.mp4"), "The cameras are cam0, cam1"),
         (("--video", "cam0=a.mp4", "cam0=b.mp4"), "two videos of camera 'cam0'"),
         (("--blank", "--offset-s", "cam0=soon"), "give CAMERA=SECONDS"),
         (("--blank", "--layer", "model"), "has no layer 'model'; it has measured"),

@@ -16,13 +16,13 @@ from posefuse.errors import FileError
 from posefuse.io.calibration.read import find_format
 from posefuse.io.calibration.registry import CALIBRATIONS as REGISTRY
 from posefuse.io.calibration.write import write_as
-from posefuse.io.formats import by_name
 from posefuse.io.keypoints import native
 from posefuse.io.results import c3d_reading, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES, Camera, CameraRig, LensModel
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 from posefuse.model.tracks import Tracks
@@ -151,7 +151,7 @@ def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / CALIBRATIONS[form]
-        written = by_name(REGISTRY, form)
+        written = REGISTRY.find(form)
         if refused or impossible:
             with pytest.raises(FileError, match=f"{form}'s format"):
                 write_as(written, rig, path)

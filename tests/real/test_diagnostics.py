@@ -2,10 +2,10 @@
 
 import pytest
 
-from posefuse.diagnostics.findings import Kind
 from posefuse.io.calibration.read import read_cameras
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
+from posefuse.model.findings import FindingKind
 from posefuse.model.options.options import Options
 from posefuse.pipeline.diagnose import inspect_health
 from posefuse.progress import Silent
@@ -18,7 +18,7 @@ def inspected(folder, calibration: str, keypoints: str):
 
 def test_the_copied_camera_of_the_mouse_is_named(shared_data):
     worst = inspected(shared_data("sleap_mouse"), "calibration.toml", ".")[0]
-    assert (worst.kind, worst.cameras) == (Kind.COPY, ("side",))
+    assert (worst.kind, worst.cameras) == (FindingKind.COPIED_POSE, ("side",))
     assert "'top'" in worst.sentence
 
 

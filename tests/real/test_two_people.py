@@ -9,8 +9,8 @@ from benchmarks import panoptic
 import posefuse
 from posefuse.cli.evaluate import truth_finder
 from posefuse.evaluation.accuracy import bone_variation
+from posefuse.evaluation.paired_results import people_points, with_truths
 from posefuse.evaluation.people import PeopleScores, score_people
-from posefuse.evaluation.together import people_points, with_truths
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
 from posefuse.model.tracks import TrackState

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.tracking.body_states import chosen, put
 from posefuse.tracking.settings import Settings
 from posefuse.tracking.tempering import bone_axes, next_with, what_was_said

@@ -58,7 +58,7 @@ class TestWhatTheyDo:
         mine = [(e.number, e.what) for e in edited.events if e.person == "Änne"]
         assert mine == [(e.number, e.what) for e in result.events if e.person == "person_2"]
         assert mine
-        assert edited.provenance.notes == ("a note", "Edited: person_2 renamed Änne.")
+        assert edited.provenance.notes == ("a note", "Edited: person_2 renamed to Änne.")
         np.testing.assert_array_equal(edited.poses.shape_m, result.poses.shape_m)
 
     def test_split(self, result):
@@ -219,13 +219,13 @@ class TestErrors:
             ("[[edit]]\ndo = 'merg'\n", "edit 1: do cannot be 'merg'. Did you mean 'merge'?"),
             ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. It needs person, into."),
             ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. It has person, from_frame, to_frame."),
-            ("[[edit]]\ndo = 'drop'\n", "drop needs a person, from_frame or to_frame"),
-            ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) comes before from_frame (5)"),
+            ("[[edit]]\ndo = 'drop'\n", "drop needs at least one of person, from_frame and to_frame"),
+            ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) is before from_frame (5)"),
             ("[[edit]]\ndo = 'drop'\nperson = 3\n", "person cannot be 3. Expected `str | null`, got `int`."),
-            ("[[edit]]\ndo = 'swap'\npeople = ['a', 'a']\nfrom_frame = 1\n", "people are two different names"),
-            ("[[edit]]\ndo = 'rename'\nperson = 'a'\nto = 'b/c'\n", "files are called after people, and '/' is in it"),
-            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'b'\nkeep = 'c'\n", "keep is one of the two, 'a' or 'b'"),
-            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'a'\n", "nothing to merge"),
+            ("[[edit]]\ndo = 'swap'\npeople = ['a', 'a']\nfrom_frame = 1\n", "two different names in people"),
+            ("[[edit]]\ndo = 'rename'\nperson = 'a'\nto = 'b/c'\n", "it is part of file names and contains '/'"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'b'\nkeep = 'c'\n", "keep must be 'a' or 'b'"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'a'\n", "merge needs two different names"),
         ],
     )
     def test_files(self, text, words, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.errors import DetectionsError, ResultError
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
 from posefuse.explain import explain
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus

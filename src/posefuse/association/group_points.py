@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
 from posefuse.kernels.triangulation.consensus import triangulate_consensus
-from posefuse.kernels.triangulation.pair_order import brief_tries, enough_tries, pairs_to_try
+from posefuse.kernels.triangulation.pair_order import early_limit, ordered_pairs, required_tries
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -69,12 +69,12 @@ def solve(
         noise.exponent,
         options.min_confidence,
         2,
-        pairs_to_try(views),
-        enough_tries(views),
-        brief_tries(views),
-        options.bound_sigma,
-        options.full_sigma,
-        options.none_sigma,
+        ordered_pairs(views),
+        required_tries(views),
+        early_limit(views),
+        options.saturation_sigma,
+        options.full_weight_sigma,
+        options.zero_weight_sigma,
         points,
         covariance,
         status,

@@ -14,9 +14,11 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.association.group_points import solve
 from posefuse.association.trunk import torso
-from posefuse.kernels.association import proposals as kernels
-from posefuse.kernels.association.agreement import Law, Sight, observe
-from posefuse.kernels.association.proposals import Drafts, Surroundings
+from posefuse.kernels.association import groups as kernels
+from posefuse.kernels.association.group_points import compute_observations
+from posefuse.kernels.association.groups import FrameContext, GroupTable
+from posefuse.kernels.association.log_odds import CandidateDetections, OddsParameters
+from posefuse.kernels.association.pair_scores import find_near_people, score_pairs, score_support
 from posefuse.kernels.cameras.lens import FX, FY
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -55,7 +57,7 @@ def propose(
     """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
     core = skeleton.core_indices
     seen = look(rig, frame, noise, core, free, options)
-    sight = Sight(
+    sight = CandidateDetections(
         views=seen.view,
         rays=seen.rays,
         weights=seen.weights,
@@ -67,11 +69,11 @@ def propose(
     law = _law(options)
     evidence, seeds = _seeds(len(rig), sight, law, options)
     drafts = _grow(rig, frame, seen.rows, core, sight, law, evidence, seeds)
-    taken = np.flatnonzero(drafts.numbers[:, kernels.STATE] == kernels.TAKEN)
-    taken = taken[np.argsort(-drafts.numbers[taken, kernels.ODDS], kind="stable")]
+    taken = np.flatnonzero(drafts.statistics[:, kernels.STATE] == kernels.ACCEPTED)
+    taken = taken[np.argsort(-drafts.statistics[taken, kernels.ODDS], kind="stable")]
     if not len(taken):
         return Proposals.none(len(skeleton), len(rig))
-    members, swapped = drafts.groups[taken], drafts.sides[taken]
+    members, swapped = drafts.members[taken], drafts.swapped[taken]
     rows = np.where(members >= 0, seen.rows[members], -1)
     points = solve(rig, frame, noise, skeleton, rows, swapped, options)
     torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
@@ -84,10 +86,10 @@ def propose(
         used=points.used,
         torso_m=torso_m,
         torso_covariance_m2=torso_covariance_m2,
-        log_odds=drafts.numbers[taken, kernels.ODDS] + options.prior_log_odds,
+        log_odds=drafts.statistics[taken, kernels.ODDS] + options.prior_log_odds,
         error_sigma=points.error_sigma,
         n_views=(rows >= 0).sum(axis=1),
-        n_pairs=drafts.numbers[taken, kernels.PAIRS].astype(np.int64),
+        n_pairs=drafts.statistics[taken, kernels.N_PAIRS].astype(np.int64),
         duplicates=_duplicates(seen.rows, drafts.duplicate_of, taken),
     )
 
@@ -103,7 +105,7 @@ def look(
     """The free detections as observations of some keypoints, given by their places, shape (core,)."""
     rows = np.flatnonzero(free)
     rays, weights = np.empty((len(rows), len(keypoints), 12)), np.empty((len(rows), len(keypoints)))
-    observe(
+    compute_observations(
         *rig.packed,
         frame.keypoints_px,
         frame.confidence,
@@ -130,13 +132,13 @@ def may_pair(
         return np.ones((len(seen.rows), len(seen.rows)), dtype=bool)
     near = np.empty((len(seen.rows), len(known_m)), dtype=bool)
     cameras = rig.packed[0]
-    kernels.near_known(
+    find_near_people(
         seen.rays,
         seen.weights,
         seen.view,
         np.ascontiguousarray(known_m, dtype=np.float64),
         np.sqrt(cameras[:, FX] * cameras[:, FY]),
-        options.known_within_m,
+        options.known_person_distance_m,
         keypoints,
         near,
     )
@@ -145,8 +147,8 @@ def may_pair(
     return shared | (nobody[:, None] & nobody[None, :])
 
 
-def _law(options: AssociationOptions) -> Law:
-    return Law(
+def _law(options: AssociationOptions) -> OddsParameters:
+    return OddsParameters(
         min_common=options.min_common,
         outlier_share=options.outlier_share,
         independent=options.independent_keypoints,
@@ -160,13 +162,15 @@ def _law(options: AssociationOptions) -> Law:
     )
 
 
-def _seeds(n_views: int, sight: Sight, law: Law, options: AssociationOptions) -> tuple[np.ndarray, np.ndarray]:
+def _seeds(
+    n_views: int, sight: CandidateDetections, law: OddsParameters, options: AssociationOptions
+) -> tuple[np.ndarray, np.ndarray]:
     """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
     n = len(sight.views)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     volume = np.array(options.volume_m or [-math.inf] * 3 + [math.inf] * 3)
-    kernels.pair_evidence(sight, law, volume, evidence, seed)
-    kernels.support(seed, evidence, sight.views, n_views, supported)
+    score_pairs(sight, law, volume, evidence, seed)
+    score_support(seed, evidence, sight.views, n_views, supported)
     # What even its best friends do not make likely is not worth growing.
     enough = np.count_nonzero(supported + law.prior > 0.0)
     order = np.argsort(-supported, axis=None, kind="stable")[:enough]
@@ -181,29 +185,29 @@ def _grow(
     frame: Frame,
     rows: np.ndarray,
     core: np.ndarray,
-    sight: Sight,
-    law: Law,
+    sight: CandidateDetections,
+    law: OddsParameters,
     evidence: np.ndarray,
     seeds: np.ndarray,
-) -> Drafts:
+) -> GroupTable:
     """The groups that grew, taken or not."""
     room = min(len(seeds), law.max_seeds) * 2 + len(rows)
-    drafts = Drafts(
-        groups=np.empty((room, len(rig)), dtype=np.int64),
-        sides=np.empty((room, len(rig)), dtype=bool),
-        numbers=np.empty((room, kernels.GROUP_COLUMNS)),
+    drafts = GroupTable(
+        members=np.empty((room, len(rig)), dtype=np.int64),
+        swapped=np.empty((room, len(rig)), dtype=bool),
+        statistics=np.empty((room, kernels.GROUP_COLUMNS)),
         duplicate_of=np.empty(len(rows), dtype=np.int64),
     )
     sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
-    around = Surroundings(
+    around = FrameContext(
         cameras=rig.packed[0],
         sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
         boxes_px=boxes(frame.keypoints_px),
         box_view=frame.view,
     )
     pixels = frame.keypoints_px[rows[:, None], core]
-    grown = kernels.group(sight, law, around, pixels, evidence, seeds, drafts)
-    return Drafts(drafts.groups[:grown], drafts.sides[:grown], drafts.numbers[:grown], drafts.duplicate_of)
+    grown = kernels.form_groups(sight, law, around, pixels, evidence, seeds, drafts)
+    return GroupTable(drafts.members[:grown], drafts.swapped[:grown], drafts.statistics[:grown], drafts.duplicate_of)
 
 
 def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from posefuse.association.group_points import Points, median_error_sigma, solve
 from posefuse.association.groups import Seen, look, may_pair
 from posefuse.association.trunk import torso
 from posefuse.kernels import status_codes
-from posefuse.kernels.association.proposals import pair_bodies
+from posefuse.kernels.association.pair_scores import triangulate_pairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
@@ -95,7 +95,7 @@ def _bodies(rig: CameraRig, seen: Seen, allowed: np.ndarray) -> Bodies:
     a, b = np.nonzero(np.triu(allowed & (seen.view[:, None] != seen.view[None, :])))
     points, errors_px = np.empty((len(a), seen.weights.shape[1], 3)), np.empty((len(a), seen.weights.shape[1], 2))
     pair = np.stack([a, b], axis=1)
-    pair_bodies(seen.rays, seen.weights, pair, points, errors_px)
+    triangulate_pairs(seen.rays, seen.weights, pair, points, errors_px)
     size_px = np.array([sum(camera.size_px) / 2.0 for camera in rig.cameras])
     centre_m = np.stack([camera.centre_m for camera in rig.cameras])
     view = seen.view[pair]
@@ -129,7 +129,8 @@ def _groups(bodies: Bodies, skeleton: Skeleton, options: RptOptions) -> list[lis
             apart = np.linalg.norm(mean - core[i], axis=-1)
             centre = np.linalg.norm(_centres(mean[None])[0] - _centres(core[i : i + 1])[0])
             common = np.isfinite(apart)
-            if centre < options.centre_within_m and common.any() and apart[common].mean() < options.joints_within_m:
+            near = common.any() and apart[common].mean() < options.keypoint_distance_m
+            if centre < options.center_distance_m and near:
                 group.append(i)
                 break
         else:
@@ -141,9 +142,9 @@ def _merge(bodies: Bodies, group: list[int], options: RptOptions) -> np.ndarray:
     """Shape (keypoint, 3): of each keypoint the mean of the few nearest to the mean of all that score well."""
     points = np.where(bodies.scores[group][..., None] >= options.min_joint_score, bodies.points_m[group], np.nan)
     away = np.linalg.norm(points - _means(points), axis=-1)
-    points = np.where(away[..., None] <= options.spread_m, points, np.nan)
+    points = np.where(away[..., None] <= options.outlier_distance_m, points, np.nan)
     away = np.nan_to_num(np.linalg.norm(points - _means(points), axis=-1), nan=np.inf)
-    nearest = np.argsort(away, axis=0, kind="stable")[: options.nearest]
+    nearest = np.argsort(away, axis=0, kind="stable")[: options.merged_pairs]
     return _means(np.take_along_axis(points, nearest[..., None], axis=0))
 
 

@@ -12,7 +12,7 @@ A skeleton without shoulders and hips has its core keypoints instead, each anywh
 
 import numpy as np
 
-from posefuse.kernels.association.trunks import trunk_middles
+from posefuse.kernels.association.trunks import estimate_trunk_centers
 from posefuse.skeleton.skeletons import Skeleton
 
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
@@ -40,7 +40,7 @@ def torso(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -
     if all(name in skeleton.keypoints for name in _TRUNK):
         chosen = np.array([skeleton.index(name) for name in _TRUNK])
         middles, spreads = np.empty((len(points_m), 3)), np.empty((len(points_m), 6))
-        trunk_middles(
+        estimate_trunk_centers(
             points_m, np.ascontiguousarray(covariance_m2), chosen, _DESIGN, _SIZES_M, _FLOOR_M, middles, spreads
         )
         return middles, spreads

@@ -25,7 +25,7 @@ from posefuse.model.batch import Job, JobResult, ResultStatistics
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.distributed import RunPieces, Workers, is_long
 from posefuse.pipeline.reconstruct_recording import Delivery, Outcome, reconstruct_recording
-from posefuse.report.summary import summarise
+from posefuse.report.summary import summarize
 
 _T = TypeVar("_T")
 _LOCK = threading.Lock()
@@ -145,7 +145,7 @@ def _key(job: Job, inputs: Mapping[str, str], window_s: float | None) -> str:
 
 def _statistics(result: Reconstruction) -> ResultStatistics:
     layer, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), layer)
+    summary = summarize(result.chunks(), layer)
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
     return ResultStatistics(
         frames=result.n_frames,

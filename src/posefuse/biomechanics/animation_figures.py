@@ -69,10 +69,10 @@ def body_of(result: Reconstruction, person: str) -> Body:
             "An animated figure needs articulated bodies, and none were fitted in this result. Reconstruct with "
             "--bodies fit (one subject), or --people many; a skeleton without a tree needs [tree] in its file."
         )
-    if (poses.segments, poses.bones, poses.shape_names) != result.skeleton.stood_names:
+    if (poses.segments, poses.bones, poses.shape_names) != result.skeleton.body_names:
         raise ResultError(
             f"The poses of this result are of another body than its skeleton {result.skeleton.name!r}: segments "
-            f"{choices(poses.segments)}, expected {choices(result.skeleton.stood_names[0])}. Reconstruct anew."
+            f"{choices(poses.segments)}, expected {choices(result.skeleton.body_names[0])}. Reconstruct anew."
         )
     if person not in result.person_ids:
         raise ResultError(f"Nobody is called {person!r}; there are {choices(result.person_ids, 20)}.")
@@ -89,7 +89,7 @@ class _Assembly:
         self.movers: list[_Mover] = []
         self.keypoint_joints = np.full(len(skeleton), -1, dtype=np.int64)
         self._names: set[str] = set()
-        self._reserved = set(skeleton.stood_names[0])
+        self._reserved = set(skeleton.body_names[0])
 
     def body(self) -> Body:
         """The whole figure."""

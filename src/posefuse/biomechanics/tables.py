@@ -40,7 +40,7 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.nda
     if tree is None or part.unit != "m":
         return names, degrees, degrees
     poses = part.poses
-    if poses is not None and (poses.segments, poses.bones) == skeleton.stood_names[:2]:
+    if poses is not None and (poses.segments, poses.bones) == skeleton.body_names[:2]:
         turns, directions = np.asarray(poses.turns[:]), np.asarray(poses.directions[:])
         names, degrees = whole_angles(skeleton, turns, directions, up)
     elif "solved" in part.layers and poses is None:

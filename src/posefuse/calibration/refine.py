@@ -211,7 +211,7 @@ def _adjusted(state: Progressed, gathered: Gathered, n_frames: int, options: Ref
     kept = (gathered.used | doubted[seen.view]) & ~held_out(n_frames)[seen.frame][seen.point]
     medians = np.array([_median(error[kept & (seen.view == v)]) for v in range(n)])
     sightings = seen.keep(kept)
-    sightings = sightings.of_points(spread_out(sightings, n, int(share * options.most_points)))
+    sightings = sightings.of_points(spread_out(sightings, n, int(share * options.max_points)))
     checks.must_suffice(sightings)
     side = max(max(camera.size_px) for camera in state.rig.cameras)
     start_px = min(float(np.nanmax(medians)), _LARGEST_START * side)

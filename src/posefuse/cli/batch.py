@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from posefuse.cli.console import Bars, complain, count, percent, say, table, warn
+from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
 from posefuse.model.batch import Job, JobResult
@@ -43,7 +43,7 @@ def batch(
     """
     from posefuse.batch.jobs import jobs_of
     from posefuse.batch.work import with_earlier_result
-    from posefuse.io.files import alone_in, must_exist
+    from posefuse.io.files import exclusive_folder, must_exist
 
     if jobs is not None and jobs < 1:
         raise OptionsError(f"--jobs must be at least 1, got {jobs}.")
@@ -56,7 +56,7 @@ def batch(
     window = None if scheduler is None else window_s
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
-    with alone_in(output, output):
+    with exclusive_folder(output, output):
         found, interrupted = _collect(todo, _run(todo, jobs, scheduler))
         missing = {job.name: JobResult(job.name, "not done", _INTERRUPTED) for job in todo if job.name not in found}
         by_name = found | missing
@@ -113,10 +113,10 @@ def _report(results: Sequence[JobResult], output: Path) -> None:
     table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in results])
     for each in results:
         for warning in each.warnings:
-            complain("warning: ", "yellow", f"{each.name}: {warning}")
+            print_problem("warning: ", "yellow", f"{each.name}: {warning}")
     for each in results:
         if each.state == "failed":
-            complain("failed: ", "bold red", f"{each.name}: {each.why}")
+            print_problem("failed: ", "bold red", f"{each.name}: {each.why}")
     states = Counter(each.state for each in results)
     say(
         f"{count(len(results), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "

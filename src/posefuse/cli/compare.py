@@ -9,7 +9,8 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, say, table, wrote
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
 from posefuse.errors import OptionsError, choices, suggestion
-from posefuse.model.options.options import METHODS, Options
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import METHODS
 
 if TYPE_CHECKING:
     from posefuse.evaluation.comparison import Comparison
@@ -46,7 +47,7 @@ def compare(
     from posefuse.io.open_recording import RecordingInputs, open_recording
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
-    from posefuse.report.comparison import comparison_picture
+    from posefuse.report.comparison import comparison_figure
 
     truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()
@@ -56,7 +57,7 @@ def compare(
             inputs.rig, inputs.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
         )
         write(found, staging / TABLE)
-        picture = comparison_picture(found)
+        picture = comparison_figure(found)
         (staging / PNG).write_bytes(picture.png)
         (staging / SVG).write_bytes(picture.svg)
     show(found)
@@ -101,12 +102,12 @@ def show(found: "Comparison") -> None:
 
 def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the columns that need no truth."""
-    from posefuse.report.numbers import three_digits
+    from posefuse.report.numbers import format_three_digits
 
     heads = ["\n\nmethod", "used\nmedian\npx", "used\n95 %\npx", "all\nmedian\npx", "views\nper\npoint",
              "points\nmissing\n%", "views\nleft\nout, %"]  # fmt: skip
     rows = [
-        [row.method, *map(three_digits, (
+        [row.method, *map(format_three_digits, (
             row.used_error.median_px, row.used_error.p95_px, row.all_error.median_px, row.mean_views_used,
             100.0 * row.missing_share, 100.0 * row.rejected_share,
         ))]
@@ -120,16 +121,16 @@ def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
         if values[0] is not None:
             heads.append(head)
             for row, value in zip(rows, values, strict=True):
-                row.append("-" if value is None else three_digits(value))
+                row.append("-" if value is None else format_three_digits(value))
     return heads, rows
 
 
 def truth_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the errors in 3D."""
-    from posefuse.report.numbers import three_digits
+    from posefuse.report.numbers import format_three_digits
 
     def shown(value: float | None) -> str:
-        return "-" if value is None else three_digits(value)
+        return "-" if value is None else format_three_digits(value)
 
     rows = [[row.method, shown(row.truth_median_mm), shown(row.truth_p99_mm)] for row in found.methods]
     return ["method", "median mm", "99 % mm"], rows

@@ -17,10 +17,10 @@ _MAJOR_EVENTS = ("identity uncertain", "camera refused", "camera silent")
 
 def describe_result(result: Reconstruction) -> None:
     """Print the size of a result, its notes and findings, and the share and accuracy of its points."""
-    from posefuse.report.summary import summarise
+    from posefuse.report.summary import summarize
 
     name, _ = result.best_layer(result.options.layer)
-    summary = summarise(result.chunks(), name)
+    summary = summarize(result.chunks(), name)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
     say(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
@@ -41,14 +41,14 @@ def describe_result(result: Reconstruction) -> None:
 
 def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary") -> None:
     from posefuse.model.status import USED_CODES, PointStatus, ViewStatus
-    from posefuse.report.summary import sources_in_words
+    from posefuse.report.summary import format_sources
 
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
     whose = "" if len(result.person_ids) == 1 else " of tracked people"
     share = with_points / summary.n_points if summary.n_points else math.nan
     say(f"{percent(share)} of the points{whose} have coordinates (layer {layer})")
     if with_points:
-        say(f"of these: {sources_in_words(summary.source_counts)}")
+        say(f"of these: {format_sources(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     for code, n in summary.status_counts.items():
@@ -68,7 +68,7 @@ def _describe_cameras(result: Reconstruction, summary: "Summary") -> None:
     for v, camera in enumerate(result.rig.names):
         error = summary.error_px_by_view[v]
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
-        swaps = [] if swapped is None else [percent(summary.swapped_in(v))]
+        swaps = [] if swapped is None else [percent(summary.swapped_share(v))]
         rows.append([camera, percent(summary.used[v]) if summary.n_points else "-", *numbers, *swaps])
     table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)
 
@@ -77,18 +77,18 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
     """Print the tracks of all people and their most important events."""
     from posefuse.io.results.write import people_with_frames
     from posefuse.model.tracks import TrackState
-    from posefuse.report.people import events_in_words, lives, span_of
+    from posefuse.report.people import format_event_counts, presence_interval, summarize_people
 
     if not result.person_ids:
         warn("no person was found.")
     elif not people_with_frames(result):
         warn("no person is left in any frame; there is no TRC or C3D to write.")
     if result.events:
-        note(f"events: {events_in_words(result.events)}")
+        note(f"events: {format_event_counts(result.events)}")
     for event in result.events:
         if event.what in _MAJOR_EVENTS:
             note(f"frame {event.number}: {event.person}: {event.what}: {event.why}")
-    people = lives(result.chunks(), layer)
+    people = summarize_people(result.chunks(), layer)
     if not people:
         return
     timed = bool(np.isfinite(result.time_s).all())
@@ -97,6 +97,6 @@ def _describe_people(result: Reconstruction, layer: LayerName) -> None:
         span = max(life.last - life.first + 1, 1)
         shares = [percent(life.frames[state] / span) for state in (TrackState.ACTIVE, TrackState.LOST)]
         numbers = [f"{value:.1f}" if np.isfinite(value) else "-" for value in (life.n_views, life.error_px)]
-        rows.append([life.name, *span_of(result, life), *shares, *numbers])
+        rows.append([life.name, *presence_interval(result, life), *shares, *numbers])
     unit = "s" if timed else "frame"
     table(None, ["person", f"from {unit}", f"to {unit}", "active", "lost", "cameras", "median px"], rows)

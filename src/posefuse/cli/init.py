@@ -9,16 +9,24 @@ from posefuse.cli.console import say
 
 
 def init(
-    path: Annotated[Path, Parameter(help="Where to write it.")] = Path("posefuse.toml"),
+    path: Annotated[Path, Parameter(help="File to write.")] = Path("posefuse.toml"),
+    *,
+    every: Annotated[
+        bool, Parameter(name="--all", negative="", help="Write every option instead of a short project file.")
+    ] = False,
 ) -> None:
-    """Write a commented TOML file of every option, to give with --options."""
+    """Write a commented project file: inputs, output and the common options.
+
+    Run it with posefuse reconstruct --options FILE.
+    """
     from posefuse.errors import FileError
     from posefuse.io.files import replacing
-    from posefuse.io.options import options_template
+    from posefuse.io.options_template import options_template, project_template
 
     if path.exists():
-        raise FileError(f"{path} exists already; choose another name or remove it.")
+        raise FileError(f"{path} exists already. Choose another name or remove it.")
     with replacing(path) as temporary:
-        temporary.write_text(options_template(), "utf-8")
+        temporary.write_text(options_template() if every else project_template(), "utf-8")
     say(f"Wrote {path}")
-    say(f"Use it: posefuse --options {path} reconstruct ...")
+    arguments = " RECORDING --output OUTPUT" if every else ""
+    say(f"Run it: posefuse reconstruct --options {path}{arguments}")

@@ -1,55 +1,59 @@
-"""The command ``posefuse``. Commands are loaded when called: ``--help`` starts no compiler."""
+"""The command ``posefuse``; each command is imported when it is called, so that ``--help`` starts fast."""
 
 import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import complain, err, spoken_warnings
-from posefuse.errors import FileError, OptionsError, PosefuseError
+from posefuse.cli.console import err, print_problem, print_warnings
+from posefuse.cli.help import HelpFormatter
+from posefuse.errors import OptionsError, PosefuseError
 
 
-def _shown_default(value: object) -> str | None:
-    """A default as help shows it; an empty list says nothing."""
+def _default_text(value: object) -> str | None:
+    """Return a default as help shows it, or None for an empty list."""
     if isinstance(value, tuple):
         return " ".join(str(item) for item in value) or None
     return None if value is None else str(value)
 
 
+_HELP = HelpFormatter()
+
 app = App(
     name="posefuse",
-    help="3D people and animals from several calibrated cameras' 2D keypoints.",
+    help="Reconstruct 3D people and animals from the 2D keypoints of several calibrated cameras.",
     version_flags=["--version"],
     version=lambda: __import__("posefuse").__version__,
-    help_format="markdown",
-    default_parameter=Parameter(negative_iterable=(), consume_multiple=True, show_default=_shown_default),
+    help_format="plaintext",
+    help_formatter=_HELP,
+    default_parameter=Parameter(negative_iterable=(), consume_multiple=True, show_default=_default_text),
 )
 
 COMMANDS = {
-    "reconstruct": "Reconstruct people in 3D from a recording's calibration and 2D keypoints.",
-    "inspect": "Say what is in a recording's folder.",
+    "reconstruct": "Reconstruct people in 3D from a calibration and 2D keypoints.",
+    "inspect": "Show what a recording's folder contains, and whether it fits.",
     "simulate": "Simulate a recording of one subject with known truth.",
     "simulate-people": "Simulate a recording of several people with known truth.",
-    "convert": "Write keypoints, a calibration or a result in another format.",
-    "evaluate": "Compare a result with the truth.",
+    "convert": "Convert keypoints, a calibration or a result to another format.",
+    "evaluate": "Compare a result with ground truth.",
     "compare": "Compare triangulation methods on one recording.",
-    "sync": "Measure how late views are, for reconstruct --sync FILE.",
-    "calibrate-noise": "Find how a detector errs, for reconstruct --options FILE.",
-    "refine-calibration": "Refine where cameras stand by what they saw.",
-    "explain": "Say of a frame which detection is whose, and why.",
+    "sync": "Measure the time offsets of views.",
+    "calibrate-noise": "Estimate the noise of a detector.",
+    "refine-calibration": "Refine the poses of cameras from detections.",
+    "explain": "Explain the identities and points of one frame.",
     "edit": "Merge, split, rename, drop or swap people of a result.",
-    "report": "Write a result's report, one HTML page.",
-    "view": "Look at a result in rerun's viewer.",
+    "report": "Write a result's report as one HTML page.",
+    "view": "Open a result in the rerun viewer.",
     "overlay": "Draw a result's skeletons on the cameras' videos.",
-    "stream": "Follow people live, from lines of 2D keypoints.",
+    "stream": "Track people live from a stream of 2D keypoints.",
     "replay": "Write a recording as the lines that stream reads.",
-    "batch": "Reconstruct many recordings side by side.",
-    "plot": "Draw a result's figures, each as PNG and SVG.",
+    "batch": "Reconstruct many recordings.",
+    "plot": "Draw a result's figures as PNG and SVG.",
     "demo": "Simulate, reconstruct, evaluate and report.",
-    "init": "Write a commented file of every option.",
+    "init": "Write a commented project file.",
     "methods": "List the triangulation methods.",
     "formats": "List the file formats.",
 }
@@ -61,21 +65,24 @@ for name, help_text in COMMANDS.items():
 @app.meta.default
 def launch(
     *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
-    options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags beat it.")] = None,
+    options: Annotated[Path | None, Parameter(help="TOML file of options (posefuse init); flags override it.")] = None,
+    help_all: Annotated[bool, Parameter(negative="", help="Show every option.")] = False,
 ) -> object:
     """Run a command, with options from a file if one is given."""
+    _HELP.show_all = help_all
+    if help_all:
+        tokens = (*tokens, "--help")
     app.config = ()
     if options is not None:
         from posefuse.cli.options_file import command_values
 
-        values = command_values(options)
+        values = command_values(options, next((token for token in tokens if token in COMMANDS), None))
         app.config = (DictConfig(values, source=str(options), use_commands_as_keys=False, allow_unknown=True),)
-    tokens = _joined(tokens)
-    return app(tokens, exit_on_error=True, print_error=True, result_action="return_value")
+    return app(_joined(tokens), exit_on_error=False, print_error=False, result_action="return_value")
 
 
 def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:
-    """Write ``--up -y`` as ``--up=-y``: the parser takes a value that begins with a hyphen for a flag."""
+    """Join ``--up -y`` to ``--up=-y``, because the parser takes a value that begins with a hyphen for a flag."""
     joined: list[str] = []
     for token in tokens:
         if joined and joined[-1] == "--up" and token in ("-x", "-y", "-z"):
@@ -86,22 +93,30 @@ def _joined(tokens: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line; exit code 0 only if the job was done, 1 for a reason it gives, 2 for a wrong call."""
-    with spoken_warnings():
+    """Run the command line.
+
+    The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call and 130 after Ctrl-C.
+    """
+    _HELP.show_all = False
+    with print_warnings():
         try:
-            app.meta(arguments, exit_on_error=True, result_action="return_value")
+            app.meta(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        except CycloptsError as error:
+            from posefuse.cli.usage_errors import describe
+
+            _fail(describe(error), 2)
         except OptionsError as error:
-            _fail(error, 2)
+            _fail(str(error), 2)
         except PosefuseError as error:
-            _fail(error, 1)
+            _fail(str(error), 1)
         except OSError as error:
             named = f"{error.filename}: " if error.filename else ""
-            _fail(FileError(f"{named}{error.strerror or error}."), 1)
+            _fail(f"{named}{error.strerror or error}.", 1)
         except KeyboardInterrupt:
-            err.print(Text("interrupted; nothing half-written was left behind", "red"))
+            err.print(Text("interrupted; no incomplete files remain", "red"))
             sys.exit(130)
 
 
-def _fail(error: Exception, code: int) -> None:
-    complain("error: ", "bold red", str(error))
+def _fail(message: str, code: int) -> None:
+    print_problem("error: ", "bold red", message)
     sys.exit(code)

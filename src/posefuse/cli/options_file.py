@@ -1,24 +1,47 @@
-"""Options from a file, in the shape the command line's parser takes them."""
+"""Options from a file, in the form that the command line's parser takes them."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from posefuse.io.files import read_toml
-from posefuse.io.options import read_options
+from posefuse.io.options import PROJECT_KEYS, read_project
+
+_PATHS_OF_COMMAND = {
+    "reconstruct": PROJECT_KEYS,
+    **dict.fromkeys(
+        ("inspect", "compare", "sync", "calibrate-noise", "refine-calibration"),
+        ("recording", "calibration", "keypoints", "timestamps"),
+    ),
+}
+"""Paths of a project file that each command takes from it; other commands take only options."""
 
 
-def command_values(path: Path) -> dict[str, Any]:
-    """The options that a file sets, checked, by flag name; what it leaves out is left out.
+def command_values(path: Path, command: str | None) -> dict[str, Any]:
+    """Return the values that a file sets, by flag name, without those that it leaves out.
+
+    Args:
+        path: TOML file.
+        command: Name of the command that takes the values.
 
     Raises:
-        FileError: if there is no such file, or it is not TOML.
-        OptionsError: on an unknown key, or a value of the wrong kind.
+        FileError: if the file does not exist or is not TOML.
+        OptionsError: on unknown keys or invalid values.
     """
-    return _set_values(dataclasses.asdict(read_options(path)), read_toml(path))
+    options, paths = read_project(path)
+    written = read_toml(path)
+    for key in PROJECT_KEYS:
+        written.pop(key, None)
+    values = _set_values(dataclasses.asdict(options), written)
+    for key in _PATHS_OF_COMMAND.get(command or "", ()):
+        value = getattr(paths, key)
+        if value is not None:
+            values[key] = str(value)
+    return values
 
 
-def _set_values(checked: dict[str, Any], written: dict[str, Any]) -> dict[str, Any]:
+def _set_values(checked: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for key, value in written.items():
         name = key.replace("-", "_")

@@ -11,30 +11,28 @@ from posefuse.model.options.options import LayerName
 
 
 def overlay(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the videos; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the videos.")],
     video: Videos = (),
-    layer: Annotated[LayerName | None, Parameter(help="Which points; by default the best layer there is.")] = None,
+    layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the best one available.")] = None,
     detections: Annotated[
         Path | None,
-        Parameter(help="The recording's folder: what the detector saw is drawn too, and what became of it."),
+        Parameter(help="Folder of the recording, to draw the detections and whether they were used."),
     ] = None,
-    grid: Annotated[bool, Parameter(help="All cameras side by side in one video.", negative="")] = False,
-    blank: Annotated[bool, Parameter(help="Cameras without a video on a plain background.", negative="")] = False,
-    start_s: Annotated[float | None, Parameter(help="Time in the result to begin at.")] = None,
-    end_s: Annotated[float | None, Parameter(help="Time in the result to end before.")] = None,
+    grid: Annotated[bool, Parameter(help="Show all cameras side by side in one video.", negative="")] = False,
+    blank: Annotated[bool, Parameter(help="Draw cameras without a video on a plain background.", negative="")] = False,
+    start_s: Annotated[float | None, Parameter(help="Start time, in the result's time.")] = None,
+    end_s: Annotated[float | None, Parameter(help="End time, exclusive, in the result's time.")] = None,
     offset_s: Offsets = (),
     match: Annotated[
-        Literal["time", "frame"], Parameter(help="Pictures belong to frames by time, or by their number from 0.")
+        Literal["time", "frame"], Parameter(help="Match images to frames by time, or by number from 0.")
     ] = "time",
-    rescale: Annotated[
-        bool, Parameter(help="Take a video of another size, but the same shape, for the whole image.", negative="")
-    ] = False,
+    rescale: Annotated[bool, Parameter(help="Accept a scaled video with the same aspect ratio.", negative="")] = False,
 ) -> None:
-    """Draw a result's skeletons on the cameras' videos, through each lens.
+    """Draw a result's skeletons on the cameras' videos, with lens distortion.
 
-    Writes <camera>_overlay.mp4 each, or overlay.mp4 with --grid. Faint: held or filled in, or the person is lost.
+    Writes <camera>_overlay.mp4 per camera, or overlay.mp4 with --grid. Faint points are held, filled or lost.
     """
     from posefuse.cli.videos import detections_in, layer_of, offsets_by_camera, videos_by_camera
     from posefuse.io.results.open_result import open_result
@@ -53,14 +51,14 @@ def overlay(
         offset_s=offsets_by_camera(offset_s),
     )
     videos = videos_by_camera(opened.rig, video)
-    sightings = detections_in(opened, detections)
-    written = write_overlays(opened, videos, output, chosen, sightings, Bars())
+    drawn_detections = detections_in(opened, detections)
+    written = write_overlays(opened, videos, output, chosen, drawn_detections, Bars())
     left_out = [name for name in opened.rig.names if name not in videos]
     if left_out and not blank:
-        note(f"note: no video of {', '.join(left_out)}: not drawn (--blank draws them on a plain background).")
+        note(f"note: no video of {', '.join(left_out)}; --blank draws them on a plain background.")
     for each in written:
-        bare = each.n_images - each.n_drawn
-        more = f", {bare} without a frame of the result" if bare else ""
-        say(f"Wrote {each.path}: {count(each.n_images, 'picture')}{more}")
-        for remark in each.remarks:
-            warn(remark)
+        n_without = each.n_images - each.n_drawn
+        more = f", {n_without} without a frame of the result" if n_without else ""
+        say(f"Wrote {each.path}: {count(each.n_images, 'image')}{more}")
+        for text in each.notes:
+            warn(text)

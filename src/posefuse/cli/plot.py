@@ -6,64 +6,71 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import note, wrote
-from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import LayerName
-
-FIGURE_NAMES = ("errors", "shares", "time", "gaps", "bones", "lives", "trajectories", "angles")
+from posefuse.report.plots.registry import PLOT_NAMES, find_plot
 
 
 def plot(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the figures; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the figures.")],
     figure: Annotated[
         tuple[str, ...],
-        Parameter(help=f"Which: {', '.join(FIGURE_NAMES)}; by default all there is something to draw of."),
+        Parameter(help=f"Figures to draw: {', '.join(PLOT_NAMES)}; by default all that the result has data for."),
     ] = (),
-    keypoint: Annotated[tuple[str, ...], Parameter(help="Whose trajectories; by default one of the trunk's.")] = (),
+    keypoint: Annotated[
+        tuple[str, ...], Parameter(help="Keypoints of the trajectory figure; by default one of the trunk.")
+    ] = (),
     angle: Annotated[
-        tuple[str, ...], Parameter(help="Which joint angles; by default the eight that range farthest.")
+        tuple[str, ...],
+        Parameter(help="Joint angles of the angle figure; by default the eight with the largest range."),
     ] = (),
-    layer: Annotated[LayerName | None, Parameter(help="Of which layer; by default the most processed one.")] = None,
+    layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the most processed one.")] = None,
 ) -> None:
-    """Draw a result's figures, each as PNG and as SVG: the report's numbers for papers and slides."""
+    """Draw a result's figures as PNG and SVG, for papers and slides."""
     names = chosen_figures(figure)
 
     from posefuse.io.files import replacing
     from posefuse.io.results.open_result import open_result
-    from posefuse.report.plots import draw, shown_of
+    from posefuse.report.plots.data import gather_plot_data
+    from posefuse.report.plots.registry import draw_plot
 
     _, reconstruction = open_result(result)
     if output.exists() and not output.is_dir():
-        raise OptionsError(f"--output {output} is a file; give a folder.")
-    shown = shown_of(reconstruction, layer, keypoint, angle)
-    # All are drawn before the first is written: what fails leaves nothing behind.
-    pictures = {name: draw(name, shown) for name in names}
-    empty = [name for name, picture in pictures.items() if picture is None]
+        raise OptionsError(f"--output {output} is a file. Give a folder.")
+    data = gather_plot_data(reconstruction, layer, keypoint, angle)
+    # Draw all figures before writing the first one, so that an error leaves no files behind.
+    figures = {name: draw_plot(name, data) for name in names}
+    empty = [name for name, drawn in figures.items() if drawn is None]
     if figure and empty:
-        raise OptionsError(f"This result has nothing to draw in {choices(empty)}.")
+        raise OptionsError(f"This result has no data for {_with_requirements(empty)}.")
     files = []
     output.mkdir(parents=True, exist_ok=True)
-    for name, picture in pictures.items():
-        if picture is None:
+    for name, drawn in figures.items():
+        if drawn is None:
             continue
-        for suffix, content in (("png", picture.png), ("svg", picture.svg)):
+        for suffix, content in (("png", drawn.png), ("svg", drawn.svg)):
             with replacing(output / f"{name}.{suffix}") as temporary:
                 temporary.write_bytes(content)
             files.append(f"{name}.{suffix}")
     if empty:
-        note(f"Nothing to draw in {choices(empty)}.")
+        note(f"No data for {_with_requirements(empty)}.")
     wrote(files, output)
 
 
 def chosen_figures(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The figures to draw, each once; without any, all there are.
+    """Return the figures to draw, each once; all figures if none is named.
 
     Raises:
         OptionsError: if there is no such figure.
     """
     names = [name.strip() for part in given for name in part.split(",")]
     for name in names:
-        if name not in FIGURE_NAMES:
-            raise OptionsError(f"--figure: no figure {name!r}. {suggestion(name, FIGURE_NAMES)}")
-    return tuple(dict.fromkeys(names)) or FIGURE_NAMES
+        find_plot(name)
+    return tuple(dict.fromkeys(names)) or PLOT_NAMES
+
+
+def _with_requirements(names: list[str]) -> str:
+    """Return the names of figures, each with what it requires of a result."""
+    return choices([f"{name} (needs {find_plot(name).requires})" for name in names])

@@ -42,10 +42,10 @@ def sync(
     unit, factor = ("frames", rate) if rate else ("ms", 1e3)
     rows = []
     for view in timings:
-        for since, late, drift in zip(view.since_s, view.late_s, view.drift_ppm, strict=True):
-            sd = f"{factor * view.late_sd_s:.2f}"
+        for since, offset, drift in zip(view.start_s, view.offset_s, view.drift_ppm, strict=True):
+            sd = f"{factor * view.offset_sd_s:.2f}"
             corrected = "yes" if view.camera in found.cameras else "no"
-            rows.append([view.camera, f"{since:.1f}", f"{factor * late:+.2f}", sd, f"{drift:+.0f}", corrected])
+            rows.append([view.camera, f"{since:.1f}", f"{factor * offset:+.2f}", sd, f"{drift:+.0f}", corrected])
     table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "out of step"], rows)
     if reference is None:
         note("Offsets are relative to the clock that most views share. --reference names another camera as correct.")

@@ -1,1 +1,1 @@
-"""What is wrong with this recording?"""
+"""Diagnose calibration, synchronization and keypoint faults of a recording."""

@@ -1,33 +1,25 @@
-"""Have views been given each other's calibrations?"""
-
-from typing import TYPE_CHECKING
+"""Find views that use each other's calibrations."""
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
-
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
+from posefuse.diagnostics.examination import Examination
+from posefuse.model.findings import Finding, FindingKind
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Views that fit other cameras than their own."""
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding if views fit the calibrations of other cameras."""
     coarse = examination.coarse
-    if coarse is None or not coarse.agreed:
+    if coarse is None or not coarse.views_agree:
         return ()
-    gains = [400.0 * (guess.before - guess.after) for guess in coarse.guesses if guess.kind == "order"]
-    names = examination.evidence.rig.names
-    moved = [v for v, camera in enumerate(coarse.state.cameras) if camera != v]
-    if not gains or not moved:
+    scores = [correction.score for correction in coarse.corrections if correction.kind == "order"]
+    names = examination.observations.rig.names
+    moved = [v for v, camera in enumerate(coarse.model.cameras) if camera != v]
+    if not scores or not moved:
         return ()
-    said = ", ".join(f"view {names[v]!r} is of camera {names[coarse.state.cameras[v]]!r}" for v in moved)
-    order = " ".join(names[camera] for camera in coarse.state.cameras)
-    sentence = f"Cameras are in another order than their calibrations: {said}."
-    remedy = f"Rename them, or say so: --camera-order {order}"
+    pairs = ", ".join(f"view {names[v]!r} is from camera {names[coarse.model.cameras[v]]!r}" for v in moved)
+    order = " ".join(names[camera] for camera in coarse.model.cameras)
+    sentence = f"The views are assigned to the wrong cameras: {pairs}."
+    remedy = f"Rename the cameras, or set the order: --camera-order {order}"
     cameras = tuple(names[v] for v in moved)
-    size = float(len(moved))
-    return (
-        Finding(
-            Kind.ORDER, cameras, None, size, "views", np.nan, 0.97, 0.5 * len(moved) * sum(gains), sentence, remedy
-        ),
-    )
+    size, gain = float(len(moved)), 0.5 * len(moved) * sum(scores)
+    return (Finding(FindingKind.CAMERA_ORDER, cameras, None, size, "views", np.nan, 0.97, gain, sentence, remedy),)

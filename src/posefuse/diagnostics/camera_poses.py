@@ -1,153 +1,179 @@
-"""Does a camera stand or look elsewhere than its calibration says, all the time or from some moment on?"""
+"""Find cameras whose pose differs from their calibration, always or from some frame on."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from posefuse.diagnostics.copied_poses import copies_of
-from posefuse.diagnostics.findings import Finding, Kind, certainty_of
-from posefuse.diagnostics.linear_system import System
-from posefuse.diagnostics.search import Found
-from posefuse.diagnostics.state import Column
+from posefuse.diagnostics.examination import Examination
+from posefuse.diagnostics.findings import certainty_of
+from posefuse.diagnostics.fine_search import AcceptedFault
+from posefuse.diagnostics.hypotheses import Hypothesis
+from posefuse.diagnostics.recording_model import Parameter
 from posefuse.model.cameras import vector_from_rotation
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-POSES = ("pose", "along", "across", "turn")
+POSE_KINDS = ("pose", "axial", "lateral", "rotation")
 SMALL_FOCAL = 0.04
-"""Focal lengths off by less are not told from a camera that stands nearer or farther."""
-SMALL_BEND, _ALIKE = 0.15, 12.0
-"""Nor are lenses that bend a little more or less, where people keep to the middle of the image."""
+"""Smaller errors of the focal length cannot be distinguished from a shift along the optical axis."""
+SMALL_K1, _SIMILAR_SCORE = 0.15, 12.0
+"""Smaller errors of the distortion cannot be distinguished either if people keep to the middle of the image."""
 
 
-def is_pose(found: Found) -> bool:
-    """Whether this says that a camera stands or looks elsewhere."""
-    kind, values = found.hypothesis.kind, found.values
-    if kind == "lens":
-        bend = next(x for x, u in zip(values, found.hypothesis.unknowns, strict=True) if u.column == Column.BEND)
-        like = [r.score for r in found.rivals if r.hypothesis.view == found.hypothesis.view]
-        return abs(float(bend)) < SMALL_BEND and bool(like) and max(like) > found.verdict.score - _ALIKE
-    return kind in POSES or (kind == "focal" and abs(float(values[0])) < SMALL_FOCAL)
+def is_pose(fault: AcceptedFault) -> bool:
+    """Return whether a fault is reported as an error of the camera pose."""
+    kind, values = fault.hypothesis.kind, fault.values
+    if kind == "distortion":
+        unknowns = fault.hypothesis.unknowns
+        k1 = next(x for x, u in zip(values, unknowns, strict=True) if u.parameter == Parameter.K1)
+        scores = [c.score for c in fault.competitors if c.hypothesis.view == fault.hypothesis.view]
+        return abs(float(k1)) < SMALL_K1 and bool(scores) and max(scores) > fault.evaluation.score - _SIMILAR_SCORE
+    return kind in POSE_KINDS or (kind == "focal" and abs(float(values[0])) < SMALL_FOCAL)
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Cameras whose pose is off, with how much."""
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding for each camera with a wrong pose."""
     if examination.coarse is None or examination.fine is None:
         return ()
-    moved = {g.view: 400.0 * (g.before - g.after) for g in examination.coarse.guesses if g.kind == "pose"}
-    zoomed = {guess.view for guess in examination.coarse.guesses if guess.kind == "focal"}
-    items = [i for i in examination.fine.found if is_pose(i) and not _of_the_focal(i, zoomed)]
-    views = sorted(({item.hypothesis.view for item in items} | set(moved)) - set(copies_of(examination)))
+    moved = {c.view: c.score for c in examination.coarse.corrections if c.kind == "pose"}
+    zoomed = {c.view for c in examination.coarse.corrections if c.kind == "focal"}
+    faults = [f for f in examination.fine.accepted if is_pose(f) and not _belongs_to_focal(f, zoomed)]
+    views = sorted(({fault.hypothesis.view for fault in faults} | set(moved)) - set(copies_of(examination)))
     return tuple(
-        _finding(examination, v, [item for item in items if item.hypothesis.view == v], moved.get(v, 0.0))
+        _finding(examination, v, [fault for fault in faults if fault.hypothesis.view == v], moved.get(v, 0.0))
         for v in views
     )
 
 
-def _of_the_focal(item: Found, zoomed: set[int]) -> bool:
-    """Whether this is what is left of a focal length that was found to be far off."""
-    return item.hypothesis.view in zoomed and item.hypothesis.kind in ("along", "focal")
+def _belongs_to_focal(fault: AcceptedFault, zoomed: set[int]) -> bool:
+    """Return whether a fault is the remainder of a grossly wrong focal length."""
+    return fault.hypothesis.view in zoomed and fault.hypothesis.kind in ("axial", "focal")
 
 
-def difference(examination: "Examination", view: int, sample: int) -> tuple[float, np.ndarray]:
-    """How far a view's camera is from its calibration: degrees turned, and metres moved along its own axes."""
+def pose_difference(examination: Examination, view: int, sample: int) -> tuple[float, np.ndarray]:
+    """Return how far a camera is from its calibrated pose: rotation in degrees and shift along its own axes in m."""
     assert examination.fine is not None
-    state = examination.fine.last.state
-    camera = examination.evidence.rig.cameras[state.cameras[view]]
-    rotation, translation = state.rotation[sample, view], state.translation_m[sample, view]
-    turn = np.degrees(np.linalg.norm(vector_from_rotation(rotation @ camera.rotation.T)))
-    return float(turn), rotation @ (-rotation.T @ translation - camera.centre_m)
+    model = examination.fine.final.model
+    camera = examination.observations.rig.cameras[model.cameras[view]]
+    rotation, translation = model.rotation[sample, view], model.translation_m[sample, view]
+    rotation_deg = np.degrees(np.linalg.norm(vector_from_rotation(rotation @ camera.rotation.T)))
+    return float(rotation_deg), rotation @ (-rotation.T @ translation - camera.centre_m)
 
 
-def _finding(examination: "Examination", view: int, items: list[Found], coarse_gain: float) -> Finding:
-    evidence, fine = examination.evidence, examination.fine
+def _finding(examination: Examination, view: int, faults: list[AcceptedFault], coarse_score: float) -> Finding:
+    observations, fine = examination.observations, examination.fine
     assert fine is not None
-    name = evidence.rig.names[view]
-    turn, moved = difference(examination, view, len(fine.last.state.frames) - 1)
-    since = None if coarse_gain else _since(examination, items)
-    score = coarse_gain + sum(item.verdict.score for item in items)
-    rivals = [r.score for item in items for r in item.rivals if not _explained(view, r.hypothesis, items)]
-    focal = sum(float(i.values[0]) for i in items if i.hypothesis.kind == "focal")
-    sds = _sds(items)
-    what, size, unit, sd = _words(items, turn, moved, focal, sds, coarse_gain)
-    when = "" if since is None else f", from frame {since} on"
-    two = len(evidence.rig) == 2
-    who = f"Camera {name!r}" if not two else f"One of the cameras {' and '.join(map(repr, evidence.rig.names))}"
-    last = int(evidence.frame_numbers[-1])
+    names = observations.rig.names
+    rotation_deg, shift_m = pose_difference(examination, view, len(fine.final.model.frames) - 1)
+    first = None if coarse_score else _first_frame(examination, faults)
+    score = coarse_score + sum(fault.evaluation.score for fault in faults)
+    competitors = [c.score for f in faults for c in f.competitors if not _is_equivalent(view, c.hypothesis, faults)]
+    difference = _describe(faults, rotation_deg, shift_m, bool(coarse_score))
+    start = "" if first is None else f" from frame {first} on"
+    camera = f"Camera {names[view]!r}"
+    if len(names) == 2:
+        camera = f"One of the cameras {' and '.join(map(repr, names))}"
+    remedy = (
+        f"Estimate its pose with posefuse refine-calibration (--fix names correct cameras), or exclude the camera: "
+        f"--exclude-camera {names[view]}"
+    )
+    if first is not None:
+        remedy = (
+            "The camera was bumped. Split the recording there (--start-s, --end-s) and calibrate each part, or exclude "
+            f"the camera: --exclude-camera {names[view]}"
+        )
     return Finding(
-        Kind.POSE,
-        evidence.rig.names if two else (name,),
-        None if since is None else (since, last),
-        size,
-        unit,
-        sd,
-        certainty_of(score if not coarse_gain else 100.0, rivals),
-        0.5 * score,
-        f"{who} is not where its calibration says: {what}{when}.",
-        "posefuse refine-calibration finds its pose anew (--fix names cameras that are right); "
-        f"--exclude-camera {name} leaves it out."
-        if since is None
-        else f"It was bumped: cut the recording there (--start-s, --end-s) and calibrate each part, or leave the "
-        f"camera out (--exclude-camera {name}).",
+        kind=FindingKind.CAMERA_POSE,
+        cameras=names if len(names) == 2 else (names[view],),
+        frames=None if first is None else (first, int(observations.frame_numbers[-1])),
+        size=difference.size,
+        unit=difference.unit,
+        sd=difference.sd,
+        certainty=certainty_of(score if not coarse_score else 100.0, competitors),
+        gain=0.5 * score,
+        sentence=f"{camera} differs from its calibrated pose{start}: {difference.text}.",
+        remedy=remedy,
     )
 
 
-def _explained(view: int, hypothesis: object, items: list[Found]) -> bool:
-    """Whether a rival says the same in other words."""
-    kind = getattr(hypothesis, "kind", "")
-    same = getattr(hypothesis, "view", -1) == view
-    return same and (kind in POSES or kind == "focal" or not items)
+def _is_equivalent(view: int, hypothesis: Hypothesis, faults: list[AcceptedFault]) -> bool:
+    """Return whether a competitor describes the same error by other parameters."""
+    return hypothesis.view == view and (hypothesis.kind in POSE_KINDS or hypothesis.kind == "focal" or not faults)
 
 
-def _since(examination: "Examination", items: list[Found]) -> int | None:
-    """The frame number from which on the camera is off, where it was not before."""
-    blocks = [item.hypothesis.since for item in items]
+def _first_frame(examination: Examination, faults: list[AcceptedFault]) -> int | None:
+    """Return the number of the first frame with the error, or None if it is always present."""
+    blocks = [fault.hypothesis.since_block for fault in faults]
     if not blocks or any(block is None for block in blocks):
         return None
-    system: System = examination.fine.last.system  # type: ignore[union-attr]
-    sample = int(np.argmax(system.block_of >= min(block for block in blocks if block is not None)))
-    return int(examination.evidence.frame_numbers[examination.fine.last.state.frames[sample]])  # type: ignore[union-attr]
+    assert examination.fine is not None
+    final = examination.fine.final
+    sample = int(np.argmax(final.system.block_index >= min(block for block in blocks if block is not None)))
+    return int(examination.observations.frame_numbers[final.model.frames[sample]])
 
 
-def _sds(items: list[Found]) -> np.ndarray:
-    """Standard deviations of the six numbers of a pose, NaN where they were not free."""
+def _pose_sds(faults: list[AcceptedFault]) -> np.ndarray:
+    """Return standard deviations of the six pose parameters, NaN where they were not estimated."""
     sds = np.full(6, np.nan)
-    for item in items:
-        for unknown, sd in zip(item.hypothesis.unknowns, item.sds, strict=True):
-            if unknown.column <= Column.SHIFT_Z:
-                sds[unknown.column] = sd
+    for fault in faults:
+        for unknown, sd in zip(fault.hypothesis.unknowns, fault.sds, strict=True):
+            if unknown.parameter <= Parameter.TRANSLATION_Z:
+                sds[unknown.parameter] = sd
     return sds
 
 
-def _words(
-    items: list[Found], turn_deg: float, moved_m: np.ndarray, focal: float, sds: np.ndarray, coarse_gain: float
-) -> tuple[str, float, str, float]:
-    """What is off in words, and its size, unit and standard deviation."""
-    kinds = {item.hypothesis.kind for item in items}
-    across, along = float(np.linalg.norm(moved_m[:2])), float(moved_m[2])
-    turn_sd = float(np.degrees(np.sqrt(np.nanmean(sds[:3] ** 2)))) if np.isfinite(sds[:3]).any() else np.nan
-    if kinds == {"lens"} and not coarse_gain:
+@dataclass(frozen=True)
+class _Difference:
+    """Describe how a camera differs from its calibration.
+
+    Attributes:
+        text: description.
+        size: magnitude, NaN where it has none.
+        unit: unit of the size.
+        sd: standard deviation of the size, NaN where unknown.
+    """
+
+    text: str
+    size: float
+    unit: str
+    sd: float
+
+
+def _describe(faults: list[AcceptedFault], rotation_deg: float, shift_m: np.ndarray, is_gross: bool) -> _Difference:
+    """Describe a pose error in words, with its size and standard deviation."""
+    kinds, sds = {fault.hypothesis.kind for fault in faults}, _pose_sds(faults)
+    lateral, axial = float(np.linalg.norm(shift_m[:2])), float(shift_m[2])
+    rotation_sd = float(np.degrees(np.sqrt(np.nanmean(sds[:3] ** 2)))) if np.isfinite(sds[:3]).any() else np.nan
+    if kinds == {"distortion"} and not is_gross:
         text = (
-            "it stands nearer or farther along its axis, or its focal length or lens is a little off (they look alike)"
+            "it is shifted along its optical axis, or its focal length or distortion is slightly wrong (the data do "
+            "not distinguish these)"
         )
-        return text, np.nan, "", np.nan
-    if kinds == {"focal"} and not coarse_gain:
-        # A camera that stands farther away makes people as much smaller as a shorter lens.
-        text = f"its focal length is {100 * focal:+.1f} % off, or it stands nearer or farther along its axis by as much"
-        return text + " of the distance to the people (the two look alike)", 100.0 * focal, "%", np.nan
-    if kinds <= {"along"} and not coarse_gain:
+        return _Difference(text, np.nan, "", np.nan)
+    if kinds == {"focal"} and not is_gross:
+        # A larger distance and a shorter focal length reduce the image size alike.
+        focal = sum(float(f.values[0]) for f in faults if f.hypothesis.kind == "focal")
+        text = (
+            f"its focal length is {100 * focal:+.1f} % wrong, or it is shifted along its optical axis by the same "
+            "share of the distance to the people (the data do not distinguish these)"
+        )
+        return _Difference(text, 100.0 * focal, "%", np.nan)
+    if kinds <= {"axial"} and not is_gross:
         sd = float(100.0 * sds[5])
         text = (
-            f"moved {100 * along:+.1f} +- {sd:.1f} cm along its axis (or its focal length is off by as many per cent "
+            f"it is shifted by {100 * axial:+.1f} +- {sd:.1f} cm along its optical axis, or its focal length is wrong "
+            "by the same share (the data do not distinguish these)"
         )
-        return text + "as that is of the distance: the two look alike)", 100.0 * along, "cm", sd
-    if kinds <= {"across"} and not coarse_gain:
+        return _Difference(text, 100.0 * axial, "cm", sd)
+    if kinds <= {"lateral"} and not is_gross:
         sd = float(100.0 * np.sqrt(np.nanmean(sds[3:5] ** 2)))
-        text = f"moved {100 * across:.1f} +- {sd:.1f} cm across its axis, or turned a little (from afar the two look "
-        return text + "alike)", 100.0 * across, "cm", sd
-    spread = f" +- {turn_sd:.2f}" if np.isfinite(turn_sd) else ""
-    text = f"turned by {turn_deg:.2f}{spread} degrees"
-    if across + abs(along) > 1e-4:
-        text += f", moved {100 * across:.1f} cm across and {100 * along:+.1f} cm along its axis"
-    return text, turn_deg, "deg", turn_sd
+        text = (
+            f"it is shifted by {100 * lateral:.1f} +- {sd:.1f} cm across its optical axis, or slightly rotated (from "
+            "afar the data do not distinguish these)"
+        )
+        return _Difference(text, 100.0 * lateral, "cm", sd)
+    spread = f" +- {rotation_sd:.2f}" if np.isfinite(rotation_sd) else ""
+    text = f"it is rotated by {rotation_deg:.2f}{spread} degrees"
+    if lateral + abs(axial) > 1e-4:
+        text += f" and shifted by {100 * lateral:.1f} cm across and {100 * axial:+.1f} cm along its optical axis"
+    return _Difference(text, rotation_deg, "deg", rotation_sd)

@@ -1,114 +1,153 @@
-"""Is a view out of step with the others: late, drifting, or short of frames from some moment on?"""
+"""Find views with a time offset, a clock drift or dropped frames."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind, certainty_of
-from posefuse.diagnostics.gross_faults import Coarse
-from posefuse.diagnostics.hypotheses import CLOCKS, Unknown, solve
-from posefuse.diagnostics.search import Fine, Found
-from posefuse.diagnostics.start_offsets import amid
-from posefuse.diagnostics.state import Column
+from posefuse.diagnostics.coarse_search import CoarseResult
+from posefuse.diagnostics.examination import Examination
+from posefuse.diagnostics.findings import certainty_of
+from posefuse.diagnostics.fine_search import AcceptedFault, FineResult
+from posefuse.diagnostics.hypotheses import CLOCK_KINDS, Unknown, solve_unknowns
+from posefuse.diagnostics.recording_model import Parameter
+from posefuse.diagnostics.start_offsets import medoid
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-_WHOLE = 0.5
-_CERTAIN = 3.0
+_MIN_DROPPED_FRAMES = 0.5
+_SIGNIFICANT_Z = 3.0
 _TWO = 2
+_REMEDY = "Measure the time offsets with posefuse sync, and correct them with reconstruct --sync FILE."
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Views that took their frames at other times than they say: than the one amid them all."""
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding for each view whose clock differs significantly from the medoid clock."""
     if examination.coarse is None or examination.fine is None:
         return ()
     fine = examination.fine
-    views = [v for v in range(examination.evidence.n_views) if fine.last.system.seen[v]]
-    late_s = fine.last.state.late_s
-    if not late_s.any():
+    views = [v for v in range(examination.observations.n_views) if fine.final.system.n_checked[v]]
+    offset_s = fine.final.model.offset_s
+    if not offset_s.any():
         return ()
     if len(views) > _TWO:
-        late_s = late_s - amid(late_s.mean(axis=0)[views])
-    found = []
+        offset_s = offset_s - medoid(offset_s.mean(axis=0)[views])
+    findings = []
     for v in views:
-        items = [item for item in fine.found if item.hypothesis.kind in CLOCKS and item.hypothesis.view == v]
-        sd_s = float(items[-1].sds[-1]) if items else _sd_s(fine, v)
-        changes = any(item.hypothesis.kind != "late" for item in items)
-        if changes or abs(late_s[:, v].mean()) > _CERTAIN * sd_s:
-            found.append(_finding(examination, v, late_s[:, v], sd_s, items))
-    return tuple(found)
+        faults = [f for f in fine.accepted if f.hypothesis.kind in CLOCK_KINDS and f.hypothesis.view == v]
+        sd_s = float(faults[-1].sds[-1]) if faults else _offset_sd_s(fine, v)
+        changes = any(fault.hypothesis.kind != "offset" for fault in faults)
+        if changes or abs(offset_s[:, v].mean()) > _SIGNIFICANT_Z * sd_s:
+            findings.append(_finding(examination, v, offset_s[:, v], sd_s, faults))
+    return tuple(findings)
 
 
-def _coarse_gain(coarse: Coarse, view: int) -> float:
-    """What was gained by guessing that a view, or all of them, are late."""
-    late = [guess for guess in coarse.guesses if guess.kind == "late" and guess.view in (view, -1)]
-    return sum(400.0 * (guess.before - guess.after) for guess in late)
+def _coarse_score(coarse: CoarseResult, view: int) -> float:
+    """Return the score of the coarse offsets of a view or of all views."""
+    return sum(c.score for c in coarse.corrections if c.kind == "offset" and c.view in (view, -1))
 
 
-def _sd_s(fine: Fine, view: int) -> float:
-    """How well an offset is known to which nothing had to be added."""
-    system = fine.last.system
-    unknown = Unknown(view, Column.LATE, np.ones(len(system.time_s)))
-    return float(np.sqrt(solve(system, [unknown])[1][0, 0] * fine.effect))
+def _offset_sd_s(fine: FineResult, view: int) -> float:
+    """Return the standard deviation of the offset of a view without an accepted clock fault."""
+    system = fine.final.system
+    unknown = Unknown(view, Parameter.OFFSET, np.ones(len(system.time_s)))
+    return float(np.sqrt(solve_unknowns(system, [unknown])[1][0, 0] * fine.design_effect))
 
 
-def _finding(examination: "Examination", view: int, late_s: np.ndarray, sd_s: float, items: list[Found]) -> Finding:
-    evidence = examination.evidence
-    assert examination.coarse is not None
-    two = len(evidence.rig) == _TWO
-    cameras = evidence.rig.names if two else (evidence.rig.names[view],)
-    late, sd = late_s / evidence.period_s, sd_s / evidence.period_s
-    coarse_gain = _coarse_gain(examination.coarse, view)
-    score = coarse_gain + sum(item.verdict.score for item in items)
-    if score == 0.0:
-        # The others were moved, but it is this one that is not with them.
-        score = float(late.mean() / sd) ** 2
-    rivals = [r.score for item in items for r in item.rivals if r.hypothesis.view != view]
-    certainty = certainty_of(score if not coarse_gain else 100.0, [] if two else rivals)
-    name = f"View {cameras[0]!r}" if not two else f"View {cameras[view]!r} (beside {cameras[1 - view]!r})"
-    # Frames are dropped whole.
-    steps = [i for i in items if i.hypothesis.since is not None and abs(i.values[-1]) > _WHOLE * evidence.period_s]
-    remedy = "posefuse sync measures the offsets of all views; reconstruct --sync FILE uses them."
-    if steps:
-        return _dropped(examination, cameras, name, steps[0], late, sd, certainty, 0.5 * score, remedy)
-    drifts = [item for item in items if item.hypothesis.kind == "drift"]
-    if drifts:
-        ppm, spread = 1e6 * float(sum(i.values[-1] for i in drifts)), 1e6 * float(drifts[0].sds[-1])
-        sentence = (
-            f"{name} drifts: from {late[0]:+.1f} frames at the start to {late[-1]:+.1f} at the end, {ppm:+.0f} +- "
-            f"{spread:.0f} ppm."
-        )
-        return Finding(Kind.DRIFT, cameras, None, ppm, "ppm", spread, certainty, 0.5 * score, sentence, remedy)
-    size = float(late.mean())
-    sentence = f"{name} is {abs(size):.2f} +- {sd:.2f} frames {'late' if size > 0 else 'early'}."
-    return Finding(Kind.LATE, cameras, None, size, "frames", sd, certainty, 0.5 * score, sentence, remedy)
+@dataclass(frozen=True, eq=False)
+class _ViewClock:
+    """Hold what a finding about one clock needs.
+
+    Attributes:
+        examination: of the recording.
+        view: index of the view.
+        cameras: names of the affected cameras.
+        label: subject of the sentence.
+        offset: shape (sample,): time offset in frames.
+        sd: standard deviation of the offset in frames.
+        certainty: of the finding.
+        gain: of the finding.
+    """
+
+    examination: Examination
+    view: int
+    cameras: tuple[str, ...]
+    label: str
+    offset: np.ndarray
+    sd: float
+    certainty: float
+    gain: float
 
 
-def _dropped(
-    examination: "Examination",
-    cameras: tuple[str, ...],
-    name: str,
-    step: Found,
-    late: np.ndarray,
-    sd: float,
-    certainty: float,
-    gain: float,
-    remedy: str,
+def _finding(
+    examination: Examination, view: int, offset_s: np.ndarray, sd_s: float, faults: list[AcceptedFault]
 ) -> Finding:
-    evidence, fine = examination.evidence, examination.fine
-    assert fine is not None
-    sample = int(np.argmax(fine.last.system.block_of >= step.hypothesis.since))
-    # Frames as the view counts them.
-    said_s = evidence.frame_time_s[fine.last.state.frames[sample]] - late[sample] * evidence.period_s
-    place = int(np.searchsorted(evidence.time_s[:, step.hypothesis.view], said_s))
-    at = int(evidence.frame_numbers[min(place, len(evidence.frame_numbers) - 1)])
-    jump = float(step.values[-1]) / evidence.period_s
-    what = "lacks" if jump > 0 else "has too many"
-    before = f"{late[0]:+.1f} before and " if abs(late[0]) > _WHOLE else ""
-    sentence = (
-        f"{name} {what} {abs(jump):.1f} +- {sd:.1f} frames from about frame {at} on: out of step by {before}"
-        f"{late[-1]:+.1f}{' after' if before else ''}."
+    observations = examination.observations
+    assert examination.coarse is not None
+    names = observations.rig.names
+    two = len(names) == _TWO
+    offset, sd = offset_s / observations.period_s, sd_s / observations.period_s
+    coarse_score = _coarse_score(examination.coarse, view)
+    score = coarse_score + sum(fault.evaluation.score for fault in faults)
+    if score == 0.0:
+        # The corrections of the other views leave this one unsynchronized.
+        score = float(offset.mean() / sd) ** 2
+    competitors = [c.score for f in faults for c in f.competitors if c.hypothesis.view != view]
+    clock = _ViewClock(
+        examination,
+        view,
+        names if two else (names[view],),
+        f"View {names[view]!r}" if not two else f"View {names[view]!r} (relative to {names[1 - view]!r})",
+        offset,
+        sd,
+        certainty_of(score if not coarse_score else 100.0, [] if two else competitors),
+        0.5 * score,
     )
-    span = (at, int(evidence.frame_numbers[-1]))
-    return Finding(Kind.DROPPED, cameras, span, jump, "frames", sd, certainty, gain, sentence, remedy)
+    # Only whole frames are dropped.
+    min_jump_s = _MIN_DROPPED_FRAMES * observations.period_s
+    jumps = [f for f in faults if f.hypothesis.since_block is not None and abs(f.values[-1]) > min_jump_s]
+    if jumps:
+        return _dropped_frames(clock, jumps[0])
+    drifts = [fault for fault in faults if fault.hypothesis.kind == "drift"]
+    return _drift(clock, drifts) if drifts else _offset(clock)
+
+
+def _drift(clock: _ViewClock, faults: list[AcceptedFault]) -> Finding:
+    ppm, sd = 1e6 * float(sum(f.values[-1] for f in faults)), 1e6 * float(faults[0].sds[-1])
+    sentence = (
+        f"{clock.label} has a clock drift of {ppm:+.0f} +- {sd:.0f} ppm: its time offset changes from "
+        f"{clock.offset[0]:+.1f} to {clock.offset[-1]:+.1f} frames."
+    )
+    kind = FindingKind.CLOCK_DRIFT
+    return Finding(kind, clock.cameras, None, ppm, "ppm", sd, clock.certainty, clock.gain, sentence, _REMEDY)
+
+
+def _offset(clock: _ViewClock) -> Finding:
+    size, sd = float(clock.offset.mean()), clock.sd
+    order = "later" if size > 0 else "earlier"
+    sentence = (
+        f"{clock.label} has a time offset of {size:+.2f} +- {sd:.2f} frames: its frames were captured {order} than "
+        "their timestamps state."
+    )
+    kind = FindingKind.TIME_OFFSET
+    return Finding(kind, clock.cameras, None, size, "frames", sd, clock.certainty, clock.gain, sentence, _REMEDY)
+
+
+def _dropped_frames(clock: _ViewClock, fault: AcceptedFault) -> Finding:
+    observations, fine, offset = clock.examination.observations, clock.examination.fine, clock.offset
+    assert fine is not None
+    sample = int(np.argmax(fine.final.system.block_index >= fault.hypothesis.since_block))
+    # Convert to the frame numbers of the view itself.
+    timestamp_s = observations.frame_time_s[fine.final.model.frames[sample]] - offset[sample] * observations.period_s
+    place = int(np.searchsorted(observations.time_s[:, clock.view], timestamp_s))
+    frame = int(observations.frame_numbers[min(place, len(observations.frame_numbers) - 1)])
+    jump = float(fault.values[-1]) / observations.period_s
+    what = "dropped" if jump > 0 else "has"
+    extra = "" if jump > 0 else " extra"
+    offsets = f"its time offset is {offset[-1]:+.1f} frames from then on"
+    if abs(offset[0]) > _MIN_DROPPED_FRAMES:
+        offsets = f"its time offset changes from {offset[0]:+.1f} to {offset[-1]:+.1f} frames"
+    sentence = (
+        f"{clock.label} {what} {abs(jump):.1f} +- {clock.sd:.1f}{extra} frames at about frame {frame}; {offsets}."
+    )
+    span = (frame, int(observations.frame_numbers[-1]))
+    kind, sd = FindingKind.DROPPED_FRAMES, clock.sd
+    return Finding(kind, clock.cameras, span, jump, "frames", sd, clock.certainty, clock.gain, sentence, _REMEDY)

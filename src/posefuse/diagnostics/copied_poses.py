@@ -1,70 +1,70 @@
-"""Is one camera's pose a copy of another's?"""
+"""Find cameras whose calibrated pose is a copy of another camera's."""
 
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
+from posefuse.diagnostics.examination import Examination
 from posefuse.model.cameras import CameraRig
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-_SAME_PLACE, _SAME_WAY = 1e-3, 1e-3
+_SAME_POSITION, _SAME_ROTATION = 1e-3, 1e-3
+_MIN_DIFFERENCE = 0.1
 
 
-def same_pose(rig: CameraRig) -> list[tuple[int, int]]:
-    """Pairs of cameras that stand in one place and look one way."""
-    centres = np.array([camera.centre_m for camera in rig.cameras])
-    spread = max(float(np.linalg.norm(centres[:, None] - centres[None], axis=-1).max()), 1e-9)
-    pairs = combinations(range(len(rig)), 2)
+def same_poses(rig: CameraRig) -> list[tuple[int, int]]:
+    """Return pairs of cameras with the same position and orientation."""
+    centers = np.array([camera.centre_m for camera in rig.cameras])
+    extent = max(float(np.linalg.norm(centers[:, None] - centers[None], axis=-1).max()), 1e-9)
     return [
         (a, b)
-        for a, b in pairs
-        if np.linalg.norm(centres[a] - centres[b]) < _SAME_PLACE * spread
-        and np.abs(rig.cameras[a].rotation - rig.cameras[b].rotation).max() < _SAME_WAY
+        for a, b in combinations(range(len(rig)), 2)
+        if np.linalg.norm(centers[a] - centers[b]) < _SAME_POSITION * extent
+        and np.abs(rig.cameras[a].rotation - rig.cameras[b].rotation).max() < _SAME_ROTATION
     ]
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Cameras whose pose is another's; which is the copy by what agrees with the rest."""
-    rig = examination.evidence.rig
-    return tuple(_finding(examination, rig, a, b) for a, b in same_pose(rig))
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding for each pair of equal poses; agreement with the other views shows which one is the copy."""
+    rig = examination.observations.rig
+    return tuple(_finding(examination, rig, a, b) for a, b in same_poses(rig))
 
 
-def copies_of(examination: "Examination") -> dict[int, int]:
-    """The views that stand where others do by mistake, and whose pose it is."""
-    return {copy: original for copy, original, known in _told(examination) if known}
+def copies_of(examination: Examination) -> dict[int, int]:
+    """Return the views with a copied pose, and the view each pose was copied from."""
+    return {copy: original for copy, original, identified in _copies(examination) if identified}
 
 
-def _told(examination: "Examination") -> list[tuple[int, int, bool]]:
-    """Copy, original, and whether what they see tells them apart."""
+def _copies(examination: Examination) -> list[tuple[int, int, bool]]:
+    """Return copy, original, and whether the observations show which is which."""
     out = []
-    moved = set() if examination.coarse is None else {g.view for g in examination.coarse.guesses if g.kind == "pose"}
-    first = None if examination.coarse is None else examination.coarse.first
-    for a, b in same_pose(examination.evidence.rig):
+    coarse = examination.coarse
+    moved = set() if coarse is None else {c.view for c in coarse.corrections if c.kind == "pose"}
+    table = None if coarse is None else coarse.initial_table
+    for a, b in same_poses(examination.observations.rig):
         if (a in moved) != (b in moved):
             out.append((a, b, True) if a in moved else (b, a, True))
             continue
-        levels = (0.0, 0.0) if first is None else tuple(_others(first, v, (a, b)) for v in (a, b))
-        known = abs(levels[0] - levels[1]) > 0.1
-        out.append((a, b, known) if levels[0] > levels[1] else (b, a, known))
+        levels = (0.0, 0.0) if table is None else tuple(_level_without(table, v, (a, b)) for v in (a, b))
+        identified = abs(levels[0] - levels[1]) > _MIN_DIFFERENCE
+        out.append((a, b, identified) if levels[0] > levels[1] else (b, a, identified))
     return out
 
 
-def _others(table: np.ndarray, view: int, pair: tuple[int, int]) -> float:
+def _level_without(table: np.ndarray, view: int, pair: tuple[int, int]) -> float:
+    """Return a view's median disagreement with the views outside the pair."""
     rest = np.delete(table[view], list(pair))
     return float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
 
 
-def _finding(examination: "Examination", rig: CameraRig, a: int, b: int) -> Finding:
-    copy, original, known = next(item for item in _told(examination) if {item[0], item[1]} == {a, b})
+def _finding(examination: Examination, rig: CameraRig, a: int, b: int) -> Finding:
+    copy, original, identified = next(item for item in _copies(examination) if {item[0], item[1]} == {a, b})
     wrong, right = rig.names[copy], rig.names[original]
-    if known:
-        sentence = f"The calibration of camera {wrong!r} is a copy of that of camera {right!r}: same place, same view."
-        remedy = f"Calibrate it again (posefuse refine-calibration), or leave it out: --exclude-camera {wrong}"
-        return Finding(Kind.COPY, (wrong,), None, 0.0, "m", np.nan, 0.99, 1000.0, sentence, remedy)
-    sentence = f"Cameras {wrong!r} and {right!r} have the same pose; one of them is a copy of the other."
-    remedy = "Calibrate again, or leave one out with --exclude-camera."
-    return Finding(Kind.COPY, (wrong, right), None, 0.0, "m", np.nan, 0.9, 1000.0, sentence, remedy)
+    kind = FindingKind.COPIED_POSE
+    if identified:
+        sentence = f"The pose of camera {wrong!r} is a copy of the pose of camera {right!r}."
+        remedy = f"Calibrate the camera again (posefuse refine-calibration), or exclude it: --exclude-camera {wrong}"
+        return Finding(kind, (wrong,), None, 0.0, "m", np.nan, 0.99, 1000.0, sentence, remedy)
+    sentence = f"Cameras {wrong!r} and {right!r} have the same pose; one is probably a copy of the other."
+    remedy = "Calibrate again, or exclude one of them: --exclude-camera."
+    return Finding(kind, (wrong, right), None, 0.0, "m", np.nan, 0.9, 1000.0, sentence, remedy)

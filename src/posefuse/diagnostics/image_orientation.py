@@ -1,45 +1,46 @@
-"""Were a view's images turned, mirrored or resized after its camera was calibrated?"""
-
-from typing import TYPE_CHECKING
+"""Find views whose images were rotated, mirrored or resized after their camera was calibrated."""
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
-from posefuse.diagnostics.state import Image
+from posefuse.diagnostics.examination import Examination
+from posefuse.diagnostics.recording_model import ImageTransform
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
+_ROTATIONS = {
+    1: "rotated by 90 degrees clockwise",
+    2: "rotated by 180 degrees",
+    3: "rotated by 90 degrees anticlockwise",
+}
 
-_TURNS = {1: "a quarter turn clockwise", 2: "upside down", 3: "a quarter turn anticlockwise"}
 
-
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Views whose images are not as they were calibrated."""
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding for each view whose images differ from those of its calibration."""
     coarse = examination.coarse
-    if coarse is None or not coarse.agreed:
+    if coarse is None or not coarse.views_agree:
         return ()
-    gains = {guess.view: 400.0 * (guess.before - guess.after) for guess in coarse.guesses if guess.kind == "image"}
-    names = examination.evidence.rig.names
-    if -1 in gains:
-        return (_finding((), coarse.state.images[0], gains[-1], 1.0),)
-    state = coarse.state if examination.fine is None else examination.fine.last.state
+    scores = {correction.view: correction.score for correction in coarse.corrections if correction.kind == "image"}
+    names = examination.observations.rig.names
+    if -1 in scores:
+        return (_finding((), coarse.model.images[0], scores[-1], 1.0),)
+    model = coarse.model if examination.fine is None else examination.fine.final.model
     return tuple(
-        _finding((names[v],), coarse.state.images[v], gain, float(state.focal[0, v].mean()))
-        for v, gain in sorted(gains.items())
-        if coarse.state.images[v] != Image()
+        _finding((names[v],), coarse.model.images[v], score, float(model.focal_ratio[0, v].mean()))
+        for v, score in sorted(scores.items())
+        if coarse.model.images[v] != ImageTransform()
     )
 
 
-def _finding(cameras: tuple[str, ...], image: Image, gain: float, focal: float) -> Finding:
-    done = []
+def _finding(cameras: tuple[str, ...], image: ImageTransform, score: float, focal_ratio: float) -> Finding:
+    changes = []
     if image.mirrored:
-        done.append("mirrored")
-    if image.turns:
-        done.append(_TURNS[image.turns])
+        changes.append("mirrored")
+    if image.quarter_turns:
+        changes.append(_ROTATIONS[image.quarter_turns])
     if image.scale != 1.0:
-        done.append(f"resized to {image.scale * focal:.3g} times the size")
-    who = f"The images of view {cameras[0]!r}" if cameras else "The images of all views"
-    sentence = f"{who} are not as they were calibrated: {', '.join(done)}."
-    remedy = "Detect on images like those of the calibration, or calibrate for the images you have."
-    size, unit = (image.scale, "times") if image.scale != 1.0 else (90.0 * image.turns, "deg")
-    return Finding(Kind.IMAGE, cameras, None, float(size), unit, np.nan, 0.97, 0.5 * gain, sentence, remedy)
+        changes.append(f"resized by a factor of {image.scale * focal_ratio:.3g}")
+    images = f"The images of view {cameras[0]!r}" if cameras else "The images of all views"
+    sentence = f"{images} differ from those of the calibration: {', '.join(changes)}."
+    remedy = "Detect keypoints in images like those of the calibration, or calibrate for the present images."
+    size, unit = (image.scale, "times") if image.scale != 1.0 else (90.0 * image.quarter_turns, "deg")
+    kind = FindingKind.IMAGE_TRANSFORM
+    return Finding(kind, cameras, None, float(size), unit, np.nan, 0.97, 0.5 * score, sentence, remedy)

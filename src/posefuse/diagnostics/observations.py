@@ -1,35 +1,39 @@
-"""What the detections of a recording tell of its health: one subject or several as columns of tracked points."""
+"""Collect the tracked 2D keypoints of a recording for the recording check, one column per person and keypoint."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections, with_lacking_times
 from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import Skeleton
 
-_MOST_COLUMNS = 52
-_FEWEST_SEEN = 0.02
+_MAX_COLUMNS = 52
+_MIN_SHARED_VIEWS = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """Tracked image points of some frames of a recording, in memory.
+class TrackedObservations:
+    """Hold the tracked 2D keypoints of some frames of a recording, in memory.
+
+    A column is one keypoint of one person.
 
     Attributes:
-        rig: a camera a view, in the views' order.
-        skeleton: of the keypoints.
-        pixels: shape (frame, view, column, 2), NaN where not detected; a column is a keypoint of a person.
+        rig: one camera per view, in the order of the views.
+        skeleton: names and relations of the keypoints.
+        pixels: shape (frame, view, column, 2), NaN where not detected.
         confidence: shape (frame, view, column), NaN where not detected, 1 where the detector gives none.
-        time_s: shape (frame, view): when each view says it took the frame; finite.
+        time_s: shape (frame, view): timestamp of each frame in each view; finite.
         frame_numbers: shape (frame,).
-        runs: shape (frame,), int: which consecutive piece of the recording the frame is of.
-        keypoint: shape (column,), int: of the skeleton.
-        partner: shape (column,), int: the same person's other side, itself where there is none.
-        period_s: between frames.
-        trusts: whether confidences are between 0 and 1 and differ, so that they may say something.
-        timed: whether the files say how long a frame lasts; otherwise ``period_s`` is made up.
+        runs: shape (frame,), int: index of the contiguous piece of the recording that holds the frame.
+        keypoint_index: shape (column,), int: index into the skeleton's keypoints.
+        mirror_column: shape (column,), int: column of the same person's opposite side; the column itself where there is
+            none.
+        period_s: time between frames.
+        confidence_varies: whether confidences lie between 0 and 1 and differ, so that they can be informative.
+        rate_known: whether the files state the frame rate; otherwise ``period_s`` assumes 25 frames per second.
     """
 
     rig: CameraRig
@@ -39,60 +43,65 @@ class Evidence:
     time_s: np.ndarray
     frame_numbers: np.ndarray
     runs: np.ndarray
-    keypoint: np.ndarray
-    partner: np.ndarray
+    keypoint_index: np.ndarray
+    mirror_column: np.ndarray
     period_s: float
-    trusts: bool
-    timed: bool
+    confidence_varies: bool
+    rate_known: bool
 
     @property
     def n_views(self) -> int:
-        """Number of views."""
+        """Return the number of views."""
         return self.pixels.shape[1]
 
     @property
     def frame_time_s(self) -> np.ndarray:
-        """Shape (frame,): when frames are, in the mean over views."""
+        """Return the time of each frame, averaged over the views, shape (frame,)."""
         return self.time_s.mean(axis=1)
 
-    def columns(self, chosen: np.ndarray) -> "Evidence":
-        """The evidence of some columns; a partner that is not among them is forgotten."""
-        place = np.full(len(self.keypoint), -1)
+    def select_columns(self, chosen: np.ndarray) -> "TrackedObservations":
+        """Return the observations of some columns.
+
+        A column whose opposite side is not selected becomes its own mirror.
+        """
+        place = np.full(len(self.keypoint_index), -1)
         place[chosen] = np.arange(len(chosen))
-        partner = place[self.partner[chosen]]
+        mirror_column = place[self.mirror_column[chosen]]
         return replace(
             self,
             pixels=self.pixels[:, :, chosen],
             confidence=self.confidence[:, :, chosen],
-            keypoint=self.keypoint[chosen],
-            partner=np.where(partner >= 0, partner, np.arange(len(chosen))),
+            keypoint_index=self.keypoint_index[chosen],
+            mirror_column=np.where(mirror_column >= 0, mirror_column, np.arange(len(chosen))),
         )
 
 
-def gather(rig: CameraRig, detections: Detections, tracks: Tracks, starts: tuple[int, ...] = (0,)) -> Evidence:
-    """The evidence of a recording, or of pieces of it.
+def gather_observations(
+    rig: CameraRig, detections: Detections, tracks: Tracks, starts: tuple[int, ...] = (0,)
+) -> TrackedObservations:
+    """Collect the observations of a recording, or of pieces of it.
 
     Args:
-        rig: a camera a view.
+        rig: one camera per view.
         detections: in memory.
-        tracks: whose detection is whose, of the same frames.
-        starts: the first frame of each consecutive piece, counted in ``detections``.
+        tracks: assignment of detections to people, for the same frames.
+        starts: first frame of each contiguous piece, as an index into ``detections``.
     """
     rows = tracks.rows(detections)
     n_frames, n_people, n_views = rows.shape
     n_keypoints = len(detections.skeleton)
     shape = (n_frames, n_people, n_views, n_keypoints)
-    there = rows >= 0
+    assigned = rows >= 0
     pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    pixels[there] = np.asarray(detections.keypoints_px)[rows[there]]
-    confidence[there] = np.asarray(detections.confidence)[rows[there]]
+    pixels[assigned] = np.asarray(detections.keypoints_px)[rows[assigned]]
+    confidence[assigned] = np.asarray(detections.confidence)[rows[assigned]]
     pixels = np.moveaxis(pixels, 2, 1).reshape(n_frames, n_views, n_people * n_keypoints, 2)
     confidence = np.moveaxis(confidence, 2, 1).reshape(pixels.shape[:3])
-    confidence, trusts = _usable(pixels, confidence)
-    time_s, period_s, timed = _times(detections)
+    confidence, confidence_varies = _clean_confidence(pixels, confidence)
+    time_s, period_s, rate_known = _view_times(detections)
     person = np.repeat(np.arange(n_people), n_keypoints)
     runs = np.searchsorted(np.array(starts), np.arange(n_frames), side="right") - 1
-    everything = Evidence(
+    all_columns = TrackedObservations(
         rig=rig,
         skeleton=detections.skeleton,
         pixels=pixels,
@@ -100,29 +109,30 @@ def gather(rig: CameraRig, detections: Detections, tracks: Tracks, starts: tuple
         time_s=time_s,
         frame_numbers=detections.frame_numbers,
         runs=runs,
-        keypoint=np.tile(np.arange(n_keypoints), n_people),
-        partner=person * n_keypoints + np.tile(detections.skeleton.mirror, n_people),
+        keypoint_index=np.tile(np.arange(n_keypoints), n_people),
+        mirror_column=person * n_keypoints + np.tile(detections.skeleton.mirror, n_people),
         period_s=period_s,
-        trusts=trusts,
-        timed=timed,
+        confidence_varies=confidence_varies,
+        rate_known=rate_known,
     )
-    return everything.columns(_telling(everything))
+    return all_columns.select_columns(_informative_columns(all_columns))
 
 
-def _usable(pixels: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, bool]:
+def _clean_confidence(pixels: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Set missing confidences to 1 and return whether the known ones are informative."""
     seen = np.isfinite(pixels).all(axis=-1)
     known = confidence[seen & np.isfinite(confidence)]
-    trusts = bool(len(known)) and known.min() >= 0.0 and known.max() <= 1.001 and float(np.std(known)) > 1e-3
-    given = np.where(np.isfinite(confidence), confidence, 1.0)
-    return np.where(seen, given, np.nan), trusts
+    confidence_varies = bool(len(known)) and known.min() >= 0.0 and known.max() <= 1.001 and float(np.std(known)) > 1e-3
+    filled = np.where(np.isfinite(confidence), confidence, 1.0)
+    return np.where(seen, filled, np.nan), confidence_varies
 
 
-def _times(detections: Detections) -> tuple[np.ndarray, float, bool]:
-    """Times of all frames in all views without gaps, the period, and whether the files say it."""
+def _view_times(detections: Detections) -> tuple[np.ndarray, float, bool]:
+    """Return the time of every frame in every view without gaps, the period, and whether the files state it."""
     numbers = np.asarray(detections.frame_numbers, dtype=float)
     times = np.array(detections.time_s, dtype=float)
     known = np.isfinite(times).sum(axis=0)
-    timed = detections.rate_hz is not None or bool((known > 1).all())
+    rate_known = detections.rate_hz is not None or bool((known > 1).all())
     rate = detections.rate_hz or 25.0
     for v in range(times.shape[1]):
         if known[v] > 1:
@@ -130,17 +140,30 @@ def _times(detections: Detections) -> tuple[np.ndarray, float, bool]:
         else:
             times[:, v] = numbers / rate
     steps = np.diff(times, axis=0) / np.diff(numbers)[:, None]
-    return times, float(np.median(steps)) if len(steps) else 1.0 / rate, timed
+    return times, float(np.median(steps)) if len(steps) else 1.0 / rate, rate_known
 
 
-def _telling(evidence: Evidence) -> np.ndarray:
-    """Columns that several views see now and then, those seen most if there are many, with their partners."""
-    seen = np.isfinite(evidence.pixels[..., 0])
-    together = np.minimum(seen.sum(axis=1), 4) - 1
-    weight = np.maximum(together, 0).mean(axis=0)
-    core = np.isin(evidence.keypoint, evidence.skeleton.core_indices)
+def _informative_columns(observations: TrackedObservations) -> np.ndarray:
+    """Return the columns that several views see often enough, with a limit on their number.
+
+    Core keypoints come first, then the columns that most views see.
+    """
+    seen = np.isfinite(observations.pixels[..., 0])
+    shared = np.minimum(seen.sum(axis=1), 4) - 1
+    weight = np.maximum(shared, 0).mean(axis=0)
+    core = np.isin(observations.keypoint_index, observations.skeleton.core_indices)
     order = np.lexsort((np.arange(len(weight)), -weight, ~core))
-    kept = [int(c) for c in order if weight[c] > _FEWEST_SEEN][:_MOST_COLUMNS]
-    if not kept:
-        kept = np.flatnonzero(seen.any(axis=(0, 1)))[:_MOST_COLUMNS].tolist()
-    return np.array(sorted(set(kept)), dtype=int)
+    selected = [int(c) for c in order if weight[c] > _MIN_SHARED_VIEWS][:_MAX_COLUMNS]
+    if not selected:
+        selected = np.flatnonzero(seen.any(axis=(0, 1)))[:_MAX_COLUMNS].tolist()
+    return np.array(sorted(set(selected)), dtype=int)
+
+
+def sample_frames(
+    n_frames: int, runs: np.ndarray, period_s: float, min_spacing_s: float, max_samples: int
+) -> np.ndarray:
+    """Return evenly spaced frame indices, at least ``min_spacing_s`` apart and at most ``max_samples`` of them."""
+    stride = max(1, round(min_spacing_s / period_s), -(-n_frames // max_samples))
+    chosen = [np.arange(start, stop) for start, stop in ranges(n_frames, 1 << 30)]
+    every = np.concatenate(chosen) if chosen else np.zeros(0, dtype=int)
+    return every[(every - np.searchsorted(runs, runs[every])) % stride == 0]

@@ -1,7 +1,6 @@
-"""Everything a health check looks for: add a finder here."""
+"""Table of all finders of faults; add a finder here."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from posefuse.diagnostics import (
     camera_order,
@@ -14,15 +13,14 @@ from posefuse.diagnostics import (
     lenses,
     repeated_frames,
     view_overlap,
-    wrong_rig,
+    wrong_calibration,
 )
-from posefuse.diagnostics.findings import Finding
+from posefuse.diagnostics.examination import Examination
+from posefuse.diagnostics.findings import rank_findings
+from posefuse.model.findings import Finding
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-FINDERS: tuple[Callable[["Examination"], tuple[Finding, ...]], ...] = (
-    wrong_rig.find,
+FINDERS: tuple[Callable[[Examination], tuple[Finding, ...]], ...] = (
+    wrong_calibration.find,
     camera_order.find,
     copied_poses.find,
     image_orientation.find,
@@ -34,3 +32,8 @@ FINDERS: tuple[Callable[["Examination"], tuple[Finding, ...]], ...] = (
     confidence.find,
     view_overlap.find,
 )
+
+
+def list_findings(examination: Examination) -> tuple[Finding, ...]:
+    """Return all faults of an examined recording, the most harmful first."""
+    return rank_findings([finding for find in FINDERS for finding in find(examination)])

@@ -1,40 +1,36 @@
-"""Does a view repeat frames?"""
-
-from typing import TYPE_CHECKING
+"""Find views that repeat frames."""
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
+from posefuse.diagnostics.examination import Examination
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-_FEWEST_POINTS, _FEWEST_FRAMES, _SHARE = 4, 4, 0.01
+_MIN_POINTS, _MIN_FRAMES, _MIN_SHARE = 4, 4, 0.01
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Views in which frames are, to the last digit, the frame before."""
-    evidence = examination.seen
-    now, before = evidence.pixels[1:], evidence.pixels[:-1]
-    seen = np.isfinite(now[..., 0]) & np.isfinite(before[..., 0])
-    shown = seen.sum(axis=-1) >= _FEWEST_POINTS
-    same = shown & ((now == before).all(axis=-1) | ~seen).all(axis=-1) & (np.diff(evidence.runs) == 0)[:, None]
-    total, again = shown.sum(axis=0), same.sum(axis=0)
-    # A subject that keeps still on integer pixels repeats in all views.
-    still = again.min() if len(again) > 1 else 0
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return a finding for each view with frames whose detections equal those of the previous frame exactly."""
+    observations = examination.detected
+    current, previous = observations.pixels[1:], observations.pixels[:-1]
+    seen = np.isfinite(current[..., 0]) & np.isfinite(previous[..., 0])
+    comparable = seen.sum(axis=-1) >= _MIN_POINTS
+    equal = ((current == previous).all(axis=-1) | ~seen).all(axis=-1)
+    repeated = comparable & equal & (np.diff(observations.runs) == 0)[:, None]
+    total, count = comparable.sum(axis=0), repeated.sum(axis=0)
+    # A subject at rest on integer pixels repeats in all views.
+    still = count.min() if len(count) > 1 else 0
     out = []
-    for v, name in enumerate(evidence.rig.names):
-        share = again[v] / max(int(total[v]), 1)
-        if again[v] - still < _FEWEST_FRAMES or share < _SHARE:
+    for v, name in enumerate(observations.rig.names):
+        share = count[v] / max(int(total[v]), 1)
+        if count[v] - still < _MIN_FRAMES or share < _MIN_SHARE:
             continue
-        at = evidence.frame_numbers[1:][same[:, v]]
+        frames = observations.frame_numbers[1:][repeated[:, v]]
         sentence = (
-            f"View {name!r} repeats frames: {again[v]} of {total[v]} ({100 * share:.1f} %) are the frame before to the "
-            f"last digit, the first of them frame {at[0]}."
+            f"View {name!r} repeats frames: the detections of {count[v]} of {total[v]} frames ({100 * share:.1f} %) "
+            f"equal those of the previous frame exactly; the first is frame {frames[0]}."
         )
-        remedy = "Its video dropped frames and was filled up. Record again, or use the camera's own time stamps."
-        span = (int(at[0]), int(at[-1]))
-        out.append(
-            Finding(Kind.REPEATED, (name,), span, float(share), "share", np.nan, 0.98, 100.0 * share, sentence, remedy)
-        )
+        remedy = "The video probably filled dropped frames. Record again, or use the camera's own timestamps."
+        span, gain = (int(frames[0]), int(frames[-1])), 100.0 * share
+        kind = FindingKind.REPEATED_FRAMES
+        out.append(Finding(kind, (name,), span, float(share), "share", np.nan, 0.98, gain, sentence, remedy))
     return tuple(out)

@@ -1,231 +1,251 @@
-"""How much later than they say views took their frames: all views together, once what else is wrong is granted."""
+"""Measure the time offsets and clock drifts of all views jointly, after correcting all other faults."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from posefuse.diagnostics.clock_model import late_by
-from posefuse.diagnostics.examine import Examination
-from posefuse.diagnostics.hypotheses import Hypothesis, Unknown, effect_of, solve, usual_effect
-from posefuse.diagnostics.linear_system import System, linearise
-from posefuse.diagnostics.points import solve_points
-from posefuse.diagnostics.start_offsets import amid
-from posefuse.diagnostics.state import Column, State, look
+from posefuse.diagnostics.clock_model import clock_offset_s
+from posefuse.diagnostics.examination import Examination
+from posefuse.diagnostics.hypotheses import Hypothesis, Unknown, design_effect_of, solve_unknowns, typical_design_effect
+from posefuse.diagnostics.linear_system import LinearSystem, linearize
+from posefuse.diagnostics.normalized_views import normalize_views
+from posefuse.diagnostics.recording_model import Parameter, RecordingModel
+from posefuse.diagnostics.sample_points import triangulate_samples
+from posefuse.diagnostics.start_offsets import medoid
 
-_STEPS = 6
-_FEWEST_SHARED = 15
-"""Moments at which two views must see the same point, for their clocks to be compared."""
-_WHOLE = 0.5
-_STILL_S = 1e-5
-_SAME = 3.0
-_CERTAIN = 2.6
-"""Standard deviations: by chance one clock in a hundred, and 300 ppm of a walk of a minute are mostly four."""
+_MAX_STEPS = 6
+_MIN_SHARED_SAMPLES = 15
+"""Samples at which two views must see the same point for their clocks to be compared."""
+_MIN_DROPPED_FRAMES = 0.5
+_CONVERGED_S = 1e-5
+_EQUAL_Z = 3.0
+_DRIFT_Z = 2.6
+"""Standard deviations required of a drift: one false drift in a hundred clocks; most drifts of 300 ppm exceed it in a
+minute of walking.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTiming:
-    """When a view took its frames.
+    """Hold the timing of one view.
 
     Attributes:
-        camera: its name.
-        since_s: time of the view from which each row holds.
-        late_s: of each row: how much later than it says, at that time.
-        drift_ppm: of each row: how fast that grows.
-        late_sd_s: standard deviation of an offset, in the middle of the recording.
-        drift_sd_ppm: of the drift, whether there is one or not.
+        camera: name of the camera.
+        start_s: timestamp of the view from which each row holds.
+        offset_s: of each row: true time minus timestamp, at ``start_s``.
+        drift_ppm: of each row: rate of change of the offset, in parts per million.
+        offset_sd_s: standard deviation of the offset, in the middle of the recording.
+        drift_sd_ppm: standard deviation of the drift, whether or not a drift was found.
     """
 
     camera: str
-    since_s: tuple[float, ...]
-    late_s: tuple[float, ...]
+    start_s: tuple[float, ...]
+    offset_s: tuple[float, ...]
     drift_ppm: tuple[float, ...]
-    late_sd_s: float
+    offset_sd_s: float
     drift_sd_ppm: float
 
 
 def time_views(examination: Examination, reference: int | None = None) -> tuple[ViewTiming, ...] | None:
-    """The timing of all views that see something together; None where the views do not agree enough to tell.
+    """Return the timing of all connected views, or None if the views do not agree well enough.
 
     Args:
         examination: of the recording.
-        reference: the view whose clock is right; by default that of most views.
+        reference: index of the view with the reference clock; by default the clock that most views share.
     """
     if examination.fine is None:
         return None
-    fine, evidence = examination.fine, examination.evidence
-    clocks = _Clocks(_together(fine.last.points.weight > 0, reference), reference)
-    if len(clocks.views) < 2:
+    fine, observations = examination.fine, examination.observations
+    clock_unknowns = _ClockUnknowns(_connected_views(fine.final.points.weight > 0, reference), reference)
+    if len(clock_unknowns.views) < 2:
         return None
-    usual = usual_effect(fine.last.system, evidence.n_views, ((Column.LATE,),))
-    effects = {v: _effect(fine.last.system, v, usual) for v in clocks.views}
-    # Offsets first: while several views are out of step, one's offset looks like another's drift.
-    state, blocks = fine.last.state, fine.last.system.block_of
-    for item in fine.found:
-        if item.hypothesis.kind == "drift":
-            late_s = late_by(item.hypothesis, item.values)[blocks]
-            state = state.with_late(item.hypothesis.view, late_s.mean() - late_s)
-    state, system = _settled(examination, state, fine.last.system, set(), clocks)
-    drifting = _surely_drifting(system, clocks, effects)
+    typical = typical_design_effect(fine.final.system, observations.n_views, ((Parameter.OFFSET,),))
+    effects = {v: _offset_design_effect(fine.final.system, v, typical) for v in clock_unknowns.views}
+    # Fit offsets first: while several views are unsynchronized, one view's offset resembles another's drift.
+    model, blocks = fine.final.model, fine.final.system.block_index
+    for fault in fine.accepted:
+        if fault.hypothesis.kind == "drift":
+            offset_s = clock_offset_s(fault.hypothesis, fault.values)[blocks]
+            model = model.with_offset(fault.hypothesis.view, offset_s.mean() - offset_s)
+    model, system = _fit_jointly(examination, model, fine.final.system, set(), clock_unknowns)
+    drifting = _drifting_views(system, clock_unknowns, effects)
     if drifting:
-        state, system = _settled(examination, state, system, drifting, clocks)
-    every = clocks.unknowns(system, set(clocks.views))
-    inverse = solve(system, every)[1]
+        model, system = _fit_jointly(examination, model, system, drifting, clock_unknowns)
+    every = clock_unknowns.unknowns(system, set(clock_unknowns.views))
+    inverse = solve_unknowns(system, every)[1]
     if reference is None:
-        inverse = _about_the_mean(inverse, len(clocks.views))
-        sds = np.sqrt([inverse[k, k] * effects[v] for k, v in enumerate(clocks.views)])
-        late_s = state.late_s - _usual(state.late_s.mean(axis=0)[clocks.views], sds)
+        inverse = _centered_covariance(inverse, len(clock_unknowns.views))
+        sds = np.sqrt([inverse[k, k] * effects[v] for k, v in enumerate(clock_unknowns.views)])
+        offset_s = model.offset_s - _common_offset(model.offset_s.mean(axis=0)[clock_unknowns.views], sds)
     else:
-        late_s = state.late_s - state.late_s[:, reference][:, None]
-    time_s = evidence.frame_time_s[state.frames]
-    return tuple(_timing(examination, v, late_s[:, v], time_s, every, inverse, effects[v]) for v in clocks.views)
+        offset_s = model.offset_s - model.offset_s[:, reference][:, None]
+    time_s = observations.frame_time_s[model.frames]
+    return tuple(
+        _view_timing(examination, v, offset_s[:, v], time_s, every, inverse, effects[v]) for v in clock_unknowns.views
+    )
 
 
 @dataclass(frozen=True)
-class _Clocks:
-    """Those that can be compared.
+class _ClockUnknowns:
+    """Select the clock parameters to estimate.
 
     Attributes:
-        views: whose they are.
-        reference: the view whose clock is right, if one is.
+        views: views whose clocks can be compared.
+        reference: index of the view with the reference clock, or None.
     """
 
     views: list[int]
     reference: int | None
 
-    def unknowns(self, system: System, drifting: set[int]) -> list[Unknown]:
-        """Offsets of all, and drifts of some."""
+    def unknowns(self, system: LinearSystem, drifting: set[int]) -> list[Unknown]:
+        """Return the offsets of all views and the drifts of some."""
         always = np.ones(len(system.time_s))
         middle = system.time_s - system.time_s.mean()
         free = [v for v in self.views if v != self.reference]
         return [
-            *(Unknown(v, Column.LATE, always) for v in free),
-            *(Unknown(v, Column.LATE, middle) for v in free if v in drifting),
+            *(Unknown(v, Parameter.OFFSET, always) for v in free),
+            *(Unknown(v, Parameter.OFFSET, middle) for v in free if v in drifting),
         ]
 
 
-def _together(seen: np.ndarray, reference: int | None) -> list[int]:
-    """The views that see points with each other, by way of others too: with the reference, or the most there are.
+def _connected_views(seen: np.ndarray, reference: int | None) -> list[int]:
+    """Return the views connected by shared points: with the reference, or the largest group.
 
     Args:
         seen: shape (sample, column, view).
-        reference: the view whose clock is right, if one is.
+        reference: index of the view with the reference clock, or None.
     """
     both = np.stack([(seen & seen[..., v : v + 1]).any(axis=1).sum(axis=0) for v in range(seen.shape[2])])
-    group = connected_components(both >= _FEWEST_SHARED, directed=False)[1]
+    group = connected_components(both >= _MIN_SHARED_SAMPLES, directed=False)[1]
     chosen = group[reference] if reference is not None else np.argmax(np.bincount(group))
     return np.flatnonzero(group == chosen).tolist()
 
 
-def _settled(
-    examination: Examination, state: State, system: System, drifting: set[int], clocks: _Clocks
-) -> tuple[State, System]:
-    """Offsets of all views, and drifts of some, fitted together until they stay."""
-    evidence, fine = examination.evidence, examination.fine
+def _fit_jointly(
+    examination: Examination,
+    model: RecordingModel,
+    system: LinearSystem,
+    drifting: set[int],
+    clock_unknowns: _ClockUnknowns,
+) -> tuple[RecordingModel, LinearSystem]:
+    """Fit the offsets of all views and the drifts of some together until they converge."""
+    observations, fine = examination.observations, examination.fine
     assert fine is not None
-    before = fine.last.points
-    points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
-    system = linearise(evidence, state, points, system.block_of)
-    for _ in range(_STEPS):
-        unknowns = clocks.unknowns(system, drifting)
-        values = solve(system, unknowns)[0]
-        if clocks.reference is None:
-            # All clocks together could be anything: they stay where they are.
-            values[: len(clocks.views)] -= values[: len(clocks.views)].mean()
-        state = _moved(state, unknowns, values, system)
-        points = solve_points(evidence, state, look(evidence, state), before.scale, before.points_m)
-        system = linearise(evidence, state, points, system.block_of)
-        if np.abs(values).max(initial=0.0) < _STILL_S:
+    previous = fine.final.points
+    points = triangulate_samples(
+        observations, model, normalize_views(observations, model), previous.noise_scale, previous.points_m
+    )
+    system = linearize(observations, model, points, system.block_index)
+    for _ in range(_MAX_STEPS):
+        unknowns = clock_unknowns.unknowns(system, drifting)
+        values = solve_unknowns(system, unknowns)[0]
+        if clock_unknowns.reference is None:
+            # The common offset of all clocks is unobservable: keep it unchanged.
+            values[: len(clock_unknowns.views)] -= values[: len(clock_unknowns.views)].mean()
+        model = _shifted(model, unknowns, values, system)
+        points = triangulate_samples(
+            observations, model, normalize_views(observations, model), previous.noise_scale, previous.points_m
+        )
+        system = linearize(observations, model, points, system.block_index)
+        if np.abs(values).max(initial=0.0) < _CONVERGED_S:
             break
-    return state, system
+    return model, system
 
 
-def _surely_drifting(system: System, clocks: _Clocks, effects: dict[int, float]) -> set[int]:
-    """Views whose clock goes wrong by more than chance explains, the surest first while the others' clocks are right.
+def _drifting_views(system: LinearSystem, clock_unknowns: _ClockUnknowns, effects: dict[int, float]) -> set[int]:
+    """Return the views with significant drift, selected stepwise, the most significant first.
 
-    A drift is told against all other views, which is surer than against the reference alone. If that is the one that
-    goes wrong, the others drift against it.
+    A drift is measured against all other views, which is more certain than against the reference alone. If the
+    reference itself drifts, all others drift against it.
     """
     drifting: set[int] = set()
-    every = _Clocks(clocks.views, None)
-    while len(drifting) < len(clocks.views) - 1:
-        certain = {v: _certainty(system, every, drifting, v, effects[v]) for v in sorted(set(every.views) - drifting)}
-        view = max(certain, key=lambda v: certain[v])
-        if certain[view] <= _CERTAIN:
+    every = _ClockUnknowns(clock_unknowns.views, None)
+    while len(drifting) < len(clock_unknowns.views) - 1:
+        z_scores = {v: _drift_z(system, every, drifting, v, effects[v]) for v in sorted(set(every.views) - drifting)}
+        view = max(z_scores, key=lambda v: z_scores[v])
+        if z_scores[view] <= _DRIFT_Z:
             break
         drifting.add(view)
-    return set(clocks.views) - {clocks.reference} if clocks.reference in drifting else drifting
+    return set(clock_unknowns.views) - {clock_unknowns.reference} if clock_unknowns.reference in drifting else drifting
 
 
-def _certainty(system: System, clocks: _Clocks, drifting: set[int], view: int, effect: float) -> float:
-    """By how many standard deviations one more view drifts."""
-    unknowns = clocks.unknowns(system, drifting | {view})
-    values, inverse, _ = solve(system, unknowns)
-    place = len(clocks.views) + sorted(drifting | {view}).index(view)
+def _drift_z(
+    system: LinearSystem, clock_unknowns: _ClockUnknowns, drifting: set[int], view: int, effect: float
+) -> float:
+    """Return the drift of one more view in standard deviations."""
+    unknowns = clock_unknowns.unknowns(system, drifting | {view})
+    values, inverse, _ = solve_unknowns(system, unknowns)
+    place = len(clock_unknowns.views) + sorted(drifting | {view}).index(view)
     return float(abs(values[place]) / np.sqrt(max(inverse[place, place], 1e-300) * effect))
 
 
-def _usual(late_s: np.ndarray, sds: np.ndarray) -> float:
-    """The offset that most views have: that of the one amid them, in the mean with those that do not differ from it."""
-    away = np.abs(late_s - amid(late_s))
-    near = away <= _SAME * np.hypot(sds, sds[np.argmin(away)])
-    return float(np.average(late_s[near], weights=sds[near] ** -2.0))
+def _common_offset(offset_s: np.ndarray, sds: np.ndarray) -> float:
+    """Return the offset that most views share: the medoid, averaged with the offsets that do not differ from it."""
+    away = np.abs(offset_s - medoid(offset_s))
+    near = away <= _EQUAL_Z * np.hypot(sds, sds[np.argmin(away)])
+    return float(np.average(offset_s[near], weights=sds[near] ** -2.0))
 
 
-def _about_the_mean(covariance: np.ndarray, views: int) -> np.ndarray:
-    """The covariance of offsets and drifts from their means: that of all clocks together nobody can tell."""
-    centred = np.eye(views) - 1.0 / views
-    whole = np.zeros((2 * views, 2 * views))
-    whole[:views, :views] = whole[views:, views:] = centred
-    return whole @ covariance @ whole
+def _centered_covariance(covariance: np.ndarray, views: int) -> np.ndarray:
+    """Return the covariance of offsets and drifts about their means; their common value is unobservable."""
+    centering = np.eye(views) - 1.0 / views
+    projection = np.zeros((2 * views, 2 * views))
+    projection[:views, :views] = projection[views:, views:] = centering
+    return projection @ covariance @ projection
 
 
-def _moved(state: State, unknowns: list[Unknown], values: np.ndarray, system: System) -> State:
+def _shifted(
+    model: RecordingModel, unknowns: list[Unknown], values: np.ndarray, system: LinearSystem
+) -> RecordingModel:
+    """Apply the values of clock unknowns to a model."""
     for unknown, value in zip(unknowns, values, strict=True):
-        state = state.with_late(unknown.view, value * unknown.profile[system.block_of])
-    return state
+        model = model.with_offset(unknown.view, value * unknown.profile[system.block_index])
+    return model
 
 
-def _effect(system: System, view: int, usual: float) -> float:
-    one = Unknown(view, Column.LATE, np.ones(len(system.time_s)))
-    values = solve(system, [one])[0]
-    return effect_of(system, Hypothesis("late", view, (one,)), values, usual)
+def _offset_design_effect(system: LinearSystem, view: int, typical: float) -> float:
+    """Return the design effect of a view's time offset."""
+    one = Unknown(view, Parameter.OFFSET, np.ones(len(system.time_s)))
+    values = solve_unknowns(system, [one])[0]
+    return design_effect_of(system, Hypothesis("offset", view, (one,)), values, typical)
 
 
-def _timing(
+def _view_timing(
     examination: Examination,
     view: int,
-    late: np.ndarray,
+    offsets_s: np.ndarray,
     time_s: np.ndarray,
     unknowns: list[Unknown],
     inverse: np.ndarray,
     effect: float,
 ) -> ViewTiming:
+    """Return the timing of one view, with one row per run without dropped frames."""
     sds = [np.sqrt(inverse[i, i] * effect) for i, unknown in enumerate(unknowns) if unknown.view == view] or [0.0, 0.0]
-    parts = np.split(np.arange(len(late)), _jumps(examination, view))
+    pieces = np.split(np.arange(len(offsets_s)), _dropped_frame_samples(examination, view))
     rows = []
-    for number, part in enumerate(parts):
-        slope = np.polyfit(time_s[part], late[part], 1)[0] if len(part) > 2 else 0.0
+    for number, piece in enumerate(pieces):
+        slope = np.polyfit(time_s[piece], offsets_s[piece], 1)[0] if len(piece) > 2 else 0.0
         slope = slope if abs(slope) > 1e-9 else 0.0
-        # Times as the view says them: of what it lacks frames for, it says the next frame's.
-        since = float(time_s[part[0]] - late[part[0]]) if number else 0.0
-        at = float(late[part].mean() + slope * (since - (time_s[part] - late[part]).mean()))
+        # The view's own timestamps; where frames are missing, that of the next frame.
+        since = float(time_s[piece[0]] - offsets_s[piece[0]]) if number else 0.0
+        at = float(offsets_s[piece].mean() + slope * (since - (time_s[piece] - offsets_s[piece]).mean()))
         rows.append((since, at, 1e6 * float(slope)))
-    since_s, late_s, drift = zip(*rows, strict=True)
-    name = examination.evidence.rig.names[view]
-    return ViewTiming(name, since_s, late_s, drift, float(sds[0]), 1e6 * float(sds[1]))
+    start_s, offset_s, drift = zip(*rows, strict=True)
+    name = examination.observations.rig.names[view]
+    return ViewTiming(name, start_s, offset_s, drift, float(sds[0]), 1e6 * float(sds[1]))
 
 
-def _jumps(examination: Examination, view: int) -> list[int]:
-    """The samples with which a view begins to lack more frames."""
+def _dropped_frame_samples(examination: Examination, view: int) -> list[int]:
+    """Return the samples from which on a view has dropped more frames."""
     fine = examination.fine
     assert fine is not None
-    blocks = fine.last.system.block_of
+    blocks = fine.final.system.block_index
     steps = {
-        int(np.argmax(blocks >= item.hypothesis.since))
-        for item in fine.found
-        if item.hypothesis.view == view
-        and item.hypothesis.kind == "dropped"
-        and abs(item.values[-1]) > _WHOLE * examination.evidence.period_s
+        int(np.argmax(blocks >= fault.hypothesis.since_block))
+        for fault in fine.accepted
+        if fault.hypothesis.view == view
+        and fault.hypothesis.kind == "dropped"
+        and abs(fault.values[-1]) > _MIN_DROPPED_FRAMES * examination.observations.period_s
     }
     return sorted(steps - {0})

@@ -1,46 +1,42 @@
-"""Do the views see enough of the same?"""
-
-from typing import TYPE_CHECKING
+"""Find views that share too few observations with the others."""
 
 import numpy as np
 
-from posefuse.diagnostics.findings import Finding, Kind
+from posefuse.diagnostics.examination import Examination
+from posefuse.model.findings import Finding, FindingKind
 
-if TYPE_CHECKING:
-    from posefuse.diagnostics.examine import Examination
-
-_ALONE, _TOGETHER = 0.15, 0.3
-_FEWEST = 200
+_MIN_SHARED, _MIN_SHARED_OVERALL = 0.15, 0.3
+_MIN_OBSERVATIONS = 200
 
 
-def find(examination: "Examination") -> tuple[Finding, ...]:
-    """Views that see hardly anything another one sees, and recordings in which hardly anything is seen twice."""
-    seen = np.isfinite(examination.seen.pixels[..., 0])
-    number = seen.sum(axis=1)
-    shown = int((number > 0).sum())
-    if seen.shape[1] < 2 or shown < _FEWEST:
+def find(examination: Examination) -> tuple[Finding, ...]:
+    """Return findings for views with low overlap, or one finding if the whole recording has low overlap."""
+    seen = np.isfinite(examination.detected.pixels[..., 0])
+    views_per_point = seen.sum(axis=1)
+    observed = int((views_per_point > 0).sum())
+    if seen.shape[1] < 2 or observed < _MIN_OBSERVATIONS:
         return ()
-    share = float((number >= 2).sum() / shown)
-    names = examination.evidence.rig.names
-    if share < _TOGETHER:
+    share = float((views_per_point >= 2).sum() / observed)
+    names = examination.observations.rig.names
+    if share < _MIN_SHARED_OVERALL:
         sentence = (
-            f"Only {100 * share:.0f} % of what is seen is seen by two cameras or more; the rest has no place in 3D."
+            f"Only {100 * share:.0f} % of the keypoints are detected by two or more cameras; the others cannot be "
+            "triangulated."
         )
-        remedy = "Turn the cameras towards the same volume, or check that all their keypoints were found."
+        remedy = "Point the cameras at the same volume, or check that the keypoints of all cameras were found."
         return (_finding((), share, sentence, remedy),)
     out = []
     for v, name in enumerate(names):
-        mine = int(seen[:, v].sum())
-        shared = float((seen[:, v] & (number >= 2)).sum() / max(mine, 1))
-        if mine == 0:
-            out.append(
-                _finding((name,), 0.0, f"View {name!r} shows nothing.", f"--exclude-camera {name} leaves it out.")
-            )
-        elif shared < _ALONE and mine >= _FEWEST:
-            sentence = f"Only {100 * shared:.0f} % of what view {name!r} sees is seen by another camera."
-            out.append(_finding((name,), shared, sentence, "Turn it towards what the others see."))
+        count = int(seen[:, v].sum())
+        shared = float((seen[:, v] & (views_per_point >= 2)).sum() / max(count, 1))
+        if count == 0:
+            remedy = f"Exclude the camera: --exclude-camera {name}"
+            out.append(_finding((name,), 0.0, f"View {name!r} has no detections.", remedy))
+        elif shared < _MIN_SHARED and count >= _MIN_OBSERVATIONS:
+            sentence = f"Only {100 * shared:.0f} % of the keypoints in view {name!r} are detected by another camera."
+            out.append(_finding((name,), shared, sentence, "Point it at the volume that the other cameras see."))
     return tuple(out)
 
 
 def _finding(cameras: tuple[str, ...], size: float, sentence: str, remedy: str) -> Finding:
-    return Finding(Kind.OVERLAP, cameras, None, size, "share", np.nan, 0.99, 50.0, sentence, remedy)
+    return Finding(FindingKind.LOW_OVERLAP, cameras, None, size, "share", np.nan, 0.99, 50.0, sentence, remedy)

@@ -1,4 +1,4 @@
-"""Is the world in metres? Bones say so."""
+"""Check the scale of the world by the lengths of bones."""
 
 from collections.abc import Sequence
 
@@ -7,34 +7,35 @@ import numpy as np
 from posefuse.skeleton.skeletons import Skeleton
 
 _UNITS = {"mm": 1000.0, "cm": 100.0, "m": 1.0}
+_MIN_POINTS = 10
 
 
-def scale_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, metres_per_unit: float) -> str | None:
-    """A sentence if bones have lengths no body has, else None.
+def scale_finding(points_m: Sequence[np.ndarray], skeleton: Skeleton, meters_per_unit: float) -> str | None:
+    """Return a sentence if most bones have implausible lengths, else None.
 
     Args:
         points_m: arrays of shape (..., keypoint, 3).
-        skeleton: whose ``plausible_m`` says what lengths a body can have; without it, nothing is said.
-        metres_per_unit: what the calibration's lengths were multiplied by.
+        skeleton: its ``plausible_m`` gives the range of each length; without it, the result is None.
+        meters_per_unit: factor by which the lengths of the calibration were multiplied.
     """
     ratios, examples = [], []
     for a, b, low, high in skeleton.plausible_m:
         i, j = skeleton.index(a), skeleton.index(b)
         lengths = np.concatenate([np.linalg.norm(p[..., i, :] - p[..., j, :], axis=-1).ravel() for p in points_m])
         lengths = lengths[np.isfinite(lengths)]
-        if len(lengths) < 10:
+        if len(lengths) < _MIN_POINTS:
             continue
-        middle = float(np.median(lengths))
-        ratios.append(middle / np.sqrt(low * high))
-        if not low <= middle <= high:
-            examples.append(f"{a} to {b} measures {middle:.3g} m, a body's {low:g} to {high:g} m")
+        median = float(np.median(lengths))
+        ratios.append(median / np.sqrt(low * high))
+        if not low <= median <= high:
+            examples.append(f"the distance from {a} to {b} is {median:.3g} m, expected {low:g} to {high:g} m")
     if not examples or len(examples) < 0.5 * len(ratios):
         return None
     factor = float(np.median(ratios))
-    fitting = next((unit for unit, per in _UNITS.items() if 0.4 < factor / (metres_per_unit * per) < 2.5), None)
+    unit = next((unit for unit, per in _UNITS.items() if 0.4 < factor / (meters_per_unit * per) < 2.5), None)
     remedy = (
-        f"The calibration's lengths are probably in {fitting}: add --length-unit {fitting}."
-        if fitting
-        else "Check the calibration's unit of length (--length-unit) and the size of the board it was made with."
+        f"The calibration is probably in {unit}: add --length-unit {unit}."
+        if unit
+        else "Check the length unit of the calibration (--length-unit) and the size of its calibration board."
     )
     return f"The scale is wrong for this skeleton: {examples[0]}. {remedy}"

@@ -1,10 +1,10 @@
-"""Corners of a calibration board, as other programs found them, read as keypoints; the board is the one subject.
+"""Corners of a calibration board detected by other programs, read as the keypoints of one subject.
 
-* sleap-anipose: ``*.metadata.h5`` with ``detected_corners`` (camera, frame, corner, 2) and ``frames``; the file names
-  no cameras, they are the calibration's, in its order.
-* Caliscope: ``xy.csv`` with ``sync_index, port, point_id, img_loc_x, img_loc_y`` of a charuco board.
+* sleap-anipose: ``*.metadata.h5`` with ``detected_corners`` (camera, frame, corner, 2) and ``frames``. The file has no
+  camera names; the cameras are those of the calibration, in its order.
+* Caliscope: ``xy.csv`` with ``sync_index, port, point_id, img_loc_x, img_loc_y`` of a ChArUco board.
 
-Corners that were not seen are missing; those at (0, 0) too.
+Corners that were not detected are missing, as are corners at (0, 0).
 """
 
 import csv
@@ -25,28 +25,28 @@ _PATTERNS = ("*.metadata.h5", "*/*.metadata.h5", "xy.csv", "calibration/extrinsi
 
 
 def find_board(folder: Path) -> Path:
-    """The one file of board corners in a recording's folder.
+    """Return the only file of board corners in a recording's folder, or the path itself if it is a file.
 
     Raises:
-        RecordingError: if there is none, or more than one.
+        FileError: If the path does not exist.
+        RecordingError: If the folder has no such file, or more than one.
     """
     must_exist(folder, "recording")
     if folder.is_file():
         return folder
-    found = sorted({file for pattern in _PATTERNS for file in folder.glob(pattern)}, key=lambda f: natural_key(str(f)))
-    found = [file for file in found if matches(file)]
-    if len(found) != 1:
-        listed = "".join(f"\n  --keypoints {file}" for file in found)
+    files = sorted({file for pattern in _PATTERNS for file in folder.glob(pattern)}, key=lambda f: natural_key(str(f)))
+    files = [file for file in files if matches(file)]
+    if len(files) != 1:
+        listed = "".join(f"\n  --keypoints {file}" for file in files)
         raise RecordingError(
-            f"{folder} has {len(found) or 'no'} files of board corners; "
-            f"{'choose one:' + listed if found else 'give one with --keypoints.'} Known are sleap-anipose's "
-            "*.metadata.h5 and Caliscope's xy.csv."
+            f"{folder} has {len(files) or 'no'} files of board corners. posefuse reads sleap-anipose's *.metadata.h5 "
+            f"and Caliscope's xy.csv. {'Choose one:' + listed if files else 'Give one with --keypoints.'}"
         )
-    return found[0]
+    return files[0]
 
 
 def matches(path: Path) -> bool:
-    """Whether a file holds board corners."""
+    """Return whether a file contains board corners."""
     try:
         if path.suffix == ".h5":
             with h5py.File(path) as content:
@@ -60,19 +60,19 @@ def matches(path: Path) -> bool:
 
 
 def read_board(path: str | Path, camera_names: Sequence[str]) -> Detections:
-    """Read the corners.
+    """Read the corners of a board as keypoints of one subject, in px.
 
     Args:
-        path: the file.
-        camera_names: of the calibration, in its order; they name the views of files that name none.
+        path: The file.
+        camera_names: Names of the calibrated cameras, in order. They name the views of files without camera names.
 
     Raises:
-        FileError: if the file is not what its format says, or has another number of cameras.
+        FileError: If the file does not exist, is broken, or has another number of cameras than the calibration.
     """
     path = must_exist(Path(path), "file of board corners")
     if not matches(path):
         raise FileError(
-            f"{path} holds no board corners: expected sleap-anipose's *.metadata.h5 with detected_corners, or "
+            f"{path} contains no board corners: expected sleap-anipose's *.metadata.h5 with detected_corners, or "
             f"Caliscope's *.csv with {choices(_COLUMNS)}."
         )
     with reading(path, "file of board corners"):
@@ -87,8 +87,8 @@ def _from_h5(path: Path, camera_names: Sequence[str]) -> Detections:
         raise FileError(f"{path}: expected detected_corners (camera, frame, corner, 2), got {corners.shape}.")
     if len(corners) != len(camera_names):
         raise FileError(
-            f"{path} has corners of {len(corners)} cameras and does not name them; the calibration has "
-            f"{len(camera_names)}: {choices(camera_names)}. They belong together if they are as many."
+            f"{path} has corners of {len(corners)} cameras without names, but the calibration has "
+            f"{len(camera_names)}: {choices(camera_names)}. Both must have the same number of cameras."
         )
     return _detections(tuple(camera_names), frames, np.moveaxis(corners, 0, 1))
 
@@ -97,13 +97,13 @@ def _from_csv(path: Path) -> Detections:
     with path.open(encoding="utf-8", newline="") as stream:
         rows = [[row[column] for column in _COLUMNS[:5]] for row in csv.DictReader(stream)]
     if not rows:
-        raise FileError(f"{path} has no rows: no board was seen.")
+        raise FileError(f"{path} has no rows: the board was not detected.")
     table = np.array(rows, dtype=np.float64)
     frames, frame = np.unique(table[:, 0].astype(np.int64), return_inverse=True)
     ports, view = np.unique(table[:, 1].astype(np.int64), return_inverse=True)
     corner = table[:, 2].astype(np.int64)
     if corner.min() < 0 or corner.max() > 10_000:
-        raise FileError(f"{path}: point_id runs from {corner.min()} to {corner.max()}; a board has fewer corners.")
+        raise FileError(f"{path}: point_id ranges from {corner.min()} to {corner.max()}; expected 0 to at most 10,000.")
     pixels = np.full((len(frames), len(ports), int(corner.max()) + 1, 2), np.nan)
     pixels[frame, view, corner] = table[:, 3:5]
     return _detections(tuple(str(port) for port in ports), frames, pixels)

@@ -1,4 +1,4 @@
-"""Edits as TOML: a table ``[[edit]]`` for each, in the order in which they are done; ``do`` says what."""
+"""Edits as TOML: one table ``[[edit]]`` per edit, in the order of application. The key ``do`` names the operation."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -14,11 +14,11 @@ from posefuse.model.edits import EDITS, Edit, name_of
 
 
 def read_edits(path: str | Path) -> tuple[Edit, ...]:
-    """Read edits.
+    """Read a file of edits.
 
     Raises:
-        FileError: if there is no such file, or it is not TOML.
-        EditError: on an entry that is none, with its number, what was expected and the choices.
+        FileError: If the file does not exist or is not TOML.
+        EditError: If an entry is invalid. The message states its number, the expected content and the choices.
     """
     path = must_exist(Path(path), "file of edits")
     data = read_toml(path)
@@ -27,14 +27,14 @@ def read_edits(path: str | Path) -> tuple[Edit, ...]:
         raise EditError(f"{path.name}: unknown key {unknown[0]!r}. Edits are tables [[edit]].")
     entries = data.get("edit", [])
     if not isinstance(entries, list):
-        raise EditError(f"{path.name}: edits are written [[edit]], with two brackets, each a table of its own.")
+        raise EditError(f"{path.name}: write each edit as its own table [[edit]], with two brackets.")
     if not entries:
-        raise EditError(f"{path.name} holds no [[edit]]. Each has do = one of {choices(EDITS)}.")
+        raise EditError(f"{path.name} contains no [[edit]]. Each needs do = one of {choices(EDITS)}.")
     return tuple(_edit(entry, f"{path.name}, edit {number}") for number, entry in enumerate(entries, 1))
 
 
 def edits_to_toml(edits: Sequence[Edit]) -> str:
-    """Edits as TOML that :func:`read_edits` takes; what is not set is left out."""
+    """Return edits as TOML for :func:`read_edits`. Values that are None are omitted."""
     tables = []
     for edit in edits:
         values = {name: value for name, value in dataclasses.asdict(edit).items() if value is not None}
@@ -47,17 +47,17 @@ def _edit(entry: Mapping[str, Any], where: str) -> Edit:
         raise EditError(f"{where}: do is missing. It is one of {choices(EDITS)}.")
     do = entry["do"]
     if not isinstance(do, str) or do not in EDITS:
-        raise EditError(f"{where}: do cannot be {do!r}. {suggestion(str(do), EDITS)}")
+        raise EditError(f"{where}: unknown operation do = {do!r}. {suggestion(str(do), EDITS)}")
     kind, where = EDITS[do], f"{where} ({do})"
     values = {key: value for key, value in entry.items() if key != "do"}
     hints = get_type_hints(kind)
     for key in values:
         if key not in hints:
-            raise EditError(f"{where}: unknown key {key!r}. It has {choices(hints)}.")
-    needed = [f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING]
-    missing = [key for key in needed if key not in values]
+            raise EditError(f"{where}: unknown key {key!r}. Keys: {choices(hints)}.")
+    required = [f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING]
+    missing = [key for key in required if key not in values]
     if missing:
-        raise EditError(f"{where}: {missing[0]} is missing. It needs {choices(needed)}.")
+        raise EditError(f"{where}: {missing[0]} is missing. Required keys: {choices(required)}.")
     try:
         return kind(**{key: _value(hints[key], value, key) for key, value in values.items()})
     except EditError as error:

@@ -1,4 +1,4 @@
-"""What every reader and writer needs of the file system."""
+"""File access shared by all readers and writers: existence checks, safe parsing, atomic replacement."""
 
 import contextlib
 import os
@@ -16,28 +16,28 @@ import numpy as np
 from posefuse.errors import FileError, PosefuseError, choices
 
 _LARGE_BYTES = 256_000_000
-_MOST_UNFOLDED = 200
+_MAX_UNPACKED_RATIO = 200
 
 
 def must_exist(path: Path, what: str) -> Path:
-    """The path, if it exists.
+    """Return the path if it exists, or if it is a pattern that matches files.
 
     Raises:
-        FileError: if not, naming what is in the nearest folder that does exist.
+        FileError: If it does not exist. The message lists the content of the nearest existing folder.
     """
     if path.exists() or (is_pattern(path) and files_at(path)):
         return path
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
     seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
     there = choices(seen) if seen else "nothing"
-    raise FileError(f"No {what} at {path}. In {parent} there is: {there}.")
+    raise FileError(f"No {what} at {path}. {parent} contains: {there}.")
 
 
 def read_text(path: Path) -> str:
-    """The text of a file.
+    """Return the text of a UTF-8 file.
 
     Raises:
-        FileError: if it cannot be read as UTF-8.
+        FileError: If the file cannot be read or is not UTF-8.
     """
     try:
         return path.read_text("utf-8")
@@ -48,91 +48,105 @@ def read_text(path: Path) -> str:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """Return the tables of a TOML file.
 
     Raises:
-        FileError: if it is not TOML.
+        FileError: If the file is not valid TOML.
     """
     try:
         return tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
-        raise FileError(f"{path} is not TOML: {error}. Was it cut short?") from None
+        raise FileError(f"{path} is not valid TOML: {error}. Is the file truncated?") from None
 
 
 def parse_xml(path: Path, text: str) -> ElementTree.Element:
-    """The root of an XML text. Entities are refused: a short text of them unfolds to any size.
+    """Return the root element of an XML text.
+
+    Entities are refused, because a short text of nested entities expands to any size.
 
     Raises:
-        FileError: if it is not XML, or declares entities.
+        FileError: If the text is not valid XML or declares entities.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise FileError(f"{path} declares XML entities, which a calibration has no use for; it is not read.")
+        raise FileError(f"{path} declares XML entities, which calibrations do not need. The file is not read.")
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise FileError(f"{path} is not whole XML: {error}. Was it cut short?") from None
+        raise FileError(f"{path} is not complete XML: {error}. Is the file truncated?") from None
 
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Say in a sentence that a file is broken, whatever its bytes lead a library to raise.
+    """Turn any exception that a library raises on a broken file into a FileError.
+
+    Args:
+        path: File that is read inside the ``with`` block.
+        what: Kind of file, for the message.
 
     Raises:
-        FileError: if what is done within fails otherwise than by an error of ours.
+        FileError: If the block raises an exception that is not a PosefuseError.
     """
     try:
         yield
     except PosefuseError:
         raise
     except Exception as error:
-        said = " ".join(str(error).split())[:160] or type(error).__name__
-        raise FileError(f"{path} is not a whole {what}: {said}. Was it cut short?") from None
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        raise FileError(f"{path} is not a complete {what}: {reason}. Is the file truncated?") from None
 
 
-def must_unfold(path: Path, n_bytes: int) -> None:
-    """Refuse what is small packed and enormous unpacked.
+def check_unpacked_size(path: Path, n_bytes: int) -> None:
+    """Refuse a decompression bomb: a small file with very large content.
 
     Args:
-        path: the packed file.
-        n_bytes: of what is in it, unpacked.
+        path: Compressed file.
+        n_bytes: Size of its content when decompressed.
 
     Raises:
-        FileError: if it is a bomb: more than 256 MB, and two hundred times the file.
+        FileError: If the content exceeds 256 MB and 200 times the size of the file.
     """
-    if n_bytes > most_unfolded(path):
-        raise FileError(f"{path} ({path.stat().st_size} bytes) would unfold to {n_bytes} bytes; it is not read.")
+    if n_bytes > max_unpacked_bytes(path):
+        raise FileError(
+            f"{path} ({path.stat().st_size} bytes) would expand to {n_bytes} bytes. It looks like a decompression "
+            "bomb and is not read."
+        )
 
 
-def most_unfolded(path: Path) -> int:
-    """How many bytes a packed file may unfold to: 256 MB, or two hundred times itself."""
-    return max(_LARGE_BYTES, _MOST_UNFOLDED * path.stat().st_size)
+def max_unpacked_bytes(path: Path) -> int:
+    """Return the allowed size of a file's decompressed content: 256 MB or 200 times the file, whichever is larger."""
+    return max(_LARGE_BYTES, _MAX_UNPACKED_RATIO * path.stat().st_size)
 
 
 def read_npz(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
-    """The named arrays of an ``.npz``, those that are there; without any names all, with nothing in them.
+    """Return those of the named arrays that an ``.npz`` file contains.
+
+    Args:
+        path: The file.
+        names: Names of the arrays to read. Without names, every array of the file is listed and none is read: the
+            values are empty arrays.
 
     Raises:
-        FileError: if it is cut short, unfolds to something enormous, or an array holds objects.
+        FileError: If the file is truncated, is a decompression bomb, or an array holds Python objects.
     """
     with reading(path, "NumPy array file"), zipfile.ZipFile(path) as packed:
         members = [member for member in packed.infolist() if member.filename.endswith(".npy")]
-        held = {member.filename.removesuffix(".npy"): member for member in members}
+        by_name = {member.filename.removesuffix(".npy"): member for member in members}
         if not names:
-            return {name: np.empty(0) for name in held}
-        wanted = {name: member for name, member in held.items() if name in names}
-        must_unfold(path, sum(member.file_size for member in wanted.values()))
+            return {name: np.empty(0) for name in by_name}
+        requested = {name: member for name, member in by_name.items() if name in names}
+        check_unpacked_size(path, sum(member.file_size for member in requested.values()))
         arrays = {}
-        for name, member in wanted.items():
+        for name, member in requested.items():
             with packed.open(member) as content:
                 arrays[name] = np.lib.format.read_array(content, allow_pickle=False)
         return arrays
 
 
 def read_npy(path: Path) -> np.ndarray:
-    """The array of an ``.npy``.
+    """Return the array of an ``.npy`` file.
 
     Raises:
-        FileError: if it is cut short, or holds objects.
+        FileError: If the file is truncated or holds Python objects.
     """
     with reading(path, "NumPy array file"):
         array = np.load(path, allow_pickle=False)
@@ -142,70 +156,77 @@ def read_npy(path: Path) -> np.ndarray:
 
 
 def files_at(path: Path) -> list[Path]:
-    """The file; the files of a folder; or those that a pattern such as ``trial_*_dlc.csv`` in place of a name means."""
+    """Return the files that a path stands for, in natural order.
+
+    A path is one file, a folder (its files), or a pattern in place of a name such as ``trial_*_dlc.csv``.
+    """
     if path.is_dir():
-        found = list(path.iterdir())
+        entries = list(path.iterdir())
     elif is_pattern(path):
-        found = list(path.parent.glob(path.name))
+        entries = list(path.parent.glob(path.name))
     else:
-        found = [path]
-    return sorted((file for file in found if file.is_file()), key=lambda file: natural_key(file.name))
+        entries = [path]
+    return sorted((file for file in entries if file.is_file()), key=lambda file: natural_key(file.name))
 
 
 def is_pattern(path: Path) -> bool:
-    """Whether a path stands for several files of a folder."""
+    """Return whether a path is a pattern for several files of a folder."""
     return "*" in path.name and path.parent.is_dir() and not path.exists()
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Sort key that counts: ``cam_2`` before ``cam_10``."""
+    """Return a sort key that compares digits as numbers: ``cam_2`` comes before ``cam_10``."""
     return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", name) if part)
 
 
-_LONGEST_NAME = 200
-REFUSED = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|\ud800-\udfff]')
-"""Letters that some file system does not have in names."""
-DEVICES = re.compile(r"(?i)(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d\xb9\xb2\xb3])\s*(\..*)?", re.DOTALL)
-"""Names that are no files in Windows, whatever they end in."""
+_MAX_NAME_BYTES = 200
+FORBIDDEN_CHARACTERS = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|\ud800-\udfff]')
+"""Characters that at least one file system does not allow in names."""
+DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d\xb9\xb2\xb3])\s*(\..*)?", re.DOTALL)
+"""Names of devices on Windows. With any extension, they cannot name files."""
 
 
-def file_name(name: str) -> str:
-    """A name out of somebody's data, if a file or folder can be called so everywhere and stays where it is put.
+def checked_file_name(name: str) -> str:
+    """Return a name read from data if it is a valid, harmless name of a file or folder on every system.
 
     Raises:
-        FileError: if not.
+        FileError: If the name is not valid everywhere or leads to another folder.
     """
-    bad = not name or name != name.strip(" .") or REFUSED.search(name) or DEVICES.fullmatch(name)
-    if bad or len(name.encode()) > _LONGEST_NAME:
-        raise FileError(f"{name[:60]!r} cannot be the name of a file. Rename it in the recording.")
+    bad = not name or name != name.strip(" .") or FORBIDDEN_CHARACTERS.search(name) or DEVICE_NAMES.fullmatch(name)
+    if bad or len(name.encode()) > _MAX_NAME_BYTES:
+        raise FileError(f"{name[:60]!r} is not a valid file name. Rename it in the recording.")
     return name
 
 
-_NO_TEXT = re.compile(r"[\x00\ud800-\udfff]")
+_NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
 
 
-def must_be_texts(names: Iterable[str]) -> None:
-    """Refuse names that hold a zero byte or half a letter: hardly a format can hold them.
+def check_texts(names: Iterable[str]) -> None:
+    """Refuse names with a null character or an unpaired surrogate, which most formats cannot store.
 
     Raises:
-        FileError: with the first that does.
+        FileError: With the first such name.
     """
     for name in names:
-        if _NO_TEXT.search(name):
+        if _NOT_TEXT.search(name):
             raise FileError(
-                f"The name {name[:60]!r} holds a zero byte or half a letter, which files cannot hold. Rename it in the "
-                "recording."
+                f"The name {name[:60]!r} contains a null character or an unpaired surrogate, which files cannot "
+                "store. Rename it in the recording."
             )
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when all went well, and goes when not."""
+    """Yield a temporary path that replaces ``path`` if the block succeeds and is removed if it fails.
+
+    Raises:
+        FileError: If ``path`` is a folder or cannot be written.
+    """
     temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
     with _writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            raise FileError(f"{path} is a folder; give the name of a file.")
+            raise FileError(f"{path} is a folder. Give the name of a file.")
     try:
         with _writable(path):
             yield temporary
@@ -217,7 +238,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _writable(path: Path) -> Iterator[None]:
-    """Say in a sentence why a path cannot be written."""
+    """Turn an OSError into a FileError that states why the path cannot be written."""
     try:
         yield
     except OSError as error:
@@ -225,22 +246,23 @@ def _writable(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def alone_in(held: Path, folder: Path) -> Iterator[None]:
-    """Hold a folder while nobody else does; whoever is ended, however, holds nothing any more.
+def exclusive_folder(locked: Path, folder: Path) -> Iterator[None]:
+    """Lock a folder for this process while the block runs.
 
-    The system's own lock of the folder: nothing stays behind. Where there is none (Windows, some network drives), none.
+    This is an advisory lock of the operating system, which releases it when the process ends in any way. Without such
+    locks (Windows, some network drives), the folder is not locked.
 
     Args:
-        held: is locked.
-        folder: what it is held for, as the user calls it.
+        locked: Folder to lock.
+        folder: Output folder as the user named it, for the message.
 
     Raises:
-        FileError: if another process has it.
+        FileError: If another process holds the lock.
     """
     try:
         import fcntl
 
-        number = os.open(held, os.O_RDONLY)
+        descriptor = os.open(locked, os.O_RDONLY)
     except FileNotFoundError:
         raise _busy(folder) from None
     except (ImportError, OSError):
@@ -248,30 +270,30 @@ def alone_in(held: Path, folder: Path) -> Iterator[None]:
         return
     try:
         try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise _busy(folder) from None
         except OSError:
             pass
-        # Whoever held it may have removed it meanwhile, and somebody else have made it anew.
-        if not _is_same(held, os.fstat(number)):
+        # The previous owner may have removed the folder, and another process may have recreated it since.
+        if not _is_same(locked, os.fstat(descriptor)):
             raise _busy(folder)
         yield
     finally:
-        os.close(number)
+        os.close(descriptor)
 
 
-def _is_same(path: Path, known: os.stat_result) -> bool:
+def _is_same(path: Path, expected: os.stat_result) -> bool:
     try:
-        return os.path.samestat(path.stat(), known)
+        return os.path.samestat(path.stat(), expected)
     except FileNotFoundError:
         return False
 
 
 def _busy(folder: Path) -> FileError:
     return FileError(
-        f"--output {folder}: another posefuse is writing into it. Wait until it is done, end it, or choose another "
-        "folder."
+        f"--output {folder}: another posefuse process is writing to this folder. Wait for it, stop it, or choose "
+        "another folder."
     )
 
 
@@ -281,10 +303,10 @@ RESULT_FILES = (
     "freemocap*/output_data/*/*.npy", "freemocap*/output_data/*.*",
     "opensim/*.trc", "opensim/*.xml", "openpose/*_json/*_keypoints.json",
 )  # fmt: skip
-
+"""Patterns of the files of a result folder."""
 
 PARTS = ".parts"
-"""The folder, in that of a result, of the finished parts of a long reconstruction; see :mod:`posefuse.io.checkpoints`."""
+"""Subfolder of a result with the checkpoints of a long reconstruction. See :mod:`posefuse.io.checkpoints`."""
 
 
 @contextlib.contextmanager
@@ -294,67 +316,67 @@ def replacing_folder(
     owned: tuple[str, ...] = RESULT_FILES,
     after: contextlib.ExitStack | None = None,
 ) -> Iterator[Path]:
-    """A temporary folder whose files move into ``folder`` when all went well, and go when not.
+    """Yield a temporary folder whose files move into ``folder`` if the block succeeds and are removed if it fails.
 
-    Files that an earlier run left in ``folder`` (``owned``) are removed then; other people's files stay.
+    Files of an earlier run in ``folder`` (``owned``) are removed before the move. Other files stay.
 
     Args:
-        folder: where the files go.
-        marker: the file by which such a folder is known.
-        owned: patterns of the files of such a folder.
-        after: closed when the files are in their places, while nobody else can write there yet.
+        folder: Destination.
+        marker: File that identifies a folder of this kind.
+        owned: Patterns of the files of such a folder.
+        after: Closed after the move, while the folder is still locked.
 
     Raises:
-        FileError: if the folder holds files but is not such a result (it lacks ``marker``), is a file, or another
-            process writes into it.
+        FileError: If ``folder`` is a file, contains other files but not ``marker``, or is being written by another
+            process.
     """
     if folder.exists() and not folder.is_dir():
-        raise FileError(f"--output {folder} is a file; give a folder.")
+        raise FileError(f"--output {folder} is a file. Give a folder.")
     others = sorted(entry.name for entry in folder.iterdir() if entry.name != PARTS) if folder.is_dir() else []
-    # Parts are ours, and whoever was ended while files came to their places left those that had.
-    ours = (folder / marker).exists() or (folder / PARTS).exists()
-    if others and not ours:
+    # A run that was stopped during the move leaves checkpoints but possibly no marker.
+    is_result = (folder / marker).exists() or (folder / PARTS).exists()
+    if others and not is_result:
         raise FileError(
-            f"--output {folder} already holds other files ({choices(others, 5)}) "
-            "and is no result of this command. Choose a new or an empty folder."
+            f"--output {folder} already contains other files ({choices(others, 5)}) "
+            "and is not a result of this command. Choose a new or empty folder."
         )
-    place = folder.resolve()
-    staging = place.with_name(f".{place.name}.partial")
-    with contextlib.ExitStack() as held:
-        _remove_left(staging, folder)
+    destination = folder.resolve()
+    staging = destination.with_name(f".{destination.name}.partial")
+    with contextlib.ExitStack() as cleanup:
+        _remove_stale(staging, folder)
         with _writable(folder):
-            place.parent.mkdir(parents=True, exist_ok=True)
+            destination.parent.mkdir(parents=True, exist_ok=True)
             try:
                 staging.mkdir()
             except FileExistsError:
                 raise _busy(folder) from None
-        held.enter_context(alone_in(staging, folder))
-        mine = staging.stat()
+        cleanup.enter_context(exclusive_folder(staging, folder))
+        own_staging = staging.stat()
 
-        @held.callback
-        def leave() -> None:
-            if _is_same(staging, mine):
+        @cleanup.callback
+        def remove_staging() -> None:
+            if _is_same(staging, own_staging):
                 shutil.rmtree(staging, ignore_errors=True)
 
         yield staging
-        # Where nothing can be locked, somebody else may have begun meanwhile.
-        if not _is_same(staging, mine):
+        # Without locks, another process may have started to write since.
+        if not _is_same(staging, own_staging):
             raise _busy(folder)
         with _writable(folder):
-            _move(staging, place, marker, owned)
+            _move(staging, destination, marker, owned)
         if after is not None:
             after.close()
 
 
-def _remove_left(staging: Path, folder: Path) -> None:
-    """Remove what somebody who was ended left."""
+def _remove_stale(staging: Path, folder: Path) -> None:
+    """Remove the temporary folder of a process that was stopped."""
     if staging.is_dir():
-        with alone_in(staging, folder), contextlib.suppress(OSError):
+        with exclusive_folder(staging, folder), contextlib.suppress(OSError):
             shutil.rmtree(staging)
 
 
 def _move(staging: Path, folder: Path, marker: str, owned: tuple[str, ...]) -> None:
-    """Files to their places, that by which the folder is known first, in place of the old one."""
+    """Move the files, the marker first, so that the folder can always be identified as a result."""
     folder.mkdir(exist_ok=True)
     first = [name for name in dict.fromkeys((marker, RESULT_FILES[0])) if (staging / name).is_file()]
     for name in first:

@@ -1,4 +1,4 @@
-"""What lies in a recording's folder and is not read, and why."""
+"""Files in a recording's folder that are not read, with the reason."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from posefuse.io.keypoints.read import find_format
 
 _MEDIA = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".mp4", ".avi", ".mov", ".mkv", ".webm")
 _THREE_D = (".trc", ".c3d", ".bvh", ".fbx", ".glb", ".blend", ".mot", ".osim")
-_READ = (
+_READ_SUFFIXES = (
     ".toml",
     ".yml",
     ".yaml",
@@ -27,49 +27,49 @@ _READ = (
     ".nc",
     ".slp",
 )
-_MEDIA_WHY = "images and videos; 2D keypoints are read, not found in images"
-_THREE_D_WHY = "3D results; 2D keypoints are read"
-_SETTINGS_WHY = "settings: its frame rate and pose model count for keypoints below it"
-_LENS_WHY = "lenses only: nothing says where the cameras stand"
-_RESULT_WHY = "a result of posefuse"
-_PICKLE_WHY = "pickled: may run anything; only the numbers of OpenCap's calibrations and *_pp.pkl are read"
-_NETWORK_WHY = "a network's own file; export its predictions"
-_OTHER_WHY = "neither a calibration nor 2D keypoints"
-_UNKNOWN_WHY = "no calibration or 2D keypoints in a known format"
-_MOST = 20_000
+_MEDIA_REASON = "images and videos; posefuse reads 2D keypoints, not images"
+_THREE_D_REASON = "3D results; 2D keypoints are read"
+_SETTINGS_REASON = "settings: the frame rate and pose model apply to keypoints below this folder"
+_LENS_REASON = "intrinsics only: camera poses are missing"
+_RESULT_REASON = "a posefuse result"
+_PICKLE_REASON = "pickle files can run code; only the numbers of OpenCap's calibrations and *_pp.pkl are read"
+_NETWORK_REASON = "network weights; export the predictions instead"
+_OTHER_REASON = "neither a calibration nor 2D keypoints"
+_UNKNOWN_REASON = "no calibration or 2D keypoints in a known format"
+_MAX_FILES = 20_000
 
 
 @dataclass(frozen=True)
 class Ignored:
-    """Files that were not read for one reason.
+    """Files that are not read for one reason.
 
     Attributes:
-        why: in words.
-        names: of the files, from the searched folder on, in order.
+        reason: Why they are not read.
+        names: Paths relative to the searched folder, in natural order.
     """
 
-    why: str
+    reason: str
     names: tuple[str, ...]
 
 
 def find_ignored(folder: Path, used: Iterable[Path], depth: int) -> tuple[Ignored, ...]:
-    """The files of a folder that nobody reads, by reason.
+    """Return the files of a folder that are not read, grouped by reason.
 
     Args:
-        folder: that was searched.
-        used: files and folders that are read.
-        depth: how deep to look.
+        folder: Folder to search.
+        used: Files and folders that are read.
+        depth: Number of folder levels to search.
     """
-    taken = {path.resolve() for path in used}
+    read = {path.resolve() for path in used}
     names: dict[str, list[str]] = {}
-    for n, file in enumerate(_files(folder, taken, depth)):
-        if n == _MOST:
+    for n, file in enumerate(_files(folder, read, depth)):
+        if n == _MAX_FILES:
             break
-        names.setdefault(_why(file), []).append(file.relative_to(folder).as_posix())
-    return tuple(Ignored(why, tuple(sorted(each, key=natural_key))) for why, each in names.items())
+        names.setdefault(_reason(file), []).append(file.relative_to(folder).as_posix())
+    return tuple(Ignored(reason, tuple(sorted(each, key=natural_key))) for reason, each in names.items())
 
 
-def _files(folder: Path, taken: set[Path], depth: int) -> Iterator[Path]:
+def _files(folder: Path, read: set[Path], depth: int) -> Iterator[Path]:
     try:
         entries = sorted(folder.iterdir(), key=lambda entry: natural_key(entry.name))
     except OSError:
@@ -77,51 +77,52 @@ def _files(folder: Path, taken: set[Path], depth: int) -> Iterator[Path]:
     if any(entry.name == "reconstruction.nc" for entry in entries):
         entries = [entry for entry in entries if entry.name == "reconstruction.nc"]
     for entry in entries:
-        if entry.name.startswith(".") or entry.resolve() in taken:
+        if entry.name.startswith(".") or entry.resolve() in read:
             continue
         if entry.is_dir():
             if depth > 0:
-                yield from _files(entry, taken, depth - 1)
+                yield from _files(entry, read, depth - 1)
         elif entry.is_file():
             yield entry
 
 
-def _why(file: Path) -> str:
+def _reason(file: Path) -> str:
+    """Return why a file is not read."""
     suffix = file.suffix.lower()
-    for suffixes, why in (
-        (_MEDIA, _MEDIA_WHY),
-        (_THREE_D, _THREE_D_WHY),
-        ((".pkl", ".pickle"), _PICKLE_WHY),
-        ((".pt", ".pth", ".onnx"), _NETWORK_WHY),
+    for suffixes, reason in (
+        (_MEDIA, _MEDIA_REASON),
+        (_THREE_D, _THREE_D_REASON),
+        ((".pkl", ".pickle"), _PICKLE_REASON),
+        ((".pt", ".pth", ".onnx"), _NETWORK_REASON),
     ):
         if suffix in suffixes:
-            return why
+            return reason
     if file.name == "reconstruction.nc":
-        return _RESULT_WHY
+        return _RESULT_REASON
     if file.name == "Config.toml":
-        return _SETTINGS_WHY
+        return _SETTINGS_REASON
     if suffix == ".csv" and _safely(timestamps.matches, file):
-        return "timestamps that are not beside the keypoints: --timestamps"
-    form = _form(file) if suffix in _READ else None
-    if form is not None:
-        return f"{form} beside or below what is read already: --keypoints, --calibration"
-    beginning = _beginning(file) if suffix in _READ else b""
-    return _of_content(file, beginning) or (_UNKNOWN_WHY if suffix in _READ else _OTHER_WHY)
+        return "timestamps that are not beside the keypoints; use --timestamps"
+    name = _format_name(file) if suffix in _READ_SUFFIXES else None
+    if name is not None:
+        return f"{name} keypoints beside or below other input; use --keypoints or --calibration"
+    beginning = _beginning(file) if suffix in _READ_SUFFIXES else b""
+    return _content_reason(file, beginning) or (_UNKNOWN_REASON if suffix in _READ_SUFFIXES else _OTHER_REASON)
 
 
-def _of_content(file: Path, beginning: bytes) -> str | None:
-    """Why a file of a suffix that might be read is not, by what its first bytes say."""
+def _content_reason(file: Path, beginning: bytes) -> str | None:
+    """Return why a file with a readable suffix is not read, judged by its first bytes and name, or None."""
     first_line = beginning.split(b"\n", 1)[0].lower()
     if file.suffix == ".csv" and b"focal_length" in first_line:
-        return _LENS_WHY
+        return _LENS_REASON
     if b"z_coord" in first_line or (file.suffix == ".csv" and b"z_m" in first_line):
-        return _THREE_D_WHY
+        return _THREE_D_REASON
     if b'"joints19"' in beginning or "3d" in file.stem.lower():
-        return _THREE_D_WHY
+        return _THREE_D_REASON
     if file.suffix == ".npz" and any(name in beginning for name in (b"poses.npy", b"points3d.npy")):
-        return _THREE_D_WHY
+        return _THREE_D_REASON
     if b"intri" in file.name.lower().encode() and file.suffix in (".xml", ".yml", ".yaml"):
-        return _LENS_WHY
+        return _LENS_REASON
     return None
 
 
@@ -140,10 +141,10 @@ def _safely(matches: Callable[[Path], bool], file: Path) -> bool:
         return False
 
 
-def _form(file: Path) -> str | None:
-    """What the file would be if it were asked for by itself; arrays may be anything."""
+def _format_name(file: Path) -> str | None:
+    """Return the format of keypoints that a file alone is in, or None. Plain arrays may hold anything."""
     try:
         form = find_format(file)
     except (PosefuseError, OSError):
         return None
-    return None if form is None or form.name == "arrays" else f"{form.name} keypoints"
+    return None if form is None or form.name == "arrays" else form.name

@@ -1,7 +1,7 @@
-"""MATLAB's level 5 ``.mat`` files (``save -v7`` and older): numbers, texts, cells and structs, nothing else.
+"""Reader of MATLAB level 5 ``.mat`` files (``save -v7`` and older): numbers, strings, cells and structs.
 
-Written after MathWorks' "MAT-File Format" (level 5). SciPy reads them too, but a file with a changed byte can crash it;
-here every length is checked against what there is.
+``scipy.io.loadmat`` is not used because a broken file terminates the process (``test_scipy_crashes_on_nested_cells``
+holds one). Here every length is checked against the file. Format: MathWorks, "MAT-File Format", level 5.
 """
 
 import math
@@ -23,49 +23,49 @@ _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT, _CHAR, _FIRST_NUMBER, _LAST_NUMBER = 1, 2, 4, 6, 15
 _HEADER_BYTES = 128
 _LARGE_BYTES = 256_000_000
-_MOST_UNFOLDED = 200
-_DEEPEST = 12
+_MAX_UNPACKED_RATIO = 200
+_MAX_DEPTH = 12
 
 
 class _Broken(Exception):
-    """The bytes are not what the format says."""
+    """The bytes violate the format."""
 
 
 def read_mat(path: Path, names: Iterable[str]) -> dict[str, Any]:
-    """The named variables of a file, those that are there.
+    """Return those of the named variables that a file contains.
 
     Args:
-        path: the file.
-        names: of variables; others are passed over.
+        path: The file.
+        names: Names of variables. Others are skipped.
 
     Returns:
-        Name to value: numbers as arrays in MATLAB's shape; a text as str; cells as an object array; structs as an
+        Value by name: numbers as arrays in MATLAB's shape, a string as str, cells as an object array, structs as an
         object array of dicts.
 
     Raises:
-        FileError: if the file is of another format, or not whole.
+        FileError: If the file is in another format or broken.
     """
-    wanted = set(names)
+    requested = set(names)
     try:
         data = memoryview(path.read_bytes())
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}.") from None
     if bytes(data[:8]) == b"\x89HDF\r\n\x1a\n" or b"MATLAB 7.3" in bytes(data[:32]):
-        raise FileError(f"{path} is a MATLAB 7.3 file, which is not read; save it with save(..., '-v7').")
+        raise FileError(f"{path} is a MATLAB 7.3 file, which posefuse does not read. Save it with save(..., '-v7').")
     if len(data) < _HEADER_BYTES or bytes(data[126:128]) not in (b"IM", b"MI"):
-        raise FileError(f"{path} is no MATLAB file of level 5.")
+        raise FileError(f"{path} is not a MATLAB level 5 file.")
     order = "<" if bytes(data[126:128]) == b"IM" else ">"
     try:
-        return dict(_variables(data[_HEADER_BYTES:], order, wanted))
+        return dict(_variables(data[_HEADER_BYTES:], order, requested))
     except (_Broken, struct.error, zlib.error, ValueError, OverflowError, MemoryError) as error:
-        raise FileError(f"{path} is not a whole MATLAB file: {str(error)[:120]}. Was it cut short?") from None
+        raise FileError(f"{path} is not a complete MATLAB file: {str(error)[:120]}. Is the file truncated?") from None
 
 
 def variable_names(path: Path) -> set[str]:
-    """Names of the variables of a file; none of a file of another format, or that is not whole."""
+    """Return the names of a file's variables. A broken file or one in another format has none or only the first."""
 
-    class Asked:
-        """Notes what it is asked for."""
+    class NameRecorder:
+        """Container that records the names whose membership is tested."""
 
         def __init__(self) -> None:
             self.names: set[str] = set()
@@ -74,54 +74,54 @@ def variable_names(path: Path) -> set[str]:
             self.names.add(str(name))
             return False
 
-    asked = Asked()
+    recorder = NameRecorder()
     try:
         data = memoryview(path.read_bytes())
         if len(data) >= _HEADER_BYTES and bytes(data[126:128]) in (b"IM", b"MI"):
             order = "<" if bytes(data[126:128]) == b"IM" else ">"
-            for _ in _variables(data[_HEADER_BYTES:], order, asked):
+            for _ in _variables(data[_HEADER_BYTES:], order, recorder):
                 pass
     except (_Broken, struct.error, zlib.error, ValueError, OverflowError, MemoryError, OSError):
         pass
-    return asked.names
+    return recorder.names
 
 
-def _variables(data: memoryview, order: str, wanted: Any) -> Iterator[tuple[str, Any]]:
+def _variables(data: memoryview, order: str, requested: Any) -> Iterator[tuple[str, Any]]:
     for kind, body in _elements(data, order):
         if kind == _COMPRESSED:
-            inside = zlib.decompressobj()
-            most = max(_LARGE_BYTES, _MOST_UNFOLDED * len(body))
-            unpacked = inside.decompress(body, most)
-            if inside.unconsumed_tail:
-                raise _Broken(f"a variable of {len(body)} bytes unfolds to more than {most}")
+            decompressor = zlib.decompressobj()
+            limit = max(_LARGE_BYTES, _MAX_UNPACKED_RATIO * len(body))
+            unpacked = decompressor.decompress(body, limit)
+            if decompressor.unconsumed_tail:
+                raise _Broken(f"a variable of {len(body)} bytes expands to more than {limit}")
             kind, body = next(_elements(memoryview(unpacked), order), (0, memoryview(b"")))
         if kind == _MATRIX and len(body):
-            name = _head(body, order)[2]
-            if name in wanted:
+            name = _header(body, order)[2]
+            if name in requested:
                 yield name, _matrix(body, order, 0)
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Type and bytes of one element after the other."""
+    """Yield the type and bytes of the elements one after another."""
     at = 0
     while at < len(data):
         if len(data) - at < 8:
-            raise _Broken("it ends within a tag")
+            raise _Broken("it ends inside a tag")
         kind, size = struct.unpack_from(order + "II", data, at)
-        if kind >> 16:  # small: four bytes at most, within the tag
+        if kind >> 16:  # small element: at most four bytes, stored inside the tag
             kind, size, start, step = kind & 0xFFFF, kind >> 16, at + 4, 8
             if size > 4:
                 raise _Broken(f"a small element of {size} bytes")
         else:
             start, step = at + 8, 8 + (size if kind == _COMPRESSED else -(-size // 8) * 8)
         if start + size > len(data):
-            raise _Broken(f"an element should have {size} bytes, {len(data) - start} are left")
+            raise _Broken(f"expected an element of {size} bytes, {len(data) - start} are left")
         yield kind, data[start : start + size]
         at += step
 
 
-def _head(body: memoryview, order: str) -> tuple[int, tuple[int, ...], str, Iterator[tuple[int, memoryview]]]:
-    """Class, shape and name of a matrix, and the elements that follow."""
+def _header(body: memoryview, order: str) -> tuple[int, tuple[int, ...], str, Iterator[tuple[int, memoryview]]]:
+    """Return the class, shape and name of a matrix, and its remaining elements."""
     rest = _elements(body, order)
     flags = _numbers(next(rest, (0, memoryview(b""))), order)
     sizes = _numbers(next(rest, (0, memoryview(b""))), order)
@@ -135,17 +135,17 @@ def _head(body: memoryview, order: str) -> tuple[int, tuple[int, ...], str, Iter
 def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:
     kind, body = element
     if kind not in _NUMBERS:
-        raise _Broken(f"numbers of the unknown type {kind}")
+        raise _Broken(f"unknown number type {kind}")
     return np.frombuffer(body, dtype=order + _NUMBERS[kind])
 
 
 def _matrix(body: memoryview, order: str, depth: int) -> Any:
-    """The value of a matrix element, whatever is in it."""
-    if depth > _DEEPEST:
-        raise _Broken(f"cells in cells, more than {_DEEPEST} deep")
+    """Return the value of a matrix element of any class."""
+    if depth > _MAX_DEPTH:
+        raise _Broken(f"cells are nested more than {_MAX_DEPTH} levels deep")
     if not len(body):
         return np.empty((0, 0))
-    kind, shape, _, rest = _head(body, order)
+    kind, shape, _, rest = _header(body, order)
     count = math.prod(shape)
     if kind == _CELL:
         return _cells(rest, order, shape, count, depth)
@@ -154,10 +154,10 @@ def _matrix(body: memoryview, order: str, depth: int) -> Any:
     if kind == _CHAR or _FIRST_NUMBER <= kind <= _LAST_NUMBER:
         values = _numbers(next(rest, (0, memoryview(b""))), order)
         if len(values) != count:
-            raise _Broken(f"{count} numbers were announced, {len(values)} are there")
+            raise _Broken(f"expected {count} numbers, got {len(values)}")
         array = values.reshape(shape, order="F")
         return _text(array) if kind == _CHAR else array
-    return None  # sparse, objects, functions: nothing we look for
+    return None  # sparse arrays, objects and functions are not needed
 
 
 def _text(array: np.ndarray) -> str:
@@ -174,7 +174,7 @@ def _inner(rest: Iterator[tuple[int, memoryview]], order: str, depth: int) -> An
 
 def _filled(values: list[Any], shape: tuple[int, ...]) -> np.ndarray:
     cells = np.empty(len(values), dtype=object)
-    for i, value in enumerate(values):  # at once, arrays of one size would become one array
+    for i, value in enumerate(values):  # one by one: NumPy would merge arrays of equal size into one array
         cells[i] = value
     return cells.reshape(shape, order="F")
 

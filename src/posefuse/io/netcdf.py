@@ -1,4 +1,4 @@
-"""What the netCDF-4 files share: arrays read by ranges, appended ranges, and nouns as text."""
+"""Shared parts of the netCDF-4 files: arrays read by ranges, variables, and skeletons as text."""
 
 import json
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import FileError
-from posefuse.io.files import must_be_texts, reading
+from posefuse.io.files import check_texts, reading
 from posefuse.io.hdf5 import check_ranged
 from posefuse.skeleton.parts import Part
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import ADULT_M, Limit, Node, Tree
 
 CHUNK_FRAMES = 256
-"""Frames that are compressed together."""
+"""Number of frames per compressed chunk."""
 
 
 class StoredArray:
-    """A variable of a netCDF file, read by ranges; the file is open only while it reads."""
+    """A variable of a netCDF file that is read by ranges. The file is open only during a read."""
 
     def __init__(self, path: Path, name: str) -> None:
         self._path = path
@@ -35,8 +35,8 @@ class StoredArray:
 
     def __getitem__(self, key: Any) -> np.ndarray:
         if isinstance(key, int) and not -len(self) <= key < len(self):
-            raise IndexError(f"{self!r} has no {key}.")
-        # Past the netCDF library, which looks at every variable of the file before it opens one.
+            raise IndexError(f"{self!r} has no index {key}.")
+        # h5py instead of h5netcdf, which inspects every variable of the file when it opens it.
         with reading(self._path, "netCDF-4 file"), h5py.File(self._path, "r") as file:
             variable: Any = file[self._name]
             return np.asarray(variable[key])
@@ -49,42 +49,54 @@ class StoredArray:
 
 
 def open_file(path: Path, kind: str) -> h5netcdf.File:
-    """Open a netCDF file that posefuse wrote.
+    """Open a netCDF file written by posefuse.
+
+    Args:
+        path: The file.
+        kind: Expected value of its attribute ``posefuse_kind``.
 
     Raises:
-        FileError: if it is not netCDF-4, is cut short, or holds something else than ``kind``.
+        FileError: If the file is not netCDF-4, is broken, or is of another kind.
     """
     if h5py.is_hdf5(path):
         check_ranged(path, "netCDF-4 file")
     try:
         file = h5netcdf.File(path, "r")
-    except Exception as error:  # a broken file raises whatever its bytes lead to
+    except Exception as error:  # a broken file can raise any exception
         if path.suffix != ".nc":
-            raise FileError(f"{path} is no {kind} file of posefuse's, which end in .nc.") from None
-        raise FileError(f"{path} is not a netCDF-4 file that can be read: {error}. Was it cut short?") from None
+            raise FileError(f"{path} is not a posefuse {kind} file; their names end in .nc.") from None
+        raise FileError(f"{path} is not a readable netCDF-4 file: {error}. Is the file truncated?") from None
     with reading(path, "netCDF-4 file"):
-        found = file.attrs.get("posefuse_kind")
-    if found != kind:
+        stored_kind = file.attrs.get("posefuse_kind")
+    if stored_kind != kind:
         file.close()
-        raise FileError(f"{path} is a netCDF file, but not {kind} of posefuse's (posefuse_kind is {found!r}).")
+        raise FileError(f"{path} is a netCDF file, but not a posefuse {kind} file (posefuse_kind is {stored_kind!r}).")
     return file
 
 
 def text_of(file: h5netcdf.File, name: str) -> str:
-    """A text attribute of a file."""
+    """Return a text attribute of a file.
+
+    Raises:
+        FileError: If the file does not have it.
+    """
     return str(_attribute(file, name))
 
 
 def number_of(file: h5netcdf.File, name: str) -> float:
-    """A number attribute of a file."""
+    """Return a numeric attribute of a file.
+
+    Raises:
+        FileError: If the file does not have it.
+    """
     return float(_attribute(file, name))
 
 
 def _attribute(file: h5netcdf.File, name: str) -> Any:
     if name not in file.attrs:
         raise FileError(
-            f"{file.filename} does not say its {name}: another version of posefuse wrote it, or it was changed. Make "
-            "it anew from the recording."
+            f"{file.filename} lacks the attribute {name}: another version of posefuse wrote it, or it was modified. "
+            "Create it again from the recording."
         )
     return cast("Any", file.attrs[name])
 
@@ -97,10 +109,22 @@ def add_variable(
     dtype: Any = None,
     **attributes: Any,
 ) -> Any:
-    """Create a variable over existing dimensions, compressed along the first; strings are kept as strings."""
+    """Create a variable over existing dimensions.
+
+    Args:
+        file: Open for writing.
+        name: Name of the variable.
+        dimensions: Names of existing dimensions. Long variables are compressed in chunks along the first.
+        data: Content, or None to append later. Strings are stored as strings.
+        dtype: Type of a variable without data.
+        **attributes: Attributes of the variable.
+
+    Raises:
+        FileError: If a string cannot be stored.
+    """
     if data is not None and np.asarray(data).dtype.kind in "UO":
         variable = file.create_variable(name, dimensions, dtype=h5py.string_dtype())
-        must_be_texts(np.asarray(data).ravel().tolist())
+        check_texts(np.asarray(data).ravel().tolist())
         variable[...] = np.asarray(data, dtype=object)
     else:
         kind = dtype if data is None else np.asarray(data).dtype
@@ -119,17 +143,17 @@ def add_variable(
 
 
 def strings(variable: Any) -> tuple[str, ...]:
-    """The strings of a variable."""
+    """Return the strings of a variable."""
     return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in np.asarray(variable[...]).ravel())
 
 
 def skeleton_text(skeleton: Skeleton) -> str:
-    """A skeleton as JSON."""
+    """Return a skeleton as JSON."""
     return json.dumps(asdict(skeleton), separators=(",", ":"), default=np.ndarray.tolist)
 
 
 def skeleton_from_text(text: str) -> Skeleton:
-    """The skeleton of :func:`skeleton_text`."""
+    """Return the skeleton that :func:`skeleton_text` wrote."""
     data: Mapping[str, Any] = json.loads(text)
 
     def pairs(rows: list[list[str]]) -> tuple[tuple[str, str], ...]:

@@ -1,55 +1,120 @@
-"""Options as TOML: the same record as the command line's flags, one table a stage."""
+"""Read and write options as TOML: the same record as the command line's flags, one table per stage."""
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
-import msgspec
 import tomli_w
-from docstring_parser import parse
 
-from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.errors import OptionsError
 from posefuse.io.files import must_exist, read_toml
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.aliases import suggest_option, with_current_names
+from posefuse.model.options.bounds import field_hints, without_none
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
 
 T = TypeVar("T")
 
 
+@dataclass(frozen=True)
+class ProjectPaths:
+    """Inputs and output that a project file names; paths are relative to the file.
+
+    Attributes:
+        recording: Folder of the recording.
+        output: Folder for the results.
+        calibration: Calibration file.
+        keypoints: File or folder of 2D keypoints.
+        timestamps: File or folder of frame times.
+        edits: File of edits to apply to the result.
+    """
+
+    recording: Path | None = None
+    output: Path | None = None
+    calibration: Path | None = None
+    keypoints: Path | None = None
+    timestamps: Path | None = None
+    edits: Path | None = None
+
+
+PROJECT_KEYS = tuple(field.name for field in dataclasses.fields(ProjectPaths))
+
+
 def read_options(path: str | Path) -> Options:
     """Read options from a TOML file such as ``posefuse init`` writes.
 
     Raises:
-        FileError: if there is no such file, or it is not TOML.
-        OptionsError: on an unknown key, or a value of the wrong kind.
+        FileError: if the file does not exist or is not TOML.
+        OptionsError: on unknown keys or invalid values; one message names them all.
+    """
+    return read_project(path)[0]
+
+
+def read_project(path: str | Path) -> tuple[Options, ProjectPaths]:
+    """Read options, and the inputs and output that the file names, from a TOML file.
+
+    Raises:
+        FileError: if the file does not exist or is not TOML.
+        OptionsError: on unknown keys or invalid values; one message names them all.
     """
     path = must_exist(Path(path), "options file")
-    return options_from_dict(read_toml(path), path.name)
+    data = read_toml(path)
+    paths = {}
+    for key in PROJECT_KEYS:
+        if key in data:
+            value = data.pop(key)
+            if not (isinstance(value, str) and value):
+                raise OptionsError(f"{path.name}: {key} must be a path, got {value!r}.")
+            paths[key] = path.parent / value
+    return options_from_dict(data, path.name), ProjectPaths(**paths)
 
 
 def options_from_dict(data: Mapping[str, Any], source: str) -> Options:
-    """Options from nested tables.
+    """Return the options in nested tables.
+
+    Args:
+        data: Tables of options; words of a name are joined by ``_`` or ``-``.
+        source: Name of the tables' origin, for messages.
 
     Raises:
-        OptionsError: on an unknown key, or a value of the wrong kind.
+        OptionsError: on unknown keys or invalid values; one message names them all.
     """
-    return _record(Options, data, source, "")
+    problems: list[str] = []
+    options = _record(Options, data, "", problems)
+    if problems:
+        raise OptionsError("\n".join(f"{source}: {problem}" for problem in problems))
+    assert options is not None
+    return options
+
+
+def stored_options(data: Mapping[str, Any], source: str) -> Options:
+    """Return the options of a stored result, which may use former option names.
+
+    Args:
+        data: Tables of options.
+        source: Name of the result, for messages.
+
+    Raises:
+        OptionsError: on unknown keys or invalid values.
+    """
+    return options_from_dict(with_current_names(data), source)
 
 
 def options_to_toml(options: Options) -> str:
-    """Options as TOML; what is not set is left out."""
+    """Return options as TOML; options without a value are left out."""
     return tomli_w.dumps(_without_none(dataclasses.asdict(options)))
 
 
 def noise_to_toml(noise: NoiseModel, cameras: tuple[str, ...]) -> str:
-    """The options that make a reconstruction use a noise found before, as TOML.
+    """Return the options that make a reconstruction use a measured noise, as TOML.
 
     Args:
-        noise: with a scale for each camera.
-        cameras: their names, in the same order.
+        noise: Noise model with a scale for every camera.
+        cameras: Names of the cameras, in the order of the scales.
     """
     rounded = [float(f"{scale:.4g}") for scale in noise.scale_px]
     tables = {
@@ -65,11 +130,11 @@ def noise_to_toml(noise: NoiseModel, cameras: tuple[str, ...]) -> str:
 
 
 def read_sync(path: str | Path) -> SyncOptions:
-    """How late views are, from a TOML file such as ``posefuse sync`` writes.
+    """Read the time offsets of views from a TOML file such as ``posefuse sync`` writes.
 
     Raises:
-        FileError: if there is no such file, or it is not TOML.
-        OptionsError: if it says anything else, or nothing.
+        FileError: if the file does not exist or is not TOML.
+        OptionsError: if the file does not consist of one valid table ``[sync]``.
     """
     path = must_exist(Path(path), "sync file")
     data = read_toml(path)
@@ -81,115 +146,39 @@ def read_sync(path: str | Path) -> SyncOptions:
 
 
 def sync_to_toml(sync: SyncOptions) -> str:
-    """The options that make a reconstruction put views in step, as TOML."""
+    """Return the options that make a reconstruction correct time offsets, as TOML."""
     rounded = {
         "cameras": list(sync.cameras),
-        "since_s": [round(value, 4) for value in sync.since_s],
-        "late_s": [round(value, 5) for value in sync.late_s],
+        "start_s": [round(value, 4) for value in sync.start_s],
+        "offset_s": [round(value, 5) for value in sync.offset_s],
         "drift_ppm": [round(value, 1) for value in sync.drift_ppm],
     }
     return tomli_w.dumps({"sync": rounded})
 
 
-def options_template() -> str:
-    """A TOML file of every option at its default, each with its explanation; unset ones are commented out."""
-    lines = ["# Options of posefuse. Give this file with --options FILE; a flag on the command line beats it.", ""]
-    lines += _template(Options, "")
-    return "\n".join(lines) + "\n"
-
-
-def _record(kind: type[T], data: Mapping[str, Any], source: str, prefix: str) -> T:
-    hints = get_type_hints(kind)
-    values: dict[str, Any] = {}
+def _record(kind: type[T], data: Mapping[str, Any], prefix: str, problems: list[str]) -> T | None:
+    """Return the record of a table, or None if it has problems, which are appended to the list."""
+    hints, values, before = field_hints(kind), {}, len(problems)
     for key, value in data.items():
         name = key.replace("-", "_")
         if name not in hints:
-            raise OptionsError(f"{source}: unknown option {prefix}{key!r}. {suggestion(name, hints)}")
-        if dataclasses.is_dataclass(hints[name]):
-            if not isinstance(value, Mapping):
-                raise OptionsError(f"{source}: {prefix}{key} is a table of options, got {value!r}.")
-            values[name] = _record(hints[name], value, source, f"{prefix}{key}.")  # type: ignore[arg-type]
-        else:
-            values[name] = _leaf(hints[name], value, f"{source}: {prefix}{key}")
-    try:
-        return kind(**values)
-    except OptionsError as error:
-        raise OptionsError(f"{source}: {error}") from None
-
-
-def _leaf(hint: Any, value: Any, where: str) -> Any:
-    try:
-        return msgspec.convert(value, hint)
-    except msgspec.ValidationError as error:
-        allowed = _literals(hint)
-        expected = f"Choose one of: {choices(allowed)}." if allowed else f"{error}."
-        raise OptionsError(f"{where}: cannot be {value!r}. {expected}") from None
-
-
-def _literals(hint: Any) -> tuple[Any, ...]:
-    if get_origin(hint) is Literal:
-        return get_args(hint)
-    return tuple(value for part in get_args(hint) for value in _literals(part))
-
-
-def _template(kind: type, prefix: str) -> Iterator[str]:
-    help_of = {parameter.arg_name: parameter.description for parameter in parse(kind.__doc__ or "").params}
-    tables = []
-    for field in dataclasses.fields(kind):
-        hint = get_type_hints(kind)[field.name]
-        if dataclasses.is_dataclass(hint):
-            tables.append((field.name, hint))
+            siblings = [*hints, *PROJECT_KEYS] if not prefix else list(hints)
+            problems.append(f"unknown option {prefix + key!r}. {suggest_option(f'{prefix}{name}', siblings)}")
             continue
-        yield from _comment(help_of.get(field.name) or "")
-        allowed = _literals(hint)
-        if allowed:
-            yield f"# One of: {choices(allowed)}."
-        default = field.default
-        if default is None or default == ():
-            yield f"# {field.name} = {_example(field.name, hint, allowed)}"
+        inner = without_none(hints[name])
+        if not dataclasses.is_dataclass(inner):
+            values[name] = value
+        elif isinstance(value, Mapping):
+            values[name] = _record(inner, value, f"{prefix}{name}.", problems)  # type: ignore[arg-type]
         else:
-            yield tomli_w.dumps({field.name: default}).strip()
-        yield ""
-    for name, hint in tables:
-        yield f"[{prefix}{name}]"
-        yield from _template(hint, f"{prefix}{name}.")
-
-
-def _comment(text: str) -> Iterator[str]:
-    words = " ".join(text.split())
-    yield f"# {words[:1].upper()}{words[1:]}"
-
-
-_EXAMPLES = {
-    "volume_m": "[-3.0, -3.0, -0.5, 3.0, 3.0, 2.5]",
-    "floor_points_m": "[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]",
-    "origin_m": "[0.0, 0.0, 0.0]",
-    "forward_m": "[1.0, 0.0, 0.0]",
-    "length_between": '["left_knee", "left_ankle"]',
-    "rate_hz": "60.0",
-    "image_size": "[1920, 1080]",
-}
-
-
-def _example(name: str, hint: Any, allowed: tuple[Any, ...]) -> str:
-    if name in _EXAMPLES:
-        return _EXAMPLES[name]
-    if allowed:
-        return f'["{allowed[0]}"]' if get_origin(hint) is tuple else f'"{allowed[0]}"'
-    kinds = get_args(hint)
-    if float in kinds:
-        if get_origin(hint) is tuple:
-            return "[2.0, 2.5]"
-        return "1.0"
-    if int in kinds:
-        return "3"
-    if name == "known_m":
-        return '["left_knee=0.43"]'
-    if name == "view_rates_hz":
-        return '["cam_2=60"]'
-    if str in kinds:
-        return '["cam_1", "cam_2"]' if get_origin(hint) is tuple else '"coco_17"'
-    raise AssertionError(f"no example for {name}: {hint}")
+            problems.append(f"{prefix}{name} must be a table of options, got {value!r}.")
+    tables = {name: value for name, value in values.items() if value is not None}
+    try:
+        record = kind(**tables)
+    except OptionsError as error:
+        problems.append(str(error))
+        return None
+    return record if len(problems) == before else None
 
 
 def _without_none(value: Any) -> Any:

@@ -1,7 +1,8 @@
-"""Tables that pandas keeps in HDF5 files, without pandas: its ``fixed`` layout written and read, ``table`` read.
+"""Tables of pandas in HDF5 files, read and written without pandas.
 
-Columns have names of several levels. Layout after pandas' ``io.pytables``. In ``table`` files the columns' names are
-pickled; of that pickle only texts, numbers and tuples and lists of them are built.
+The ``fixed`` layout is read and written, the ``table`` layout is read. Columns have names with several levels. Layouts:
+pandas' ``io.pytables``. In ``table`` files the column names are pickled; only strings, numbers, tuples and lists are
+unpickled.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,9 +21,9 @@ class Frame:
     """A table of numbers.
 
     Attributes:
-        columns: a name of several levels for each.
-        index: shape (row,), int64.
-        values: shape (row, column).
+        columns: Name of each column, one string per level.
+        index: Shape (row,), int64.
+        values: Shape (row, column).
     """
 
     columns: list[tuple[str, ...]]
@@ -38,15 +39,15 @@ def write_frame(
     index: np.ndarray,
     rows: Iterable[np.ndarray],
 ) -> None:
-    """Write a table as pandas' fixed layout.
+    """Write a table in pandas' fixed layout.
 
     Args:
-        file: open for writing.
-        key: name of the table.
-        levels: names of the levels of columns.
-        columns: a name for each.
-        index: shape (row,), whole numbers.
-        rows: consecutive ranges of rows, shape (some, column).
+        file: Open for writing.
+        key: Name of the table.
+        levels: Names of the levels of the column names.
+        columns: Name of each column, one string per level.
+        index: Shape (row,), integers.
+        rows: Consecutive ranges of rows, each of shape (n, column).
     """
     file.attrs.update(_texts(CLASS="GROUP", PYTABLES_FORMAT_VERSION="2.1", TITLE="", VERSION="1.0"))
     group = file.create_group(key)
@@ -68,10 +69,10 @@ def _write_names(group: h5py.Group, axis: str, levels: Sequence[str], columns: S
     group.attrs.update({**_texts(**{f"{axis}_variety": "multi"}), f"{axis}_nlevels": np.int64(len(levels))})
     for i, level in enumerate(levels):
         names = list(dict.fromkeys(column[i] for column in columns))
-        place = {name: number for number, name in enumerate(names)}
+        code = {name: number for number, name in enumerate(names)}
         texts = np.array([name.encode() or b"\0" for name in names])
         _array(group, f"{axis}_level{i}", texts, kind="string", name=level, **{f"{axis}_name{level}": level})
-        _array(group, f"{axis}_label{i}", np.array([place[column[i]] for column in columns], dtype=np.int32))
+        _array(group, f"{axis}_label{i}", np.array([code[column[i]] for column in columns], dtype=np.int32))
 
 
 def _array(group: h5py.Group, key: str, values: np.ndarray, **attributes: str) -> None:
@@ -81,7 +82,7 @@ def _array(group: h5py.Group, key: str, values: np.ndarray, **attributes: str) -
 
 
 def _texts(**attributes: str) -> dict[str, Any]:
-    """Attributes as PyTables reads texts: UTF-8 of fixed length. Of others it makes bytes, which pandas refuses."""
+    """Return attributes as fixed-length UTF-8. PyTables reads other strings as bytes, which pandas refuses."""
 
     def text_of(text: str) -> Any:
         content = text.encode()
@@ -91,17 +92,15 @@ def _texts(**attributes: str) -> dict[str, Any]:
 
 
 def read_frame(group: h5py.Group) -> Frame:
-    """Read a table of either layout.
+    """Read a table in either layout.
 
     Raises:
-        FileError: if it is neither.
+        FileError: If the group has neither layout.
     """
     if "table" in group:
         return _read_table(group)
     if "block0_values" not in group or "axis0_level0" not in group:
-        raise FileError(
-            f"{group.file.filename}: {group.name} is no table of pandas' with column names of several levels."
-        )
+        raise FileError(f"{group.file.filename}: {group.name} is not a pandas table with multi-level column names.")
     count: Any = group.attrs["block0_items_nlevels"]
     levels = []
     for i in range(int(count)):

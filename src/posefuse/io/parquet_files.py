@@ -1,70 +1,72 @@
-"""Parquet files of anybody's, looked at before they are read: a run of one value is as short as its length is long."""
+"""Checks of untrusted parquet files before they are read: run-length encoding stores many rows in few bytes."""
 
 from pathlib import Path
 from typing import Any
 
-from posefuse.io.files import most_unfolded, must_unfold
+from posefuse.io.files import check_unpacked_size, max_unpacked_bytes
 from posefuse.io.parquet_footer import row_groups
 
-_WIDTHS = {"BOOLEAN": 1, "INT32": 4, "FLOAT": 4, "INT96": 12, "BYTE_ARRAY": 16}
-_WIDEST = 8
+_VALUE_BYTES = {"BOOLEAN": 1, "INT32": 4, "FLOAT": 4, "INT96": 12, "BYTE_ARRAY": 16}
+_DEFAULT_VALUE_BYTES = 8
 
 
 def check_parquet(path: Path) -> None:
-    """Look at a file that is read whole.
+    """Check a file that is read completely.
 
     Raises:
-        FileError: if it is a bomb.
-        Exception: what the library raises where it is broken.
+        FileError: If it is a decompression bomb.
+        Exception: Any exception that the library raises on a broken file.
     """
-    must_unfold(path, sum(_group_bytes(path)))
-    must_unfold(path, sum(_text_bytes(path)))
+    check_unpacked_size(path, sum(_group_bytes(path)))
+    check_unpacked_size(path, sum(_string_bytes(path)))
 
 
 def check_row_groups(path: Path) -> None:
-    """Look at a file that is read a row group at a time.
+    """Check a file that is read one row group at a time.
 
     Raises:
-        FileError: if one of them is a bomb.
-        Exception: what the library raises where it is broken.
+        FileError: If a row group is a decompression bomb.
+        Exception: Any exception that the library raises on a broken file.
     """
-    must_unfold(path, max(_group_bytes(path), default=0))
-    must_unfold(path, max(_text_bytes(path), default=0))
+    check_unpacked_size(path, max(_group_bytes(path), default=0))
+    check_unpacked_size(path, max(_string_bytes(path), default=0))
 
 
 def _group_bytes(path: Path) -> list[int]:
-    """Bytes of each row group in memory, as far as its description tells."""
+    """Return the size of each row group in memory, as stated by the footer."""
     sizes = []
     for group in row_groups(path):
-        values = sum(column.n_values * _WIDTHS.get(column.physical_type, _WIDEST) for column in group.columns)
+        values = sum(
+            column.n_values * _VALUE_BYTES.get(column.physical_type, _DEFAULT_VALUE_BYTES) for column in group.columns
+        )
         sizes.append(max(values, group.uncompressed_bytes))
     return sizes
 
 
-def _text_bytes(path: Path) -> list[int]:
-    """Bytes of the texts of each row group that may be a bomb: a long text, stored once, may stand in every row.
+def _string_bytes(path: Path) -> list[int]:
+    """Return the size of the strings of each row group that may be a bomb: every row may refer to one long string.
 
-    Texts are looked at as they are stored, a dictionary and places in it.
+    Strings are read as they are stored, a dictionary and indices into it.
     """
     import pyarrow.parquet as pq
 
     sizes = []
     with pq.ParquetFile(path) as plain:
-        names = plain.schema_arrow.names
+        flat_names = plain.schema_arrow.names
     for g, group in enumerate(row_groups(path)):
-        texts = [column for column in group.columns if column.physical_type == "BYTE_ARRAY"]
-        most = sum(column.n_values * column.uncompressed_bytes for column in texts)
-        if most <= most_unfolded(path):
+        strings = [column for column in group.columns if column.physical_type == "BYTE_ARRAY"]
+        upper_bound = sum(column.n_values * column.uncompressed_bytes for column in strings)
+        if upper_bound <= max_unpacked_bytes(path):
             continue
-        flat = [column.path for column in texts if column.path in names]
+        flat = [column.path for column in strings if column.path in flat_names]
         with pq.ParquetFile(path, read_dictionary=flat) as content:
             table = content.read_row_group(g, columns=flat)
-            sizes.append(sum(_texts_of(chunk) for column in table.columns for chunk in column.chunks))
+            sizes.append(sum(_expanded_bytes(chunk) for column in table.columns for chunk in column.chunks))
     return sizes
 
 
-def _texts_of(chunk: Any) -> int:
-    """Bytes that a column's texts would take, each for itself."""
+def _expanded_bytes(chunk: Any) -> int:
+    """Return the number of bytes that the strings of a column take when each row stores its own."""
     import pyarrow as pa
     import pyarrow.compute as compute
 

@@ -1,7 +1,8 @@
-"""What a parquet file says of its row groups, read by ourselves.
+"""Reader of the row-group sizes in the footer of a parquet file.
 
-The library's own look at a column's description ends the process where that is broken, instead of raising an error:
-https://parquet.apache.org/docs/file-format/metadata/ in Thrift's compact protocol.
+``pyarrow`` is not used because reading a broken column description aborts the process instead of raising an error
+(``test_pyarrow_aborts_on_a_broken_column`` holds such a file). Format: https://parquet.apache.org/docs/file-format/metadata/
+in Thrift's compact protocol.
 """
 
 import struct
@@ -12,23 +13,23 @@ from typing import Any
 
 _MAGIC = b"PAR1"
 _TYPES = ("BOOLEAN", "INT32", "INT64", "INT96", "FLOAT", "DOUBLE", "BYTE_ARRAY", "FIXED_LEN_BYTE_ARRAY")
-_DEEPEST = 32
-"""Descriptions nest a few levels deep."""
+_MAX_DEPTH = 32
+"""Footers of valid files nest only a few levels deep."""
 
-# The numbers that the format gives to what we read of a description.
+# Field numbers of the Thrift definition.
 _ROW_GROUPS, _COLUMNS, _GROUP_BYTES, _COLUMN = 4, 1, 2, 3
 _TYPE, _PATH, _VALUES, _UNCOMPRESSED = 1, 3, 5, 6
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column's part of a row group.
+    """The part of a column in one row group.
 
     Attributes:
-        path: names, with dots between nested ones.
-        physical_type: as the format calls it.
-        n_values: how many, nulls among them.
-        uncompressed_bytes: of its pages.
+        path: Name of the column, with dots between nested names.
+        physical_type: Name of the type in the format.
+        n_values: Number of values, including nulls.
+        uncompressed_bytes: Size of its pages without compression.
     """
 
     path: str
@@ -39,19 +40,24 @@ class Column:
 
 @dataclass(frozen=True)
 class RowGroup:
-    """Rows that are stored together: their columns, and the bytes of these without compression."""
+    """Rows that are stored together.
+
+    Attributes:
+        columns: The columns.
+        uncompressed_bytes: Size of the columns without compression.
+    """
 
     columns: tuple[Column, ...]
     uncompressed_bytes: int
 
 
 def row_groups(path: Path) -> tuple[RowGroup, ...]:
-    """Those that a file describes.
+    """Return the row groups that the footer of a file describes.
 
     Raises:
-        ValueError: if it is no parquet file, or what it says of itself is broken.
+        ValueError: If the file is not parquet or its footer is broken.
     """
-    return tuple(_group(group) for group in _listed(_Compact(_footer(path)).struct(), _ROW_GROUPS))
+    return tuple(_group(group) for group in _structs(_CompactReader(_footer(path)).struct(), _ROW_GROUPS))
 
 
 def _footer(path: Path) -> bytes:
@@ -61,46 +67,46 @@ def _footer(path: Path) -> bytes:
         end = file.read(8)
         length = int.from_bytes(end[:4], "little")
         if len(end) < 8 or end[4:] != _MAGIC or length > size - 12:
-            raise ValueError("it does not end as parquet files do")
+            raise ValueError("it does not end like a parquet file")
         file.seek(size - 8 - length)
         return file.read(length)
 
 
-def _group(told: dict[int, Any]) -> RowGroup:
-    columns = tuple(_column(_of(column, _COLUMN, dict)) for column in _listed(told, _COLUMNS))
-    return RowGroup(columns, _of(told, _GROUP_BYTES, int))
+def _group(fields: dict[int, Any]) -> RowGroup:
+    columns = tuple(_column(_field(column, _COLUMN, dict)) for column in _structs(fields, _COLUMNS))
+    return RowGroup(columns, _field(fields, _GROUP_BYTES, int))
 
 
-def _column(told: dict[int, Any]) -> Column:
-    kind = _of(told, _TYPE, int)
+def _column(fields: dict[int, Any]) -> Column:
+    kind = _field(fields, _TYPE, int)
     if not 0 <= kind < len(_TYPES):
-        raise ValueError(f"a column is of type {kind}, which there is not")
-    names = _of(told, _PATH, list)
+        raise ValueError(f"a column has the unknown type {kind}")
+    names = _field(fields, _PATH, list)
     if not all(isinstance(name, bytes) for name in names):
         raise ValueError("a column has no name")
     path = ".".join(name.decode("utf-8") for name in names)
-    sizes = _of(told, _VALUES, int), _of(told, _UNCOMPRESSED, int)
+    sizes = _field(fields, _VALUES, int), _field(fields, _UNCOMPRESSED, int)
     if min(sizes) < 0:
         raise ValueError(f"column {path} has {sizes[0]} values in {sizes[1]} bytes")
     return Column(path, _TYPES[kind], *sizes)
 
 
-def _listed(told: dict[int, Any], field: int) -> list[dict[int, Any]]:
-    found = _of(told, field, list)
-    if not all(isinstance(each, dict) for each in found):
-        raise ValueError(f"field {field} of its description is not what it has to be")
-    return found
+def _structs(fields: dict[int, Any], number: int) -> list[dict[int, Any]]:
+    values = _field(fields, number, list)
+    if not all(isinstance(each, dict) for each in values):
+        raise ValueError(f"field {number} of its footer has the wrong type")
+    return values
 
 
-def _of(told: dict[int, Any], field: int, kind: type) -> Any:
-    found = told.get(field)
-    if not isinstance(found, kind) or isinstance(found, bool):
-        raise ValueError(f"field {field} of its description is missing, or not what it has to be")
-    return found
+def _field(fields: dict[int, Any], number: int, kind: type) -> Any:
+    value = fields.get(number)
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise ValueError(f"field {number} of its footer is missing or has the wrong type")
+    return value
 
 
-class _Compact:
-    """A reader of Thrift's compact protocol: structures are dictionaries by the numbers of their fields."""
+class _CompactReader:
+    """Reader of Thrift's compact protocol. A structure is returned as a dictionary by field number."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._at, self._depth = content, 0, 0
@@ -111,33 +117,33 @@ class _Compact:
         }  # fmt: skip
 
     def struct(self) -> dict[int, Any]:
-        """The structure that begins here."""
-        self._deeper()
-        found: dict[int, Any] = {}
-        field = 0
+        """Read the structure that starts at the current position."""
+        self._enter()
+        fields: dict[int, Any] = {}
+        number = 0
         while head := self._byte():
-            field = field + (head >> 4) if head >> 4 else self._whole()
-            found[field] = self._value(head & 15)
+            number = number + (head >> 4) if head >> 4 else self._whole()
+            fields[number] = self._value(head & 15)
         self._depth -= 1
-        return found
+        return fields
 
     def _value(self, kind: int) -> Any:
         if kind not in self._readers:
-            raise ValueError(f"its description holds type {kind}, which there is not")
+            raise ValueError(f"its footer contains the unknown type {kind}")
         return self._readers[kind]()
 
     def _list(self) -> list[Any]:
-        self._deeper()
+        self._enter()
         head = self._byte()
         n, kind = head >> 4 if head >> 4 < 15 else self._varint(), head & 15
-        # Whether it is true is a byte of its own within lists, and part of the head within structures.
-        found = [self._byte() if kind in (1, 2) else self._value(kind) for _ in range(self._possible(n))]
+        # A boolean is a byte of its own in a list, and part of the head in a structure.
+        values = [self._byte() if kind in (1, 2) else self._value(kind) for _ in range(self._check_length(n))]
         self._depth -= 1
-        return found
+        return values
 
     def _map(self) -> None:
-        """No field that we read is one."""
-        raise ValueError("its description holds a map, which parquet has none of")
+        """Refuse maps, which parquet footers do not contain."""
+        raise ValueError("its footer contains a map")
 
     def _bytes(self) -> bytes:
         return self._take(self._varint())
@@ -150,28 +156,28 @@ class _Compact:
         return (folded >> 1) ^ -(folded & 1)
 
     def _varint(self) -> int:
-        found = 0
+        value = 0
         for shift in range(0, 70, 7):
             byte = self._byte()
-            found |= (byte & 127) << shift
+            value |= (byte & 127) << shift
             if byte < 128:
-                return found
-        raise ValueError("a number of its description does not end")
+                return value
+        raise ValueError("an integer of its footer does not end")
 
     def _byte(self) -> int:
         return self._take(1)[0]
 
     def _take(self, n: int) -> bytes:
-        start, self._at = self._at, self._at + self._possible(n)
+        start, self._at = self._at, self._at + self._check_length(n)
         return self._content[start : self._at]
 
-    def _possible(self, n: int) -> int:
-        """How many bytes, or things of a byte at least, which have to be there."""
+    def _check_length(self, n: int) -> int:
+        """Return n unless fewer than n bytes are left. Each list item takes at least one byte."""
         if n > len(self._content) - self._at:
-            raise ValueError("its description is cut short")
+            raise ValueError("its footer is truncated")
         return n
 
-    def _deeper(self) -> None:
+    def _enter(self) -> None:
         self._depth += 1
-        if self._depth > _DEEPEST:
-            raise ValueError("its description is nested too deeply")
+        if self._depth > _MAX_DEPTH:
+            raise ValueError("its footer is nested too deeply")

@@ -1,36 +1,41 @@
-"""What every reader of pickles asks first, and how those without arrays are read."""
+"""Safe reading of pickles.
+
+``pickle.load`` executes code that a file names (``test_pickles_execute_nothing`` holds such a file) and allocates any
+amount of memory for memo indices, so pickles are checked first and only harmless objects are built.
+"""
 
 import io
 import pickle
 import pickletools
 from typing import Any
 
-_MOST_REMEMBERED = 100_000
+_MAX_MEMO_INDEX = 100_000
 
 
-def must_be_small(content: bytes) -> bytes:
-    """Refuse a pickle that names places of a memory it does not need: making room for them takes gigabytes.
+def check_memo(content: bytes) -> bytes:
+    """Return a pickle unless its memo indices are far larger than needed: allocating them takes gigabytes.
 
     Raises:
-        ValueError: if it does, or is not whole.
+        ValueError: If an index is too large or the pickle is broken.
     """
     for n, (opcode, argument, _) in enumerate(pickletools.genops(content)):
-        if "PUT" in opcode.name and int(argument or 0) > max(_MOST_REMEMBERED, n):
-            raise ValueError(f"it asks for room for {argument} values")
+        if "PUT" in opcode.name and int(argument or 0) > max(_MAX_MEMO_INDEX, n):
+            raise ValueError(f"it allocates memory for {argument} values")
     return content
 
 
-class _Plain(pickle.Unpickler):
-    """Builds texts, numbers, tuples, lists and dicts, and refuses everything else."""
+class _PlainUnpickler(pickle.Unpickler):
+    """Build strings, numbers, tuples, lists and dicts only."""
 
     def find_class(self, module: str, name: str) -> Any:
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which nothing but numbers and texts needs")
+        raise pickle.UnpicklingError(f"it refers to {module}.{name}; only numbers and strings are read")
 
 
 def load_plain(content: bytes) -> Any:
-    """What a pickle of texts, numbers, tuples, lists and dicts holds.
+    """Return the content of a pickle of strings, numbers, tuples, lists and dicts.
 
     Raises:
-        Exception: whatever broken bytes lead to; an UnpicklingError if it asks for anything else.
+        UnpicklingError: If it contains any other object.
+        Exception: Any other exception that broken bytes cause.
     """
-    return _Plain(io.BytesIO(must_be_small(content))).load()
+    return _PlainUnpickler(io.BytesIO(check_memo(content))).load()

@@ -1,4 +1,4 @@
-"""Many small files, read ahead of whoever makes sense of them: what a disk takes for each file is then no wait."""
+"""Read-ahead of many small files in threads, which hides the latency of the disk from the parser."""
 
 import os
 from collections import deque
@@ -8,34 +8,35 @@ from pathlib import Path
 
 from posefuse.errors import FileError
 
-_READERS = 4
-_AT_ONCE = 100
-_AHEAD = 8
-"""So many lots of so many files are in memory; more readers do not make it faster."""
+_THREADS = 4
+_BATCH_FILES = 100
+_MAX_BATCHES = 8
+"""Number of batches held in memory. More threads are not faster."""
 
 
 def contents(folder: Path, names: Sequence[str]) -> Generator[bytes]:
-    """What is in files of a folder, one after another, in the order of the names.
+    """Yield the content of files in a folder, in the order of the names.
 
     Raises:
-        FileError: if a file cannot be read, when its turn has come.
+        FileError: If a file cannot be read, when it is next in order.
     """
-    lots = [[os.path.join(folder, name) for name in names[i : i + _AT_ONCE]] for i in range(0, len(names), _AT_ONCE)]
-    readers = ThreadPoolExecutor(_READERS, "posefuse-read")
+    starts = range(0, len(names), _BATCH_FILES)
+    batches = [[os.path.join(folder, name) for name in names[start : start + _BATCH_FILES]] for start in starts]
+    threads = ThreadPoolExecutor(_THREADS, "posefuse-read")
     pending: deque[Future[list[bytes | FileError]]] = deque()
     try:
-        for lot in lots:
-            pending.append(readers.submit(_read, lot))
-            if len(pending) == _AHEAD:
+        for batch in batches:
+            pending.append(threads.submit(_read, batch))
+            if len(pending) == _MAX_BATCHES:
                 yield from _each(pending.popleft())
         while pending:
             yield from _each(pending.popleft())
     finally:
-        readers.shutdown(cancel_futures=True)
+        threads.shutdown(cancel_futures=True)
 
 
-def _each(lot: "Future[list[bytes | FileError]]") -> Iterator[bytes]:
-    for content in lot.result():
+def _each(batch: "Future[list[bytes | FileError]]") -> Iterator[bytes]:
+    for content in batch.result():
         if isinstance(content, FileError):
             raise content
         yield content

@@ -1,13 +1,13 @@
-"""When each view took its frames: a table of all views, or a folder of a file a view.
+"""Timestamps of the frames of each view: one table for all views, or a folder with one file per view.
 
-Tables (``.csv``) have a column of the view (``camera``, ``view``, ``port``, ...), one of the frame's number
-(``frame``, ``frame_index``, ``sync_index``, ...), and one of the time: ``time_s``, ``frame_time``, ``timestamp`` in
-seconds, or with ``_ms``, ``_us``, ``_ns``. Without a column of frames, rows are a view's frames in order. Caliscope's
-``frame_time_history.csv`` is such a table.
+Tables (``.csv``) have a column with the view (``camera``, ``view``, ``port``, ...), one with the frame number
+(``frame``, ``frame_index``, ``sync_index``, ...), and one with the time: ``time_s``, ``frame_time`` or ``timestamp`` in
+seconds, or with the suffix ``_ms``, ``_us`` or ``_ns``. Without a frame column, the rows of a view are its frames in
+order. Caliscope's ``frame_time_history.csv`` is such a table.
 
-A folder (FreeMoCap's ``timestamps``) holds a ``.npy`` of times a view, a number a frame, or such a table without the
-column of the view; files are named after views. Arrays do not say their unit: between frames lie milliseconds to a
-second, and that tells.
+A folder (FreeMoCap's ``timestamps``) contains per view a ``.npy`` file with one time per frame, or such a table without
+the view column. The files are named after the views. Arrays do not state their unit; it is inferred from the interval
+between frames, which is between 1 ms and 1 s.
 """
 
 import csv
@@ -29,19 +29,20 @@ _TIMES = {
     for name in ("time", "frame_time", "timestamp")
     for unit, scale in (("", 1.0), ("_s", 1.0), ("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9))
 }
-_MOST_COLUMNS = 8
-_MOST_FILES = 300
-_LEAST_STEP_S = 1e-3
-_LARGEST_FRAME = 2**40
+_MAX_COLUMNS = 8
+_MAX_FILES = 300
+_MIN_INTERVAL_S = 1e-3
+_MAX_FRAME = 2**40
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTimes:
-    """When a view took its frames.
+    """Timestamps of one view.
 
     Attributes:
-        frames: shape (n,), int64: their numbers, ascending, or None where they are the view's frames in order.
-        time_s: shape (n,).
+        frames: Shape (n,), int64, ascending frame numbers, or None if the times are those of the view's frames in
+            order.
+        time_s: Shape (n,), s.
     """
 
     frames: np.ndarray | None
@@ -50,16 +51,16 @@ class ViewTimes:
 
 @dataclass(frozen=True, eq=False)
 class Timestamps:
-    """The times of all views, as a file or folder has them.
+    """Timestamps of all views of a file or folder.
 
     Attributes:
-        source: its name, for messages.
-        of_view: by the view's name there.
-        notes: what is worth saying.
+        source: Name of the file or folder, for messages.
+        by_view: Timestamps by the name of the view in the source.
+        notes: Sentences for the user, such as the inferred unit.
     """
 
     source: str
-    of_view: dict[str, ViewTimes]
+    by_view: dict[str, ViewTimes]
     notes: tuple[str, ...] = ()
 
 
@@ -72,7 +73,7 @@ class _Columns:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is such a table of several views, or a folder holds a file of times a view."""
+    """Return whether a path is a table of timestamps of several views or a folder with one file per view."""
     if path.is_dir():
         return "timestamp" in path.name.lower() and bool(_files(path))
     columns = _columns_of(path) if path.suffix == ".csv" and path.is_file() else None
@@ -80,24 +81,29 @@ def matches(path: Path) -> bool:
 
 
 def find(places: Iterable[Path]) -> tuple[Path, ...]:
-    """The timestamps in folders, or in a folder ``timestamps`` in them."""
-    found: dict[Path, None] = {}
+    """Return the timestamps in folders or in their subfolders ``timestamps``.
+
+    Args:
+        places: Folders to search. Paths that are not folders are skipped.
+    """
+    unique: dict[Path, None] = {}
     for place in places:
         if not place.is_dir():
             continue
         tables = sorted(place.glob("*.csv"), key=lambda file: natural_key(file.name))
         folders = [place / inside for inside in ("timestamps", "synchronized_videos/timestamps", "videos/timestamps")]
-        for path in (*(tables if len(tables) <= _MOST_FILES else ()), *folders):
+        for path in (*(tables if len(tables) <= _MAX_FILES else ()), *folders):
             if matches(path):
-                found[path.resolve()] = None
-    return tuple(found)
+                unique[path.resolve()] = None
+    return tuple(unique)
 
 
 def read_timestamps(path: Path) -> Timestamps:
-    """Read the times of all views.
+    """Read the timestamps of all views.
 
     Raises:
-        FileError: if there is nothing there, or it holds other than numbers, or a frame twice.
+        FileError: If the path does not exist, has no timestamps, contains something other than numbers, or repeats a
+            frame.
     """
     must_exist(path, "timestamps")
     if path.is_dir():
@@ -105,19 +111,19 @@ def read_timestamps(path: Path) -> Timestamps:
     columns = _columns_of(path)
     if columns is None or columns.view is None:
         raise FileError(
-            f"{path} is no table of timestamps: expected the columns camera, frame, time_s in its first line (or "
-            f"{choices(_VIEWS)}; {choices(_FRAMES)}; {choices(_TIMES, 20)})."
+            f"{path} is not a table of timestamps: expected the columns camera, frame and time_s in the first line. "
+            f"Other accepted names: {choices(_VIEWS)}; {choices(_FRAMES)}; {choices(_TIMES, 20)}."
         )
     rows: dict[str, list[tuple[int, float]]] = {}
     for view, frame, time_s in _rows(path, columns):
         rows.setdefault(view, []).append((frame, time_s))
     if not rows:
-        raise FileError(f"{path} holds no times: it ends in its header.")
+        raise FileError(f"{path} contains no times, only a header.")
     return Timestamps(path.name, {view: _view_times(path, view, each, columns) for view, each in rows.items()})
 
 
 def _columns_of(file: Path) -> _Columns | None:
-    """Where a table has what it needs; None where the first line names no time, or is of something else."""
+    """Return the required columns of a table, or None if its header is not that of a table of timestamps."""
     try:
         with file.open(newline="", encoding="utf-8-sig") as lines:
             header = next(csv.reader(iter([lines.readline(10_000)])), [])
@@ -125,14 +131,16 @@ def _columns_of(file: Path) -> _Columns | None:
         return None
     names = [word.strip().lower() for word in header]
     times = [name for name in names if name in _TIMES]
-    if len(times) != 1 or len(names) > _MOST_COLUMNS or any(re.match(r"(x|y|u|v)(_|$)|img_|obj_", n) for n in names):
+    if len(times) != 1 or len(names) > _MAX_COLUMNS or any(re.match(r"(x|y|u|v)(_|$)|img_|obj_", n) for n in names):
         return None
-    view, frame = (next((names.index(name) for name in known if name in names), None) for known in (_VIEWS, _FRAMES))
+    view, frame = (
+        next((names.index(name) for name in accepted if name in names), None) for accepted in (_VIEWS, _FRAMES)
+    )
     return _Columns(view, frame, names.index(times[0]), _TIMES[times[0]])
 
 
 def _rows(file: Path, columns: _Columns) -> Iterable[tuple[str, int, float]]:
-    """View, frame (-1 without) and time of each line."""
+    """Yield the view, frame number (-1 without a frame column) and time in s of each row."""
     try:
         with file.open(newline="", encoding="utf-8-sig") as lines:
             rows = list(csv.reader(lines))[1:]
@@ -147,10 +155,10 @@ def _rows(file: Path, columns: _Columns) -> Iterable[tuple[str, int, float]]:
             view = "" if columns.view is None else row[columns.view].strip()
         except (ValueError, IndexError):
             frame, time_s, view = math.nan, math.nan, ""
-        if not (math.isfinite(time_s) and frame.is_integer() and abs(frame) < _LARGEST_FRAME):
+        if not (math.isfinite(time_s) and frame.is_integer() and abs(frame) < _MAX_FRAME):
             raise FileError(
-                f"{file}, line {number}: expected a whole frame number and a time, got {','.join(row)[:80]!r}. "
-                "Was it cut short?"
+                f"{file}, line {number}: expected an integer frame number and a time, got {','.join(row)[:80]!r}. "
+                "Is the file truncated?"
             )
         yield view, int(frame), time_s
 
@@ -162,56 +170,58 @@ def _view_times(file: Path, view: str, rows: Sequence[tuple[int, float]], column
     numbers = np.array([frame for frame, _ in rows], dtype=np.int64)
     order = np.argsort(numbers, kind="stable")
     numbers = numbers[order]
-    twice = np.flatnonzero(np.diff(numbers) == 0)
-    if len(twice):
-        raise FileError(f"{file} has frame {numbers[twice[0]]} of {view or file.stem} twice. Keep one time a frame.")
+    repeated = np.flatnonzero(np.diff(numbers) == 0)
+    if len(repeated):
+        raise FileError(
+            f"{file} contains frame {numbers[repeated[0]]} of {view or file.stem} twice. Keep one time per frame."
+        )
     return ViewTimes(numbers, times[order])
 
 
 def _files(folder: Path) -> list[Path]:
-    """A file of times a view: arrays, or, where there are none, tables."""
-    found = sorted(folder.iterdir(), key=lambda file: natural_key(file.name))[:_MOST_FILES]
-    arrays = [file for file in found if file.suffix == ".npy" and file.is_file()]
-    tables = [file for file in found if file.suffix == ".csv" and file.is_file()]
+    """Return the files with the times of one view each: arrays, or tables if there are no arrays."""
+    entries = sorted(folder.iterdir(), key=lambda file: natural_key(file.name))[:_MAX_FILES]
+    arrays = [file for file in entries if file.suffix == ".npy" and file.is_file()]
+    tables = [file for file in entries if file.suffix == ".csv" and file.is_file()]
     return arrays or [file for file in tables if (c := _columns_of(file)) is not None and c.view is None]
 
 
 def _read_folder(folder: Path) -> Timestamps:
     files = _files(folder)
     if not files:
-        raise FileError(f"{folder} holds no file of times a view, .npy or .csv.")
-    of_view, notes = {}, []
+        raise FileError(f"{folder} contains no timestamps: expected one .npy or .csv file per view.")
+    by_view, array_units = {}, []
     for file in files:
         columns = _columns_of(file) if file.suffix == ".csv" else None
         name = re.sub(r"[_\-. ]*(unix)?[_\-. ]*time[_\-]?stamps?.*$", "", file.stem, flags=re.IGNORECASE)
         if columns is not None:
             rows = [(frame, time_s) for _, frame, time_s in _rows(file, columns)]
-            of_view[name or file.stem] = _view_times(file, name, rows, columns)
+            by_view[name or file.stem] = _view_times(file, name, rows, columns)
             continue
         times, unit = _array(file)
-        of_view[name or file.stem] = ViewTimes(None, times)
-        notes.append(unit)
-    if len(of_view) < len(files):
-        raise FileError(f"{folder} holds several files of times of one view: {choices(file.name for file in files)}.")
-    units = sorted(set(notes))
-    return Timestamps(folder.name, of_view, (f"{folder.name}: times read as {choices(units)}.",) if units else ())
+        by_view[name or file.stem] = ViewTimes(None, times)
+        array_units.append(unit)
+    if len(by_view) < len(files):
+        raise FileError(f"{folder} contains several files for one view: {choices(file.name for file in files)}.")
+    units = sorted(set(array_units))
+    return Timestamps(folder.name, by_view, (f"{folder.name}: times read as {choices(units)}.",) if units else ())
 
 
 def _array(file: Path) -> tuple[np.ndarray, str]:
-    """A view's times in seconds, and the unit they were in."""
+    """Return the times of a view in s, and the unit in which the file stores them."""
     with reading(file, "NumPy array file"):
         values = np.load(file, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 1 or values.dtype.kind not in "fiu" or len(values) < 2:
         shape = getattr(values, "shape", None)
-        raise FileError(f"{file}: expected a view's times, numbers of shape (frame,), got shape {shape}.")
-    # Nanoseconds since 1970 lose a quarter of a microsecond as floats.
+        raise FileError(f"{file}: expected one time per frame, an array of shape (frame,), got shape {shape}.")
+    # In float64, nanoseconds since 1970 are rounded to a quarter of a microsecond.
     times = values.astype(np.float64)
     if not np.isfinite(times).all():
-        raise FileError(f"{file} holds times that are no numbers.")
+        raise FileError(f"{file} contains times that are not finite.")
     step = float(np.median(np.diff(times)))
     for unit, scale in (("seconds", 1.0), ("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)):
-        if _LEAST_STEP_S <= step * scale < 1.0:
+        if _MIN_INTERVAL_S <= step * scale < 1.0:
             return times * scale, unit
     raise FileError(
-        f"{file}: {step:g} between frames is no camera's interval in any unit. Give a table with a column time_s."
+        f"{file}: the interval {step:g} between frames is not plausible in any unit. Give a table with a column time_s."
     )

@@ -1,50 +1,57 @@
-"""The one way kernels are compiled."""
+"""Decorators that compile kernels and their subroutines with Numba.
+
+All compiled code of the package goes through this module, so that every kernel uses the same compiler options.
+"""
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
 
-from posefuse.kernels.linking import OwnCopies
+from posefuse.kernels.linking import PrivateCopiesCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# Rewrites turn array expressions and exceptions into other code; kernels hold neither, and looking for them is a
-# tenth of the time to compile.
+# Numba's rewrites replace array expressions and exceptions. Kernels contain neither, and the search for them takes a
+# tenth of the compilation time.
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_rewrites": True}
 
 
 def kernel(function: F) -> F:
-    """Compile a kernel: cached on disk, outside the GIL, division by zero gives inf, fused multiply-add allowed."""
-    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=OwnCopies)(function))
+    """Compile a kernel: cached on disk, releases the GIL, division by zero gives inf, fused multiply-add allowed."""
+    return cast("F", numba.njit(**_OPTIONS, cache=True, pipeline_class=PrivateCopiesCompiler)(function))
 
 
-def step(function: F) -> F:
-    """Compile a step of kernels, which can be called from kernels alone.
+def subroutine(function: F) -> F:
+    """Compile a subroutine that only kernels and other subroutines can call.
 
-    It must not allocate: reference counting is off, because counting the arrays it is passed, atomically, would cost
-    more than its arithmetic (measured: a factor of four on the rows of an observation). It gets no entry from Python
-    and no cache of its own, which its callers do not need either: a fifth of the time to compile.
+    A subroutine must not allocate, because reference counting is off: atomic counts of the array arguments would cost
+    more than the arithmetic (measured: a factor of four on the rows of an observation). It has no entry point from
+    Python and no cache of its own. Its callers need neither, and compilation is a fifth faster without them.
     """
-    return _step(function, forceinline=False)
+    return _compile_subroutine(function, forceinline=False)
 
 
-def dense(function: F) -> F:
-    """Compile a step whose sums may be taken in any order, so that they use vector instructions."""
-    return _step(function, forceinline=False, fastmath={"contract", "reassoc"})
+def vectorized(function: F) -> F:
+    """Compile a subroutine whose sums may be reordered, so that the compiler can use vector instructions."""
+    return _compile_subroutine(function, forceinline=False, fastmath={"contract", "reassoc"})
 
 
 def inline(function: F) -> F:
-    """Compile a step that is always inlined into its callers."""
-    return _step(function, forceinline=True)
+    """Compile a subroutine that is always inlined into its callers."""
+    return _compile_subroutine(function, forceinline=True)
 
 
-def choice(function: F) -> F:
-    """Compile an inlined step in which ``if argument is not None`` is decided, and left out, before it is compiled."""
-    return _step(function, forceinline=True, no_rewrites=False)
+def specialized(function: F) -> F:
+    """Compile an inlined subroutine that is specialized for arguments that may be None.
+
+    The compiler resolves ``if argument is not None`` from the type of the argument and removes the branch that is not
+    taken before it compiles the rest.
+    """
+    return _compile_subroutine(function, forceinline=True, no_rewrites=False)
 
 
-def _step(function: F, **options: Any) -> F:
-    compile_step = cast("Any", numba.njit)
-    bare = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast("F", compile_step(**{**_OPTIONS, **bare, **options})(function))
+def _compile_subroutine(function: F, **options: Any) -> F:
+    compile_function = cast("Any", numba.njit)
+    minimal = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast("F", compile_function(**{**_OPTIONS, **minimal, **options})(function))

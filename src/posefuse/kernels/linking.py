@@ -1,13 +1,13 @@
-"""Kernels that call their own copies of their steps, so that every run calls the same machine code.
+"""A Numba compiler that gives each kernel private copies of its subroutines, so that every run executes the same code.
 
-Numba links a copy of each function a kernel calls into the kernel, optimised with it, as a *weak* symbol. Where the
-process holds another definition of that symbol already (the step compiled by itself, or another kernel's copy of it),
-the linker takes that one. It is the same function with other roundings: what came out depended on whether this
-process had compiled the kernels or loaded them, and in which order. Copies that are internal to their kernel leave
-the linker no choice, and the optimiser more.
+Numba links a copy of each function that a kernel calls into the kernel, and optimizes it there, as a *weak* symbol. If
+the process already holds another definition of that symbol (the subroutine compiled separately, or the copy of another
+kernel), the linker uses that one. It is the same function with different rounding, so results would depend on whether
+the process compiled the kernels or loaded them, and in which order. Copies that are internal to their kernel leave the
+linker no choice and give the optimizer more freedom.
 
-They get names of their own as well: the linker keeps internal functions in the same table as others, and would hand
-one whose arguments the optimiser has changed to whoever asks for the function it is a copy of.
+The copies are also renamed. The linker keeps internal functions in the same table as the others, and would otherwise
+hand a copy whose arguments the optimizer has changed to a caller of the original function.
 """
 
 from typing import Any
@@ -19,19 +19,19 @@ from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import AnnotateTypes
 
 
-class OwnCopies(CompilerBase):
-    """Numba's compiler, with kernels that keep what is linked into them to themselves."""
+class PrivateCopiesCompiler(CompilerBase):
+    """Numba's compiler, with all linked subroutines kept internal to their kernel."""
 
     def define_pipelines(self) -> list[Any]:
-        """The usual passes, and ours before the last."""
+        """Return Numba's default passes with the library pass added before the last one."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_TakeClosedLibrary, AnnotateTypes)
+        passes.add_pass_after(_UsePrivateLibrary, AnnotateTypes)
         passes.finalize()
         return [passes]
 
 
-class _ClosedLibrary(JITCodeLibrary):
-    """Machine code of a kernel of which only the kernel itself is seen from outside."""
+class _PrivateLibrary(JITCodeLibrary):
+    """Machine code of a kernel that exports only the kernel itself."""
 
     def _optimize_final_module(self) -> None:
         for function in self._final_module.functions:
@@ -42,15 +42,15 @@ class _ClosedLibrary(JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
-class _TakeClosedLibrary(LoweringPass):
-    """The last pass before lowering, which creates a library where it finds none."""
+class _UsePrivateLibrary(LoweringPass):
+    """Create the private library; runs as the last pass before lowering, which uses an existing library."""
 
-    _name = "take_closed_library"
+    _name = "use_private_library"
 
     def __init__(self) -> None:
         super().__init__()
 
     def run_pass(self, state: Any) -> Any:
-        state.library = _ClosedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = _PrivateLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return False

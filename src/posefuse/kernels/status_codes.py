@@ -1,7 +1,7 @@
-"""What became of a point, and of each view's part in it: the numbers kernels write.
+"""Status codes of points and views, as kernels write them.
 
-:mod:`posefuse.model.status` gives them names and sentences. Points below ``POINT_MISSING`` have coordinates; from it
-on the coordinates are NaN and the code says why.
+:mod:`posefuse.model.status` gives them names and descriptions. A point whose code is below ``POINT_MISSING`` has
+coordinates. From ``POINT_MISSING`` on, the coordinates are NaN and the code gives the reason.
 """
 
 POINT_OK = 0
@@ -34,6 +34,6 @@ VIEW_NOT_USED = 7
 VIEW_USED_SWAPPED = 8
 
 NO_DETECTION = -1
-"""In the table of rows: the view has no detection of this person in this frame."""
+"""Entry of a row table: the view has no detection of this person in this frame."""
 NOT_RECORDED = -2
-"""In the table of rows: the view has no such frame."""
+"""Entry of a row table: the view did not record this frame."""

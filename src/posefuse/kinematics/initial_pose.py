@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracker import MotionOptions
 from posefuse.skeleton.trees import Tree
 

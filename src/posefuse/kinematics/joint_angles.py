@@ -88,7 +88,7 @@ def angle_names(tree: Tree) -> tuple[str, ...]:
 
 def whole_angle_names(skeleton: Skeleton) -> tuple[str, ...]:
     """Names of the angles of :func:`whole_angles`."""
-    segments, bones, _ = skeleton.stood_names
+    segments, bones, _ = skeleton.body_names
     return whole_angles(skeleton, np.empty((0, len(segments), 3, 3)), np.empty((0, len(bones), 3)))[0]
 
 

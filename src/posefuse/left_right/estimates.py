@@ -70,7 +70,7 @@ def at_first(sequence: Sequence, layout: Layout, options: SideOptions) -> Learne
         along=along,
         along_sd=along_sd,
         share=np.full(views, options.swap_share),
-        rate=np.full(views, 1.0 / (options.dwell_s * (1.0 - options.swap_share))),
+        rate=np.full(views, 1.0 / (options.swap_duration_s * (1.0 - options.swap_share))),
         alike=np.full(views, 0.5),
     )
 
@@ -254,7 +254,7 @@ def _views(sequence: Sequence, layout: Layout, options: SideOptions) -> tuple[np
     rough = _share(found, count, _AS_IF_SEEN, options)
     off, variance = np.where(known, swapped - rough, 0.0), rough * (1.0 - rough)
     dt = float(np.median(np.diff(sequence.time_s))) if len(sequence.time_s) > 1 else 1.0 / 30.0
-    expected_lasting = np.exp(-dt / (options.dwell_s * (1.0 - rough)))
+    expected_lasting = np.exp(-dt / (options.swap_duration_s * (1.0 - rough)))
     lasting = _correlation(off[1:], off[:-1], known[1:] & known[:-1], variance, expected_lasting)
     lasting = np.clip(lasting, 1e-6, 0.995)
     same = layout.chain_of[layout.links[:, 0]] == layout.chain_of[layout.links[:, 1]]

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.left_right.orientation import add_across, all_time_costs, decide_block
+from posefuse.kernels.left_right.orientation import add_cross_links, find_orientations, temporal_costs
 from posefuse.left_right import costs as cost_terms
 from posefuse.left_right.costs import Memory
 from posefuse.left_right.estimates import Learned, at_first, learn
@@ -40,7 +40,7 @@ def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> t
     flipped = np.zeros(sequence.points.shape[:2], dtype=bool)
     learned = at_first(sequence, layout, options)
     ordered = sequence
-    for turn in range(1 + options.rounds):
+    for turn in range(1 + options.iterations):
         change = decode(ordered, layout, learned, Before.nothing(layout, len(learned.share)), decided=turn > 0)
         change = settled(ordered, change, layout, learned)
         flipped ^= change
@@ -100,9 +100,9 @@ def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before,
     for last in (True,) if decided else (False, True):
         for block, (inside, ends), start in zip(layout.blocks, layout.within, before.costs, strict=True):
             costs = start if last else start.copy()
-            add_across(field, link_cost, layout.links, layout.across, out, known, told)
+            add_cross_links(field, link_cost, layout.links, layout.across, out, known, told)
             origin = np.empty((len(field), len(costs)), dtype=np.int64)
-            decide_block(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
+            find_orientations(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
             known[block] = True
     return out
 
@@ -114,5 +114,5 @@ def time_costs_of(sequence: Sequence, layout: Layout, learned: Learned, memory: 
     speeds = learned.turn_speed, learned.speed
     views = learned.share, learned.rate, cost_terms.label_weights(layout, learned)
     frame = sequence.points, np.ascontiguousarray(sequence.covariance), sequence.odds, sequence.time_s
-    all_time_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
+    temporal_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
     return out

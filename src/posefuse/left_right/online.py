@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.kernels.left_right.orientation import remember
+from posefuse.kernels.left_right.orientation import update_memory
 from posefuse.left_right.costs import Memory
 from posefuse.left_right.estimates import Learned, at_first, learn
 from posefuse.left_right.layout import Layout
@@ -99,7 +99,7 @@ def _decide_again(
 def _with(memory: Memory, ordered: Sequence) -> Memory:
     """What is remembered after frames in the order decided on."""
     out = memory.copy()
-    remember(ordered.points, ordered.covariance, ordered.odds, ordered.time_s, out.arrays)
+    update_memory(ordered.points, ordered.covariance, ordered.odds, ordered.time_s, out.arrays)
     return out
 
 

@@ -34,7 +34,7 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import Skeleton
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import find_method
 
 _MODULES = {"enumerate": "enumerated", "sds": "population_search"}
 # Shares of pairs that are swapped on their own: to begin with, and between which they are sought.
@@ -59,7 +59,7 @@ def solve(
     Returns:
         The measured layer, and which views took left for right.
     """
-    layer = load_method(options.triangulation.method).solve(rig, detections, tracks, noise, options.triangulation)
+    layer = find_method(options.triangulation.method).solve(rig, detections, tracks, noise, options.triangulation)
     if not _can_tell(rig, options):
         return put_right(rig, detections, tracks, noise, options, layer)
     swaps = _as_labelled(layer, detections.skeleton)
@@ -115,7 +115,7 @@ def put_right(
     rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: Options, layer: Layer
 ) -> tuple[Layer, Swaps]:
     """Points with sides put right, by not believing the labels in any frame; ``layer``: points by labels."""
-    method, skeleton = load_method(options.triangulation.method), detections.skeleton
+    method, skeleton = find_method(options.triangulation.method), detections.skeleton
     pairs, chain_of = skeleton.pair_indices, Layout.of(skeleton).chain_of
 
     def exchanged(swapped: np.ndarray) -> Layer:
@@ -164,7 +164,7 @@ def _taken_back(swaps: Swaps, swapped: np.ndarray, back: np.ndarray, chain_of: n
 def _can_tell(rig: CameraRig, options: Options) -> bool:
     """Whether points made by labels would show that some are swapped, and nobody asked for another rule than labels."""
     usual = options.pairs == "enumerate" and options.sides == "chains"
-    return usual and options.triangulation.method == "consensus" and len(rig) > 2
+    return usual and find_method(options.triangulation.method).supports_left_right and len(rig) > 2
 
 
 def _as_labelled(layer: Layer, skeleton: Skeleton) -> Swaps:

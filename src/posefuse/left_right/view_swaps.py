@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posefuse.kernels.left_right.orientation import swap_states
+from posefuse.kernels.left_right.orientation import find_swap_states
 from posefuse.left_right.estimates import Learned, learn
 from posefuse.left_right.layout import Layout
 from posefuse.left_right.results import PairsInTime
@@ -35,7 +35,7 @@ def swapped_views(sequence: Sequence, layout: Layout, learned: Learned) -> np.nd
     for chain in range(len(layout.chains)):
         members = layout.chain_of == chain
         odds = np.ascontiguousarray(sequence.odds[:, members].sum(axis=1))
-        swap_states(odds, sequence.time_s, learned.share, learned.rate, came_from, state)
+        find_swap_states(odds, sequence.time_s, learned.share, learned.rate, came_from, state)
         tells = np.abs(sequence.odds[:, members]).max(axis=1) > _TELLS
         out[:, :, chain] = np.where(tells, state, -1)
     return out

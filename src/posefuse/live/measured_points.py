@@ -15,7 +15,8 @@ from posefuse.pipeline.defaults import resolve_min_views
 from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.records import People
-from posefuse.triangulation.registry import Method, load_method
+from posefuse.triangulation.method import Method
+from posefuse.triangulation.registry import find_method
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +60,8 @@ class PointTriangulator:
             OptionsError: if the options fix the noise of other cameras, or the method needs the whole recording.
         """
         resolved, _ = resolve_min_views(options, len(rig))
-        method = load_method(options.triangulation.method)
-        if hasattr(method, "settle"):
+        method = find_method(options.triangulation.method)
+        if method.prepare is not None:
             raise OptionsError(
                 f"triangulation.method {options.triangulation.method!r} needs the whole recording, which a "
                 "stream does not have. Choose another method; posefuse methods lists them."

@@ -8,7 +8,7 @@ from dataclasses import asdict
 import numpy as np
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
-from posefuse.io.stream import PROTOCOL, Reader, Refusal, encoded
+from posefuse.io.stream import PROTOCOL, LineReader, RejectedLine, encoded
 from posefuse.live.alarms import Alarms
 from posefuse.live.grouping import Group, Grouper
 from posefuse.live.measured_points import PointTriangulator
@@ -64,7 +64,7 @@ class Session:
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)
         self._alarms = Alarms(rig.names)
-        self._reader = Reader(rig.names, len(self.skeleton), stream.max_view_people)
+        self._reader = LineReader(rig.names, len(self.skeleton), stream.max_view_people)
         self._tracker = Tracker(rig, self.skeleton, options)
         self._measuring = PointTriangulator.of(rig, self.skeleton, options)
         self._queue: deque[Group] = deque()
@@ -88,7 +88,7 @@ class Session:
         """Read a line; what is wrong with it, in a sentence, if it is one of the first few with that."""
         self.counts.lines += 1
         found = self._reader.read(line)
-        if not isinstance(found, Refusal):
+        if not isinstance(found, RejectedLine):
             self.grouper.take(found, now_s)
             self._line_up()
             return None
@@ -98,7 +98,11 @@ class Session:
         times = self.counts.malformed[found.fault]
         if times > _TOLD_FAULTS:
             return None
-        return found.why if times < _TOLD_FAULTS else f"{found.why} More like this ({found.fault}) are counted alone."
+        return (
+            found.reason
+            if times < _TOLD_FAULTS
+            else f"{found.reason} More like this ({found.fault}) are counted alone."
+        )
 
     def tick(self, now_s: float) -> None:
         """Time goes on without a line."""

@@ -1,10 +1,10 @@
-"""How the world of a result follows from that of its calibration."""
+"""The transform from the calibration's world to the world of a result."""
 
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen, same
+from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import ResultError
 from posefuse.model.cameras import UpAxis
 
@@ -12,19 +12,19 @@ _ROTATION_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment(Rebuilt):
-    """A similarity: ``p_aligned = scale * rotation @ p_calibration + shift_m``.
+class Alignment(PickledByFields):
+    """A similarity transform: ``p_aligned = scale * rotation @ p_calibration + shift_m``.
 
     Attributes:
-        rotation: shape (3, 3): aligned from calibration.
-        shift_m: shape (3,): in metres of the aligned world.
-        scale: what the calibration's metres are multiplied by.
-        up_axis: of the aligned world, None where nobody knows.
-        calibration_up_axis: of the calibration's world, likewise.
-        steps: how it was found, in sentences.
+        rotation: shape (3, 3), aligned from calibration.
+        shift_m: shape (3,), in meters of the aligned world.
+        scale: factor from the calibration's meters.
+        up_axis: up axis of the aligned world, None if unknown.
+        calibration_up_axis: up axis of the calibration's world, None if unknown.
+        steps: how it was determined, in sentences.
 
     Raises:
-        ResultError: if that is no similarity, or one that mirrors.
+        ResultError: if it is not a similarity transform, or a reflection.
     """
 
     rotation: np.ndarray
@@ -40,21 +40,25 @@ class Alignment(Rebuilt):
         object.__setattr__(self, "steps", tuple(self.steps))
         if self.rotation.shape != (3, 3) or self.shift_m.shape != (3,):
             raise ResultError(
-                f"An alignment is a 3 x 3 rotation and 3 numbers, got {self.rotation.shape} and {self.shift_m.shape}."
+                f"An alignment needs a 3 x 3 rotation and a shift of 3 numbers, got {self.rotation.shape} and "
+                f"{self.shift_m.shape}."
             )
         off = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
         if not (off < _ROTATION_TOLERANCE and np.linalg.det(self.rotation) > 0):
-            raise ResultError(f"An alignment's rotation must be one; R R^T differs from the identity by {off:.2g}.")
+            raise ResultError(
+                f"The rotation of an alignment must be orthonormal and proper; R R^T differs from the identity by "
+                f"{off:.2g}."
+            )
         if not 0 < self.scale < np.inf:
-            raise ResultError(f"An alignment's scale must be positive, got {self.scale}.")
+            raise ResultError(f"The scale of an alignment must be positive, got {self.scale}.")
 
     def points(self, points_m: np.ndarray) -> np.ndarray:
-        """Points, shape (..., 3), of the calibration's world in the aligned one."""
+        """Transform points, shape (..., 3), from the calibration's world to the aligned one."""
         return self.scale * np.asarray(points_m) @ self.rotation.T + self.shift_m
 
     @property
     def inverse(self) -> "Alignment":
-        """Back to the calibration's world."""
+        """The transform back to the calibration's world."""
         back = self.rotation.T
         shift_m = -back @ self.shift_m / self.scale
         return Alignment(back, shift_m, 1.0 / self.scale, self.calibration_up_axis, self.up_axis)

@@ -1,22 +1,22 @@
-"""Figures: people as animation programs know them, joints that turn and carry each other, of one person's lengths."""
+"""Animation skeletons: hierarchies of rotating joints with the constant lengths of one person."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, check_shape, frozen
+from posefuse.arrays import PickledByFields, check_shape, frozen
 from posefuse.errors import ResultError
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of a figure, or a point that rides on one.
+    """A joint of an animation skeleton, or a point fixed to one.
 
     Attributes:
-        name: unique in the figure.
-        parent: number of the joint that carries it, -1 for the root.
-        offset_m: forward, left, up: from its parent when the figure stands at rest.
-        turns: whether it turns by itself; what does not is a point that rides on its parent.
+        name: name, unique in the skeleton.
+        parent: index of the parent joint, -1 for the root.
+        offset_m: forward, left, up: offset from the parent in the rest pose, in meters.
+        turns: whether it rotates; otherwise it is a point fixed to its parent.
     """
 
     name: str
@@ -26,16 +26,16 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Figure(Rebuilt):
-    """The joints of a person. At rest nothing is turned: axes are forward, left and up.
+class Figure(PickledByFields):
+    """The animation skeleton of a person. In the rest pose all rotations are the identity; axes: forward, left, up.
 
     Attributes:
-        person: name.
+        person: name of the person.
         joints: parents before children; the first is the root.
-        keypoint_joints: shape (keypoint,), int64: the joint that is where each keypoint is, -1 where none is.
+        keypoint_joints: shape (keypoint,), int64: joint at each keypoint, -1 without one.
 
     Raises:
-        ResultError: where a joint stands before what carries it.
+        ResultError: if a joint precedes its parent.
     """
 
     person: str
@@ -47,21 +47,24 @@ class Figure(Rebuilt):
         object.__setattr__(self, "keypoint_joints", frozen(self.keypoint_joints, np.int64))
         for j, joint in enumerate(self.joints):
             if not (joint.parent < j and (joint.parent >= 0) == (j > 0)):
-                raise ResultError(f"Figure of {self.person}: joint {joint.name!r} hangs on number {joint.parent}.")
+                raise ResultError(
+                    f"Figure of {self.person}: joint {joint.name!r} has the parent {joint.parent}, which must come "
+                    "before it."
+                )
 
     @property
     def parents(self) -> np.ndarray:
-        """Shape (joint,), int64."""
+        """Shape (joint,), int64: parent of each joint."""
         return np.array([joint.parent for joint in self.joints], dtype=np.int64)
 
     @property
     def offsets_m(self) -> np.ndarray:
-        """Shape (joint, 3): forward, left, up from the parent at rest."""
+        """Shape (joint, 3): offset from the parent in the rest pose."""
         return np.array([joint.offset_m for joint in self.joints])
 
     @property
     def rest_m(self) -> np.ndarray:
-        """Shape (joint, 3): forward, left, up from the root at rest."""
+        """Shape (joint, 3): position relative to the root in the rest pose."""
         out = self.offsets_m.copy()
         for j, joint in enumerate(self.joints[1:], 1):
             out[j] += out[joint.parent]
@@ -69,26 +72,26 @@ class Figure(Rebuilt):
 
     @property
     def turning(self) -> tuple[int, ...]:
-        """The joints that turn by themselves."""
+        """Indices of the rotating joints."""
         return tuple(j for j, joint in enumerate(self.joints) if joint.turns)
 
     def children(self, joint: int) -> tuple[int, ...]:
-        """The joints that a joint carries itself."""
+        """Return the children of a joint."""
         return tuple(j for j, other in enumerate(self.joints) if other.parent == joint)
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How a figure stands in a range of frames.
+    """The motion of an animation skeleton in a range of frames.
 
     Attributes:
-        root_m: shape (frame, 3): where the root is in the world; NaN while the person is not followed.
-        turns: shape (frame, joint, 3, 3): of each joint in the axes of what carries it, of the root in the world; the
-            identity where a joint does not turn, NaN where it is not known.
-        off_m: shape (frame,): the largest distance of a keypoint of the figure from that of the model layer.
+        root_m: shape (frame, 3): root position in the world, in meters; NaN while the person is not tracked.
+        turns: shape (frame, joint, 3, 3): rotation of each joint relative to its parent, of the root relative to the
+            world; the identity for fixed points, NaN if unknown.
+        off_m: shape (frame,): largest distance of a keypoint from that of the model layer, in meters.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: if the arrays do not match.
     """
 
     root_m: np.ndarray
@@ -108,5 +111,5 @@ class Motion:
 
     @property
     def there(self) -> np.ndarray:
-        """Shape (frame,), bool: whether the person is followed."""
+        """Shape (frame,), bool: whether the person is tracked."""
         return np.isfinite(self.root_m.sum(axis=1))

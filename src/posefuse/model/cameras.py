@@ -1,7 +1,7 @@
 """Cameras and rigs.
 
-A camera is OpenCV's: x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel;
-``x_camera = R x_world + t``. The world is in metres, right-handed.
+Cameras follow OpenCV: x right, y down, z forward; pixel (0, 0) is the center of the top-left pixel;
+``x_camera = R x_world + t``. The world is in meters and right-handed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from typing import Any, Literal, Self, get_args
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen, same
+from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import CameraError, MatchError, choices, suggestion
 
 UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -20,7 +20,7 @@ UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
 
 
 def up_vector(axis: UpAxis) -> tuple[float, float, float]:
-    """The unit vector along an axis."""
+    """Return the unit vector along an axis, in world coordinates."""
     sign = -1.0 if axis.startswith("-") else 1.0
     return tuple(sign * (axis[-1] == name) for name in "xyz")  # type: ignore[return-value]
 
@@ -29,7 +29,7 @@ _ROTATION_TOLERANCE = 1e-5
 
 
 class LensModel(StrEnum):
-    """How a lens bends rays; see :mod:`posefuse.kernels.cameras.lens` for the formulas."""
+    """Lens model; see :mod:`posefuse.kernels.cameras.lens` for the formulas."""
 
     PINHOLE = "pinhole"
     BROWN = "brown"
@@ -45,19 +45,19 @@ _LENS_CODES = {LensModel.PINHOLE: 0, LensModel.BROWN: 1, LensModel.RATIONAL: 2, 
 
 
 @dataclass(frozen=True, eq=False)
-class Camera(Rebuilt):
+class Camera(PickledByFields):
     """One calibrated camera.
 
     Attributes:
-        name: unique in its rig.
-        size_px: width and height of the image.
-        matrix: shape (3, 3), the intrinsic matrix K in px.
-        camera_from_world: shape (4, 4), rigid, in metres.
-        lens: the lens model.
-        distortion: its coefficients, in OpenCV's order (4 for a fisheye, 5 Brown, 8 rational).
+        name: name, unique in its rig.
+        size_px: width and height of the image in px.
+        matrix: shape (3, 3), intrinsic matrix K in px.
+        camera_from_world: shape (4, 4), rigid transform, in meters.
+        lens: lens model.
+        distortion: coefficients in OpenCV's order (4 for fisheye, 5 for Brown, 8 for rational).
 
     Raises:
-        CameraError: where a number cannot belong to a camera.
+        CameraError: if a value is impossible for a camera.
     """
 
     name: str
@@ -96,19 +96,19 @@ class Camera(Rebuilt):
         *,
         fisheye: bool = False,
     ) -> Self:
-        """A camera from OpenCV's numbers, world to camera.
+        """Build a camera from OpenCV's parameters, world to camera.
 
         Args:
-            name: its name.
-            size_px: width and height.
-            matrix: K, shape (3, 3).
-            distortion: 0, 4, 5 or 8 coefficients; 4 when ``fisheye``.
-            rotation: a Rodrigues vector, shape (3,), in radians, or a matrix, shape (3, 3).
-            translation: shape (3,), in metres.
-            fisheye: the coefficients are those of OpenCV's fisheye model.
+            name: camera name.
+            size_px: width and height in px.
+            matrix: intrinsic matrix K, shape (3, 3), in px.
+            distortion: 0, 4, 5 or 8 coefficients; 4 if ``fisheye``.
+            rotation: Rodrigues vector, shape (3,), in radians, or matrix, shape (3, 3).
+            translation: shape (3,), in meters.
+            fisheye: whether the coefficients are those of OpenCV's fisheye model.
 
         Raises:
-            CameraError: where a number cannot belong to a camera.
+            CameraError: if a value is impossible for a camera.
         """
         lens, coefficients = lens_from_opencv(name, distortion, fisheye=fisheye)
         pose = np.eye(4)
@@ -130,25 +130,25 @@ class Camera(Rebuilt):
 
     @property
     def translation_m(self) -> np.ndarray:
-        """Shape (3,): t of ``x_camera = R x_world + t``, in metres."""
+        """Shape (3,): t of ``x_camera = R x_world + t``, in meters."""
         return self.camera_from_world[:3, 3]
 
     @property
     def centre_m(self) -> np.ndarray:
-        """Shape (3,): where the camera stands in the world, in metres."""
+        """Shape (3,): camera center in world coordinates, in meters."""
         return -self.rotation.T @ self.translation_m
 
     def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project world points.
 
         Args:
-            points_m: shape (..., 3).
+            points_m: shape (..., 3), world coordinates in meters.
 
         Returns:
-            Pixels, shape (..., 2), NaN where there is none, and lens codes, shape (...): 0 where there is one, else
+            Pixels, shape (..., 2), NaN where undefined, and lens codes, shape (...): 0 where defined, else
             MISSING, BEHIND or BEYOND of :mod:`posefuse.kernels.cameras.lens`.
         """
-        from posefuse.kernels.cameras.lens import project_batch  # kernels start the compiler: only when called
+        from posefuse.kernels.cameras.lens import project_batch  # loads the compiler: import on first use
 
         points = np.ascontiguousarray(points_m, dtype=np.float64).reshape(-1, 3)
         pixels = np.empty((len(points), 2))
@@ -158,13 +158,13 @@ class Camera(Rebuilt):
         return pixels.reshape(*shape, 2), codes.reshape(shape)
 
     def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Viewing directions of pixels, unit length, in camera coordinates.
+        """Return the viewing directions of pixels, unit vectors in camera coordinates.
 
         Args:
             pixels: shape (..., 2).
 
         Returns:
-            Directions, shape (..., 3), NaN where there is none, and lens codes as in :meth:`project`.
+            Directions, shape (..., 3), NaN where undefined, and lens codes as in :meth:`project`.
         """
         from posefuse.kernels.cameras.lens import rays_batch
 
@@ -177,7 +177,7 @@ class Camera(Rebuilt):
 
     @cached_property
     def packed(self) -> np.ndarray:
-        """The camera as kernels see it, shape (COLUMNS,)."""
+        """The camera as kernels read it, shape (COLUMNS,)."""
         from posefuse.kernels.cameras import lens as columns
 
         row = np.zeros(columns.COLUMNS)
@@ -200,19 +200,19 @@ class Camera(Rebuilt):
 
 
 @dataclass(frozen=True)
-class CameraRig(Rebuilt):
+class CameraRig(PickledByFields):
     """The cameras of a recording and the world they share.
 
     Attributes:
-        cameras: in a fixed order, with unique names.
-        up_axis: which way is up in the world, or None where nobody knows (an Anipose world is a camera or a board).
-        source: the file it was read from, by name only.
-        metres_per_unit: what the file's lengths were multiplied by.
-        notes: what a reader found worth saying.
-        left_out: names of cameras that the calibration was found not to hold for; their views are not used.
+        cameras: cameras in a fixed order, with unique names.
+        up_axis: up axis of the world, or None if unknown (an Anipose world is a camera or a board).
+        source: name of the calibration file, without folder.
+        metres_per_unit: factor from the file's unit to meters.
+        notes: notes of the reader.
+        left_out: names of cameras with an invalid calibration; their views are not used.
 
     Raises:
-        CameraError: on an empty rig, a repeated name or an unknown axis.
+        CameraError: if the rig is empty, a name is repeated, or the axis is unknown.
     """
 
     cameras: tuple[Camera, ...]
@@ -248,26 +248,26 @@ class CameraRig(Rebuilt):
         return self.cameras[self.index(name)]
 
     def index(self, name: str) -> int:
-        """The place of a camera by name.
+        """Return the index of a camera.
 
         Raises:
-            MatchError: if there is no such camera.
+            MatchError: if the rig has no camera of that name.
         """
         if name not in self.names:
             raise MatchError(f"No camera {name!r} in the calibration. {suggestion(name, self.names)}")
         return self.names.index(name)
 
     def select(self, names: Iterable[str]) -> "CameraRig":
-        """The rig of the named cameras, in the given order."""
+        """Return a rig of the named cameras, in the given order."""
         return replace(self, cameras=tuple(self[name] for name in names))
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, bool | None, bool | None]:
-        """The cameras as kernels see them.
+        """The cameras as kernels read them.
 
         Returns:
-            The camera array, shape (view, COLUMNS); and whether any lens is distorted, and any a fisheye: None if not,
-            for then kernels are compiled without that lens, in a quarter less time.
+            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if
+            not, so that kernels are compiled without that lens, which saves a quarter of the time.
         """
         lenses = {camera.lens for camera in self.cameras}
         distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None
@@ -275,19 +275,19 @@ class CameraRig(Rebuilt):
         return frozen(np.stack([camera.packed for camera in self.cameras])), distorted, fisheye
 
     def project(self, points_m: np.ndarray) -> np.ndarray:
-        """Pixels of world points in every view: (..., 3) to (view, ..., 2), NaN where there is none."""
+        """Project world points into every view: (..., 3) in meters to (view, ..., 2) in px, NaN where undefined."""
         return np.stack([camera.project(points_m)[0] for camera in self.cameras])
 
 
 def lens_from_opencv(
     name: str, distortion: Iterable[float], *, fisheye: bool = False
 ) -> tuple[LensModel, tuple[float, ...]]:
-    """The lens model that OpenCV means by so many coefficients.
+    """Return the lens model and coefficients for a list of OpenCV coefficients.
 
-    Trailing zeros are dropped down to the next model, so that five zeros are a pinhole; this changes no pixel.
+    Trailing zeros are dropped down to the next simpler model: five zeros are a pinhole. This changes no pixel.
 
     Raises:
-        CameraError: on a number of coefficients no supported model has.
+        CameraError: if no supported model has this number of coefficients.
     """
     given = tuple(float(k) for k in distortion)
     if fisheye:
@@ -312,24 +312,24 @@ def lens_from_opencv(
 
 
 def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
-    """The rotation matrix of a Rodrigues vector (axis times angle in radians)."""
+    """Return the rotation matrix, shape (3, 3), of a Rodrigues vector (axis times angle in radians)."""
     x, y, z = (float(value) for value in vector)
     angle = float(np.sqrt(x * x + y * y + z * z))
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # sin(a)/a and (1 - cos(a))/a^2, by the half angle so that neither loses digits near zero.
+    # sin(a)/a and (1 - cos(a))/a^2 by the half angle, which is accurate near zero.
     half = np.sinc(angle / (2.0 * np.pi))
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half * half * (cross @ cross)
 
 
 def vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
-    """The Rodrigues vector of a rotation matrix, angle at most pi."""
+    """Return the Rodrigues vector, shape (3,), of a rotation matrix; the angle is at most pi."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_rotvec()
 
 
 def _numbers(camera: str, field: str, values: Any) -> np.ndarray:
-    """A read-only array of float64."""
+    """Return a read-only float64 array."""
     try:
         return frozen(values)
     except (TypeError, ValueError):

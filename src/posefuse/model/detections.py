@@ -1,4 +1,4 @@
-"""2D keypoints as detectors give them: any number of people per view and frame."""
+"""2D keypoints of a recording: any number of detections per view and frame."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,36 +13,36 @@ from posefuse.model.lazy_rows import chosen_rows
 from posefuse.skeleton.skeletons import Skeleton
 
 CHUNK_FRAMES = 2048
-"""How many frames a stage works on at once when nobody says otherwise."""
+"""Default number of frames that a stage processes at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """People seen in the views of a recording, in columns: a row a person in one view and frame.
+    """The detections of all views of a recording: one row per detection.
 
-    Rows are ordered by frame, then view: those of frame number f (counted from 0) and view v are
-    ``offsets[f * views + v]`` to ``offsets[f * views + v + 1]``. The long arrays may be files; then
-    :meth:`frames` brings a range into memory.
+    Rows are ordered by frame, then view: those of frame f (index from 0) and view v are
+    ``offsets[f * views + v]`` to ``offsets[f * views + v + 1]``. Long arrays may stay in files; then
+    :meth:`frames` loads a range into memory.
 
     Attributes:
-        skeleton: what the keypoint axis means.
-        view_names: of the views, in order.
-        frame_numbers: shape (frame,), int64, increasing: numbers of the frames in the recording.
-        time_s: shape (frame, view): when each view took the frame; NaN where it took none, and everywhere where the
-            files say neither times nor a rate.
-        offsets: shape (frame * view + 1,), int64.
+        skeleton: skeleton of the keypoint axis.
+        view_names: names of the views, in order.
+        frame_numbers: shape (frame,), int64, increasing: frame numbers of the recording.
+        time_s: shape (frame, view): capture times; NaN where a view has no frame, and everywhere if the files
+            give neither times nor a rate.
+        offsets: shape (frame * view + 1,), int64: first row of each frame and view.
         keypoints_px: shape (row, keypoint, 2), NaN where not detected.
-        confidence: shape (row, keypoint), the detector's number as read; NaN where it gives none.
-        recorded: shape (frame, view), bool: whether the view has the frame at all.
-        track_ids: shape (row,), int64: the detector's own identity of the person in this view, -1 where it has none.
-        depth: shape (row, keypoint), the detector's own guess of depth in its own unit, or None.
-        sigma_px: shape (row, keypoint), the detector's own standard deviation of each detection, px per axis, NaN where
-            it gives none; or None. Detections are weighed by it: see :meth:`weighed`.
-        rate_hz: nominal frame rate, or None where the files do not say.
-        notes: what a reader found worth saying.
+        confidence: shape (row, keypoint): the detector's score as read; NaN without one.
+        recorded: shape (frame, view), bool: whether the view has the frame.
+        track_ids: shape (row,), int64: the detector's identity in this view, -1 without one.
+        depth: shape (row, keypoint): the detector's depth estimate in its own unit, or None.
+        sigma_px: shape (row, keypoint): the detector's standard deviation of each keypoint, px per axis, NaN
+            without one; or None. It weights the detections.
+        rate_hz: nominal frame rate, or None if unknown.
+        notes: notes of the reader.
 
     Raises:
-        DetectionsError: where arrays do not fit each other, or hold infinities.
+        DetectionsError: if the arrays do not match or contain infinities.
     """
 
     skeleton: Skeleton
@@ -74,7 +74,7 @@ class Detections:
         n_frames, n_views, n_keypoints = len(self.frame_numbers), len(self.view_names), len(self.skeleton)
         repeated = sorted({name for name in self.view_names if self.view_names.count(name) > 1})
         if repeated or not self.view_names:
-            raise DetectionsError(f"View names must be unique and at least one, got {choices(self.view_names)}.")
+            raise DetectionsError(f"At least one view is needed, with unique names; got {choices(self.view_names)}.")
 
         def check(name: str, source: ArraySource, **axes: int) -> None:
             check_shape(DetectionsError, "Detections", name, source, **axes)
@@ -97,15 +97,18 @@ class Detections:
                 f"Frame numbers must increase; {self.frame_numbers[at]} is followed by {self.frame_numbers[at + 1]}."
             )
         if self.offsets[0] != 0 or np.any(np.diff(self.offsets) < 0):
-            raise DetectionsError("Offsets must start at 0 and never decrease: they count the people before each view.")
+            raise DetectionsError(
+                "Offsets must start at 0 and never decrease: they count the detections before each view."
+            )
         if self.rate_hz is not None and not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise DetectionsError(f"rate_hz must be positive, got {self.rate_hz}.")
         people = self.people_counts
-        ghosts = np.argwhere((people > 0) & ~self.recorded)
-        if len(ghosts):
-            f, v = ghosts[0]
+        unrecorded = np.argwhere((people > 0) & ~self.recorded)
+        if len(unrecorded):
+            f, v = unrecorded[0]
             raise DetectionsError(
-                f"View {self.view_names[v]!r} has people in frame {self.frame_numbers[f]}, which it did not record."
+                f"View {self.view_names[v]!r} has people in frame {self.frame_numbers[f]}, which is marked as not "
+                "recorded."
             )
 
     def _check_numbers(self) -> None:
@@ -120,14 +123,15 @@ class Detections:
                 row = int(np.argwhere(infinite)[0, 0])
                 frame, view = self.place_of_row(row)
                 raise DetectionsError(
-                    f"{name} of view {view!r}, frame {frame}, holds an infinite number. Missing is NaN: mend the file."
+                    f"{name} of view {view!r}, frame {frame}, contains an infinite number. Use NaN for missing values."
                 )
         object.__setattr__(self, "track_ids", frozen(self.track_ids, np.int64))
         if self.sigma_px is not None and np.any(np.asarray(self.sigma_px) <= 0.0):
             row = int(np.argwhere(np.asarray(self.sigma_px) <= 0.0)[0, 0])
             frame, view = self.place_of_row(row)
             raise DetectionsError(
-                f"sigma_px of view {view!r}, frame {frame}, holds a number that is not positive. Unknown is NaN."
+                f"sigma_px of view {view!r}, frame {frame}, contains a number that is not positive. Use NaN for "
+                "unknown values."
             )
 
     @classmethod
@@ -144,21 +148,21 @@ class Detections:
         frame_numbers: np.ndarray | None = None,
         notes: tuple[str, ...] = (),
     ) -> "Detections":
-        """One person per view and frame.
+        """Build detections with one person per view and frame.
 
         Args:
-            skeleton: what the keypoint axis means.
-            view_names: of the views.
+            skeleton: skeleton of the keypoint axis.
+            view_names: names of the views.
             keypoints_px: shape (frame, view, keypoint, 2).
-            confidence: shape (frame, view, keypoint), or None where the detector gives none.
+            confidence: shape (frame, view, keypoint), or None without one.
             rate_hz: nominal frame rate.
-            time_s: shape (frame, view); by default frame / rate_hz, or NaN without a rate.
+            time_s: shape (frame, view); default: frame / rate_hz, or NaN without a rate.
             depth: shape (frame, view, keypoint), or None.
-            frame_numbers: shape (frame,); by default from 0.
-            notes: what is worth saying.
+            frame_numbers: shape (frame,); default: from 0.
+            notes: notes for the result.
 
         Raises:
-            DetectionsError: where the arrays do not fit.
+            DetectionsError: if the arrays do not match.
         """
         pixels = np.ascontiguousarray(keypoints_px, dtype=np.float64)
         if pixels.ndim != 4:
@@ -200,16 +204,16 @@ class Detections:
 
     @cached_property
     def people_counts(self) -> np.ndarray:
-        """Shape (frame, view), int64: people in each."""
+        """Shape (frame, view), int64: number of detections."""
         return np.diff(self.offsets).reshape(self.n_frames, self.n_views)
 
     def place_of_row(self, row: int) -> tuple[int, str]:
-        """The frame number and view name of a row."""
+        """Return the frame number and view name of a row."""
         cell = int(np.searchsorted(self.offsets, row, side="right")) - 1
         return int(self.frame_numbers[cell // self.n_views]), self.view_names[cell % self.n_views]
 
     def frames(self, start: int, stop: int) -> "Detections":
-        """The frames ``start`` to ``stop`` (counted from 0), in memory."""
+        """Return the frames ``start`` to ``stop`` (index from 0), in memory."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
         cells = self.offsets[start * self.n_views : stop * self.n_views + 1]
         rows = slice(int(cells[0]), int(cells[-1]))
@@ -226,14 +230,14 @@ class Detections:
         }
         if not in_memory(self.keypoints_px):
             return replace(self, **parts)
-        # A range of what has been checked needs no check, and would cost as much as triangulating it.
+        # A range of checked data needs no check, which would cost as much as triangulating it.
         part = object.__new__(Detections)
         for each in fields(self):
             object.__setattr__(part, each.name, parts.get(each.name, getattr(self, each.name)))
         return part
 
     def between(self, start: int, stop: int) -> "Detections":
-        """The frames ``start`` to ``stop`` (counted from 0); what is in a file stays there."""
+        """Return the frames ``start`` to ``stop`` (index from 0); arrays in files stay in files."""
         if in_memory(self.keypoints_px):
             return self.frames(start, stop)
         start, stop, _ = slice(start, stop).indices(self.n_frames)
@@ -248,7 +252,7 @@ class Detections:
         )
 
     def rows(self, rows: np.ndarray) -> dict[str, ArraySource | None]:
-        """By name, the arrays of a row a person with some rows alone; what is in a file stays there.
+        """Return selected rows of all per-detection arrays, by name; arrays in files stay in files.
 
         Args:
             rows: shape (row,), int64.
@@ -258,7 +262,7 @@ class Detections:
         return {name: None if each is None else chosen_rows(each, rows) for name, each in sources.items()}
 
     def pieces(self, spans: Sequence[tuple[int, int]]) -> "Detections":
-        """The frames of several ranges (counted from 0, ascending), one after the other, in memory."""
+        """Return the frames of several ascending ranges (index from 0), concatenated, in memory."""
 
         def joined(source: ArraySource, *bounds: tuple[int, int]) -> np.ndarray:
             return np.concatenate([np.asarray(source[start:stop]) for start, stop in bounds])
@@ -279,15 +283,15 @@ class Detections:
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Detections"]:
-        """The recording in consecutive ranges of frames, each in memory."""
+        """Yield consecutive ranges of frames, each in memory."""
         for start, stop in ranges(self.n_frames, size):
             yield self.frames(start, stop)
 
     def views(self, names: Sequence[str]) -> "Detections":
-        """The named views, in the given order; what is in a file stays there.
+        """Return the named views, in the given order; arrays in files stay in files.
 
         Raises:
-            MatchError: if there is no such view.
+            MatchError: if a view does not exist.
         """
         for name in names:
             if name not in self.view_names:
@@ -306,15 +310,15 @@ class Detections:
         )
 
     def with_rate(self, rate_hz: float) -> "Detections":
-        """The same frames, ``rate_hz`` apart: for files that do not say when they were taken."""
+        """Return the same frames with times from a frame rate, for files without times."""
         times = frame_times(self.frame_numbers, self.n_views, rate_hz)
         return replace(self, rate_hz=rate_hz, time_s=np.where(self.recorded, times, np.nan))
 
     def to_skeleton(self, skeleton: Skeleton) -> "Detections":
-        """The same people with another skeleton's keypoints, in memory.
+        """Return the same detections with the keypoints of another skeleton, in memory.
 
-        Keypoints both have are kept; derived ones are the mean of their parts where all parts were seen, with the
-        lowest of their confidences and the largest of their standard deviations. What cannot be had is missing.
+        Common keypoints are kept. A derived keypoint is the mean of its parts where all were detected, with the
+        lowest confidence and the largest standard deviation. Other keypoints are missing.
         """
         sources = self.skeleton.sources_of(skeleton)
         everything = self.frames(0, self.n_frames)
@@ -332,7 +336,7 @@ class Detections:
             if new_depth is not None:
                 new_depth[:, k] = np.asarray(everything.depth)[:, columns].mean(axis=1)
             if new_sigma is not None:
-                # Parts of one body err together: their mean is no better than the worst of them is taken to be.
+                # Errors of parts are correlated: their mean is assumed to be as uncertain as the worst part.
                 new_sigma[:, k] = np.asarray(everything.sigma_px)[:, columns].max(axis=1)
         return replace(
             everything,
@@ -344,17 +348,17 @@ class Detections:
         )
 
     def dense(self) -> tuple[np.ndarray, np.ndarray]:
-        """The view of one subject: pixels (frame, view, keypoint, 2) and confidence (frame, view, keypoint).
+        """Return dense arrays of one subject: pixels (frame, view, keypoint, 2) and confidence (frame, view, keypoint).
 
         Raises:
-            DetectionsError: if a view has more than one person in a frame.
+            DetectionsError: if a view has several detections in one frame.
         """
         crowded = np.argwhere(self.people_counts > 1)
         if len(crowded):
             f, v = crowded[0]
             raise DetectionsError(
                 f"View {self.view_names[v]!r} has {self.people_counts[f, v]} people in frame {self.frame_numbers[f]}: "
-                "a dense array holds one."
+                "a dense array holds one detection per view."
             )
         shape = (self.n_frames, self.n_views, len(self.skeleton))
         pixels = np.full((*shape, 2), np.nan)
@@ -374,7 +378,7 @@ class Detections:
 
 
 def frame_times(frame_numbers: np.ndarray, n_views: int, rate_hz: float | None) -> np.ndarray:
-    """Shape (frame, view): frame / rate in every view, NaN where no rate is known."""
+    """Return times, shape (frame, view): frame / rate in every view, NaN without a rate."""
     times = np.full(len(frame_numbers), np.nan) if rate_hz is None else np.asarray(frame_numbers) / rate_hz
     return np.repeat(times[:, None], n_views, axis=1)
 
@@ -384,10 +388,10 @@ def _starts(counts: np.ndarray) -> np.ndarray:
 
 
 def with_lacking_times(time_s: np.ndarray, frame_numbers: np.ndarray) -> np.ndarray:
-    """Times of frames with those that nobody recorded put in by their numbers; NaN if fewer than two are known.
+    """Interpolate missing frame times by frame number; unchanged if fewer than two are known.
 
     Args:
-        time_s: shape (frame,), NaN where unknown.
+        time_s: shape (frame,), NaN if unknown.
         frame_numbers: shape (frame,), ascending.
     """
     there = np.isfinite(time_s)

@@ -1,4 +1,4 @@
-"""What a person who looked at a result wants put right: who is whom."""
+"""Manual corrections of identities in a result."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ _NOT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
 
 @dataclass(frozen=True)
 class Merge:
-    """Two names of one person become one.
+    """Merge two names of one person.
 
     Attributes:
-        person: the name that goes.
-        into: the name that stays.
-        keep: whose frames count where both are active; without it such frames are an error.
+        person: name that is removed.
+        into: name that is kept.
+        keep: name whose data are kept where both are active; without it such frames are an error.
     """
 
     person: str
@@ -23,25 +23,25 @@ class Merge:
 
     def __post_init__(self) -> None:
         if self.person == self.into:
-            raise EditError(f"person and into are both {self.person!r}: nothing to merge.")
+            raise EditError(f"merge needs two different names; person and into are both {self.person!r}.")
         if self.keep not in (None, self.person, self.into):
-            raise EditError(f"keep is one of the two, {self.person!r} or {self.into!r}, got {self.keep!r}.")
+            raise EditError(f"keep must be {self.person!r} or {self.into!r}, got {self.keep!r}.")
 
     @property
     def sentence(self) -> str:
-        """What was done."""
+        """Description of the edit."""
         chosen = "" if self.keep is None else f", {self.keep} where both were active"
         return f"{self.person} merged into {self.into}{chosen}"
 
 
 @dataclass(frozen=True)
 class Split:
-    """Two people under one name become two.
+    """Split one name of two people.
 
     Attributes:
-        person: the name; it stays with the earlier frames.
-        into: the new name of the later ones.
-        from_frame: number of the first of the later frames.
+        person: name; it keeps the earlier frames.
+        into: new name of the later frames.
+        from_frame: number of the first later frame.
     """
 
     person: str
@@ -53,17 +53,17 @@ class Split:
 
     @property
     def sentence(self) -> str:
-        """What was done."""
-        return f"{self.person} split, {self.into} from frame {self.from_frame} on"
+        """Description of the edit."""
+        return f"{self.person} split; {self.into} from frame {self.from_frame} on"
 
 
 @dataclass(frozen=True)
 class Rename:
-    """Another name for a person.
+    """Rename a person.
 
     Attributes:
-        person: the old name.
-        to: the new one.
+        person: old name.
+        to: new name.
     """
 
     person: str
@@ -74,18 +74,18 @@ class Rename:
 
     @property
     def sentence(self) -> str:
-        """What was done."""
-        return f"{self.person} renamed {self.to}"
+        """Description of the edit."""
+        return f"{self.person} renamed to {self.to}"
 
 
 @dataclass(frozen=True)
 class Drop:
-    """Somebody is taken out, altogether or in a range of frames.
+    """Remove a person, completely or in a range of frames.
 
     Attributes:
-        person: who; without it everybody, and then a range must be given.
-        from_frame: number of the first frame; without it from the beginning.
-        to_frame: number of the last frame; without it to the end.
+        person: name; None removes everyone and needs a range.
+        from_frame: number of the first frame; None starts at the beginning.
+        to_frame: number of the last frame; None ends at the end.
     """
 
     person: str | None = None
@@ -94,30 +94,30 @@ class Drop:
 
     def __post_init__(self) -> None:
         if self.person is None and self.from_frame is None and self.to_frame is None:
-            raise EditError("drop needs a person, from_frame or to_frame, or several of them.")
+            raise EditError("drop needs at least one of person, from_frame and to_frame.")
         if self.from_frame is not None and self.to_frame is not None and self.to_frame < self.from_frame:
-            raise EditError(f"to_frame ({self.to_frame}) comes before from_frame ({self.from_frame}).")
+            raise EditError(f"to_frame ({self.to_frame}) is before from_frame ({self.from_frame}).")
 
     @property
     def whole(self) -> bool:
-        """Whether all frames are meant."""
+        """Whether the edit covers all frames."""
         return self.from_frame is None and self.to_frame is None
 
     @property
     def sentence(self) -> str:
-        """What was done."""
+        """Description of the edit."""
         first = "" if self.from_frame is None else f" from frame {self.from_frame}"
         last = "" if self.to_frame is None else f" to frame {self.to_frame}"
-        return f"{self.person or 'everybody'} dropped{first}{last}"
+        return f"{self.person or 'everyone'} dropped{first}{last}"
 
 
 @dataclass(frozen=True)
 class Swap:
-    """Two people who exchanged their names somewhere exchange them back.
+    """Swap the names of two people.
 
     Attributes:
-        people: the two names.
-        from_frame: number of the first frame in which they are the wrong way round.
+        people: two names.
+        from_frame: number of the first frame with wrong names.
     """
 
     people: tuple[str, str]
@@ -126,12 +126,12 @@ class Swap:
     def __post_init__(self) -> None:
         object.__setattr__(self, "people", tuple(self.people))
         if len(self.people) != 2 or self.people[0] == self.people[1]:
-            raise EditError(f"people are two different names, got {list(self.people)}.")
+            raise EditError(f"swap needs two different names in people, got {list(self.people)}.")
 
     @property
     def sentence(self) -> str:
-        """What was done."""
-        return f"{self.people[0]} and {self.people[1]} exchanged from frame {self.from_frame} on"
+        """Description of the edit."""
+        return f"{self.people[0]} and {self.people[1]} swapped from frame {self.from_frame} on"
 
 
 Edit = Merge | Split | Rename | Drop | Swap
@@ -139,18 +139,21 @@ EDITS: dict[str, type[Edit]] = {"merge": Merge, "split": Split, "rename": Rename
 
 
 def name_of(edit: Edit) -> str:
-    """What an edit is called in files and messages."""
+    """Return the name of an edit in files and messages."""
     return type(edit).__name__.lower()
 
 
 def check_name(name: str) -> None:
-    """Refuse names that cannot be the stems of files.
+    """Check that a name can be part of a file name.
 
     Raises:
-        EditError: with what is wrong with it.
+        EditError: if it cannot.
     """
     wrong = sorted({character for character in name if character in _NOT_IN_FILE_NAMES or not character.isprintable()})
     if wrong:
-        raise EditError(f"{name!r} cannot name a person: files are called after people, and {wrong[0]!r} is in it.")
+        raise EditError(f"{name!r} cannot be the name of a person: it is part of file names and contains {wrong[0]!r}.")
     if not name or name != name.strip() or name.startswith("."):
-        raise EditError(f"{name!r} cannot name a person: a name begins and ends with a letter or number.")
+        raise EditError(
+            f"{name!r} cannot be the name of a person: names must not be empty, start with a dot, or start or end "
+            "with a space."
+        )

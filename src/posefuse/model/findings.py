@@ -4,23 +4,23 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Kind(StrEnum):
-    """What can be wrong with a recording."""
+class FindingKind(StrEnum):
+    """Enumerate the faults of a recording that the recording check can identify."""
 
-    RIG = "another calibration"
-    ORDER = "camera order"
-    COPY = "copied pose"
-    IMAGE = "image turned or resized"
-    POSE = "camera pose"
-    FOCAL = "focal length"
-    LENS = "lens"
-    LATE = "out of step"
-    DRIFT = "clock drift"
-    DROPPED = "frames dropped"
-    REPEATED = "frames repeated"
-    SIDES = "left and right"
+    WRONG_CALIBRATION = "wrong calibration"
+    CAMERA_ORDER = "camera order"
+    COPIED_POSE = "copied pose"
+    IMAGE_TRANSFORM = "image rotated or resized"
+    CAMERA_POSE = "camera pose"
+    FOCAL_LENGTH = "focal length"
+    LENS_DISTORTION = "lens distortion"
+    TIME_OFFSET = "time offset"
+    CLOCK_DRIFT = "clock drift"
+    DROPPED_FRAMES = "dropped frames"
+    REPEATED_FRAMES = "repeated frames"
+    LEFT_RIGHT_SWAP = "left/right swap"
     CONFIDENCE = "confidence"
-    OVERLAP = "little overlap"
+    LOW_OVERLAP = "low overlap"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Finding:
         remedy: what the user can do about it.
     """
 
-    kind: Kind
+    kind: FindingKind
     cameras: tuple[str, ...]
     frames: tuple[int, int] | None
     size: float

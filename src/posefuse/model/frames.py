@@ -1,4 +1,4 @@
-"""One frame of a recording, as a tracker takes it: the people that every view shows at one time."""
+"""One frame of a recording: the detections of every view at one time."""
 
 import math
 from collections.abc import Sequence
@@ -14,19 +14,19 @@ from posefuse.model.detections import Detections
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Who is seen where in one frame; a row a person in one view, rows ordered by view.
+    """The detections of one frame: one row per detection, rows ordered by view.
 
     Attributes:
         keypoints_px: shape (row, keypoint, 2), NaN where not detected.
         confidence: shape (row, keypoint), NaN where the detector gives none.
-        view: shape (row,), int64: number of the view.
-        track_ids: shape (row,), int64: the detector's own identity in that view, -1 where it has none.
-        time_s: shape (view,): when each view took the frame.
-        recorded: shape (view,), bool: whether the view has the frame at all.
-        number: of the frame in the recording.
+        view: shape (row,), int64: index of the view.
+        track_ids: shape (row,), int64: the detector's identity in that view, -1 without one.
+        time_s: shape (view,): capture time of each view.
+        recorded: shape (view,), bool: whether the view has this frame.
+        number: frame number in the recording.
 
     Raises:
-        DetectionsError: where the arrays do not fit each other or hold infinities.
+        DetectionsError: if the arrays do not match or contain infinities.
     """
 
     keypoints_px: np.ndarray
@@ -46,32 +46,32 @@ class Frame:
         check_shape(DetectionsError, "Frame", "time_s", self.time_s, view=views)
         if rows and not (self.view[0] >= 0 and self.view[-1] < views and (self.view[1:] >= self.view[:-1]).all()):
             raise DetectionsError(
-                f"Frame {self.number}: rows must be ordered by view, views lie from 0 to {views - 1}."
+                f"Frame {self.number}: rows must be ordered by view, and views must be from 0 to {views - 1}."
             )
         if np.isinf(self.keypoints_px).any():
             raise DetectionsError(f"Frame {self.number} holds an infinite pixel. Missing is NaN.")
-        # Always read-only: a kernel would be compiled anew for arrays that can be written.
+        # Always read-only: Numba compiles another specialization for writable arrays.
         object.__setattr__(self, "keypoints_px", frozen(self.keypoints_px))
         object.__setattr__(self, "confidence", frozen(self.confidence))
 
     @cached_property
     def taken_s(self) -> list[float]:
-        """When each view took it, NaN where it did not or nobody knows."""
+        """Capture time of each view in seconds, NaN if not recorded or unknown."""
         views = zip(self.recorded.tolist(), self.time_s.tolist(), strict=True)
         return [time_s if recorded and math.isfinite(time_s) else math.nan for recorded, time_s in views]
 
     @cached_property
     def shown(self) -> np.ndarray:
-        """Shape (view,), int64: how many detections each view has."""
+        """Shape (view,), int64: number of detections per view."""
         return np.bincount(self.view, minlength=len(self.recorded))
 
     @classmethod
     def of(cls, detections: Detections, index: int) -> "Frame":
-        """A frame of a recording, by its place.
+        """Return one frame of a recording.
 
         Args:
             detections: the recording.
-            index: counted from 0.
+            index: index of the frame, from 0.
         """
         views = detections.n_views
         cells = detections.offsets[index * views : (index + 1) * views + 1]
@@ -95,31 +95,31 @@ class Frame:
         track_ids: Sequence[Sequence[int]] | None = None,
         number: int = 0,
     ) -> "Frame":
-        """A frame from what each view's detector gives.
+        """Build a frame from the output of each view's detector.
 
         Args:
-            keypoints_px: by view, shape (person, keypoint, 2); shape (0, keypoint, 2) or an empty list where it shows
-                nobody, None where the view has no such frame: dropped, late for good, or its camera is dead.
-            confidence: by view, shape (person, keypoint); left out where the detector gives none.
-            time_s: of the frame, or of each view; NaN where a view's is not known.
-            track_ids: by view, the detector's own identities, one a person.
-            number: of the frame.
+            keypoints_px: per view, shape (person, keypoint, 2); shape (0, keypoint, 2) or an empty list if it shows no
+                person; None if the view has no such frame (dropped, too late, or its camera failed).
+            confidence: per view, shape (person, keypoint); omit it if the detector gives none.
+            time_s: capture time of the frame, or of each view; NaN if unknown.
+            track_ids: per view, the detector's identities, one per person.
+            number: frame number.
 
         Raises:
-            DetectionsError: where views differ in number or in keypoints, or nothing says when the frame was taken.
+            DetectionsError: if the numbers of views or keypoints differ, or the time is missing.
         """
         recorded = np.array([people is not None for people in keypoints_px], dtype=bool)
         if time_s is None or not len(recorded):
-            lacking = "has no view" if not len(recorded) else "has no time, and how far people move depends on it"
+            lacking = "has no view" if not len(recorded) else "has no time, which the motion model needs"
             raise DetectionsError(
-                f"Frame {number} {lacking}. Frame.of_people takes an array of keypoints for each camera (empty where "
-                "it shows nobody, None where it has no such frame), as many of confidences, and time_s in seconds: one "
-                "number, or one for each camera."
+                f"Frame {number} {lacking}. Frame.of_people takes one array of keypoints per camera (empty if it shows "
+                "no person, None if it has no such frame), optionally as many confidences, and time_s in seconds: one "
+                "number, or one per camera."
             )
         times_s = np.asarray(time_s, dtype=np.float64)
         if times_s.shape not in ((), (len(recorded),)):
             raise DetectionsError(
-                f"Frame {number}: time_s is one number, or one for each of the {len(recorded)} views; got shape "
+                f"Frame {number}: time_s must be one number, or one per view ({len(recorded)}); got shape "
                 f"{times_s.shape}."
             )
         keypoints_px = [np.empty((0, 0, 2)) if people is None else people for people in keypoints_px]
@@ -131,12 +131,12 @@ class Frame:
             raise DetectionsError(
                 f"Frame {number}: keypoints of {len(counts)} views, but confidences of {len(confidence)}"
                 + ("" if track_ids is None else f" and track ids of {len(track_ids)}")
-                + ". Give one array a view, empty where it shows nobody."
+                + ". Give one array per view, empty if it shows no person."
             )
         shapes = [np.shape(people) for people in keypoints_px]
         keypoints = {shape[1] for shape in shapes if len(shape) == 3 and (shape[0] or shape[1])}
         if len(keypoints) > 1:
-            raise DetectionsError(f"Frame {number}: views differ in how many keypoints a person has: {keypoints}.")
+            raise DetectionsError(f"Frame {number}: views differ in the number of keypoints per person: {keypoints}.")
         k = keypoints.pop() if keypoints else 0
         ids = [[-1] * n for n in counts] if track_ids is None else track_ids
         return cls(
@@ -152,6 +152,6 @@ class Frame:
         )
 
     def rows_of(self, view: int) -> np.ndarray:
-        """The rows of one view."""
+        """Return the rows of one view, shape (row,), int64."""
         first, last = np.searchsorted(self.view, [view, view + 1])
         return np.arange(first, last)

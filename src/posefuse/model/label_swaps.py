@@ -1,4 +1,4 @@
-"""Which views took a limb's left for its right."""
+"""Left/right swaps of the detector, per limb and view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from posefuse.errors import ResultError
 
 
 class SwapState(IntEnum):
-    """What a view made of a limb's sides."""
+    """Whether a view swaps the sides of a limb."""
 
     UNKNOWN = -1
     AS_LABELLED = 0
@@ -20,14 +20,14 @@ class SwapState(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Swaps:
-    """The detector's labels of left and right, limb by limb, as the decision on sides found them.
+    """Left/right swaps per frame, person, view and limb, as decided by the side assignment.
 
     Attributes:
-        chains: names of the skeleton's chains; a pair of keypoints in no chain is one of its own.
+        chains: names of the skeleton's chains; a pair outside all chains is a chain of its own.
         state: shape (frame, person, view, chain), int8: :class:`SwapState`.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: if the arrays do not match.
     """
 
     chains: tuple[str, ...]
@@ -40,12 +40,12 @@ class Swaps:
         )
 
     def frames(self, start: int, stop: int) -> "Swaps":
-        """The frames ``start`` to ``stop``, in memory."""
+        """Return the frames ``start`` to ``stop``, in memory."""
         return Swaps(self.chains, np.asarray(self.state[start:stop]))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Swaps"]) -> "Swaps":
-        """Consecutive ranges of frames as one."""
+        """Concatenate consecutive ranges of frames."""
         return cls(parts[0].chains, np.concatenate([part.state[:] for part in parts]))
 
     def __eq__(self, other: object) -> bool:

@@ -1,4 +1,4 @@
-"""Some rows of an array that stays where it is."""
+"""Selected rows of an array that may stay in its file."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from posefuse.arrays import ArraySource, in_memory
 
 
 class ChosenRows:
-    """Rows of an array in a file, read when they are asked for; rows that are near each other in it at once.
+    """Selected rows of an array in a file, read on access; each access reads one contiguous range.
 
     Args:
-        source: the array.
-        rows: shape (row,), int64: which of its rows, nearly in order.
+        source: array.
+        rows: shape (row,), int64: indices of the rows, nearly sorted.
     """
 
     def __init__(self, source: ArraySource, rows: np.ndarray) -> None:
@@ -24,13 +24,13 @@ class ChosenRows:
         return len(self._rows)
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        wanted = self._rows[key]
-        if np.size(wanted) == 0:
+        selected = self._rows[key]
+        if np.size(selected) == 0:
             return np.asarray(self._source[0:0])
-        low = int(np.min(wanted))
-        return np.asarray(self._source[low : int(np.max(wanted)) + 1])[wanted - low]
+        low = int(np.min(selected))
+        return np.asarray(self._source[low : int(np.max(selected)) + 1])[selected - low]
 
 
 def chosen_rows(source: ArraySource, rows: np.ndarray) -> ArraySource:
-    """Some rows of an array: in memory if it is, else read when they are asked for."""
+    """Return selected rows of an array: in memory if the array is, otherwise read on access."""
     return np.asarray(source)[rows] if in_memory(source) else ChosenRows(source, rows)

@@ -5,12 +5,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen, same
+from posefuse.arrays import PickledByFields, frozen, same
 from posefuse.errors import OptionsError
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseModel(Rebuilt):
+class NoiseModel(PickledByFields):
     """The standard deviation of a detection, per axis: ``scale_px / confidence^exponent``.
 
     Attributes:

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from posefuse.arrays import ArraySource, Stretch, check_shape, frozen, ranges, same
+from posefuse.arrays import ArrayRange, ArraySource, check_shape, frozen, ranges, same
 from posefuse.errors import ResultError, choices
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
@@ -205,7 +205,7 @@ class Reconstruction:
             return np.zeros((self.n_frames, len(self.rig)), dtype=bool)
         steps = np.diff(self.time_s)
         period = 1.0 / self.rate_hz if self.rate_hz else float(np.nanmedian(steps)) if len(steps) else np.nan
-        return self.options.sync.retimed(self.rig.names, self.time_s, period)
+        return self.options.sync.time_shifted(self.rig.names, self.time_s, period)
 
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
         """The named layer, or the most processed one present.
@@ -289,5 +289,5 @@ _Noun = TypeVar("_Noun", Layer, Tracks, Swaps)
 def _stretch(noun: _Noun, start: int, stop: int) -> _Noun:
     """Some frames of a noun, each array read when it is first asked for."""
     arrays = {each.name: getattr(noun, each.name) for each in fields(noun)}
-    cut = {name: Stretch(a, start, stop) for name, a in arrays.items() if not isinstance(a, tuple)}
+    cut = {name: ArrayRange(a, start, stop) for name, a in arrays.items() if not isinstance(a, tuple)}
     return replace(noun, **cut)

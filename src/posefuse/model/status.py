@@ -1,4 +1,4 @@
-"""What became of a point, and of each view's part in it, in names and sentences."""
+"""Statuses of points and views, with names and sentences."""
 
 from enum import IntEnum
 
@@ -30,7 +30,7 @@ class PointStatus(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files carry."""
+        """Name of the status in files."""
         return self.name.lower()
 
     @property
@@ -40,12 +40,12 @@ class PointStatus(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What it means."""
+        """Meaning in a phrase."""
         return _POINT_SENTENCES[self]
 
 
 class ViewStatus(IntEnum):
-    """What a view contributed to a point, or why nothing."""
+    """The contribution of a view to a point, or why it has none."""
 
     USED = status_codes.VIEW_USED
     UNSEEN = status_codes.VIEW_UNSEEN
@@ -59,17 +59,17 @@ class ViewStatus(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files carry."""
+        """Name of the status in files."""
         return self.name.lower()
 
     @property
     def sentence(self) -> str:
-        """What it means."""
+        """Meaning in a phrase."""
         return _VIEW_SENTENCES[self]
 
 
 class Source(IntEnum):
-    """How the coordinates of a point came about."""
+    """How the coordinates of a point were computed."""
 
     NONE = 0
     MEASURED = 1
@@ -81,12 +81,12 @@ class Source(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files carry; empty for a missing point."""
+        """Name of the source in files; empty for a missing point."""
         return "" if self is Source.NONE else self.name.lower()
 
     @property
     def sentence(self) -> str:
-        """What it means."""
+        """Meaning in a phrase."""
         return _SOURCE_SENTENCES[self]
 
 
@@ -94,38 +94,38 @@ USED_CODES = (ViewStatus.USED, ViewStatus.USED_SWAPPED)
 
 
 def is_used(view_status: np.ndarray) -> np.ndarray:
-    """Where a point rests on the view: by its own label, or by that of the other side."""
+    """Return where a point uses the view, with its own label or that of the other side."""
     return np.isin(view_status, USED_CODES)
 
 
 _POINT_SENTENCES = {
     PointStatus.OK: "measured from at least three views",
-    PointStatus.TWO_VIEWS: "measured from two views: nothing to check them against",
-    PointStatus.WEAK_GEOMETRY: "measured, but the rays are so nearly parallel that the depth is poorly known",
-    PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better",
+    PointStatus.TWO_VIEWS: "measured from two views, without a third view to check them",
+    PointStatus.WEAK_GEOMETRY: "measured, but the rays are nearly parallel and the depth is uncertain",
+    PointStatus.AMBIGUOUS: "two solutions explain the views about equally well; this is the better one",
     PointStatus.SINGLE_VIEW: "from one camera, in its image plane: not a position in the world",
-    PointStatus.HELD: "seen by one camera: held in depth by the time before and after and by bones",
-    PointStatus.FILLED: "not measured: filled from the time before and after, or from bones",
+    PointStatus.HELD: "seen by one camera; neighboring frames and bone lengths determine the depth",
+    PointStatus.FILLED: "not measured; filled from neighboring frames or bone lengths",
     PointStatus.NOT_SEEN: "no valid detection",
     PointStatus.TOO_FEW_VIEWS: "fewer valid views than min_views",
-    PointStatus.DEGENERATE: "the rays do not fix a point",
+    PointStatus.DEGENERATE: "the rays do not determine a point",
     PointStatus.BEHIND_CAMERA: "the rays meet behind a camera",
-    PointStatus.NO_CONVERGENCE: "the refinement did not settle",
+    PointStatus.NO_CONVERGENCE: "the refinement did not converge",
     PointStatus.OUTLIER: "the views contradict each other",
-    PointStatus.ABSENT: "the person is not there",
-    PointStatus.UNDECIDED: "two places far apart explain the views equally well",
-    PointStatus.NOT_FOLLOWED: "of a hand or face that is not followed just then, or of no body",
-    PointStatus.UNCERTAIN: "known too badly to be given",
+    PointStatus.ABSENT: "the person is absent",
+    PointStatus.UNDECIDED: "two distant positions explain the views equally well",
+    PointStatus.NOT_FOLLOWED: "part of a hand or face that is not tracked, or of no body",
+    PointStatus.UNCERTAIN: "too uncertain to be reported",
 }
 
 _SOURCE_SENTENCES = {
     Source.NONE: "missing",
-    Source.MEASURED: "from the views of its own frame",
-    Source.FILLED: "nothing was measured there: put in from what is before and after",
+    Source.MEASURED: "from the views of the frame",
+    Source.FILLED: "not measured; filled from neighboring frames",
     Source.SMOOTHED: "measured, then moved by a filter or onto a rigid bone",
     Source.TRAJECTORY: "from the views of all frames together",
-    Source.MODELLED: "of a fitted body",
-    Source.TRUTH: "known",
+    Source.MODELLED: "from the fitted body model",
+    Source.TRUTH: "ground truth",
 }
 
 _VIEW_SENTENCES = {
@@ -134,8 +134,8 @@ _VIEW_SENTENCES = {
     ViewStatus.LOW_CONFIDENCE: "detected, but below min_confidence",
     ViewStatus.BEYOND_LENS: "outside the part of the image the lens model describes",
     ViewStatus.OUTLIER: "contradicts the other views",
-    ViewStatus.BEHIND_CAMERA: "the point would lie behind this camera",
+    ViewStatus.BEHIND_CAMERA: "the point would be behind this camera",
     ViewStatus.NOT_RECORDED: "the view has no such frame",
     ViewStatus.NOT_USED: "valid, but the point was not solved",
-    ViewStatus.USED_SWAPPED: "used: what the detector took for the other side",
+    ViewStatus.USED_SWAPPED: "used with left and right exchanged",
 }

@@ -1,4 +1,4 @@
-"""3D points of people as some program's file holds them: less than a reconstruction."""
+"""3D points of one layer, as files of other programs hold them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,16 +13,16 @@ from posefuse.model.reconstruction import Reconstruction
 
 @dataclass(frozen=True, eq=False)
 class StoredPoints:
-    """One layer of 3D points, in the axes and the world of the file. What a file does not tell is None.
+    """One layer of 3D points, in the axes and the world of the file. Absent information is None.
 
     Attributes:
-        keypoints: names, in the order of every keypoint axis.
-        person_ids: names, in the order of every person axis.
-        frame_numbers: shape (frame,), int64; counted from 0 where the file does not number its frames.
-        time_s: shape (frame,), NaN where unknown.
+        keypoints: names, in the order of the keypoint axes.
+        person_ids: names, in the order of the person axes.
+        frame_numbers: shape (frame,), int64; from 0 if the file has no frame numbers.
+        time_s: shape (frame,), NaN if unknown.
         points_m: shape (frame, person, keypoint, 3), NaN where missing; in ``unit``.
-        unit: ``m``; ``px`` for one flattened camera; empty where the file does not tell.
-        layer: ``measured``, ``solved`` or ``model``; empty where the file does not tell.
+        unit: ``m``; ``px`` for one flattened camera; empty if unknown.
+        layer: ``measured``, ``solved`` or ``model``; empty if unknown.
         rate_hz: frames per second.
         covariance_m2: shape (frame, person, keypoint, 6): xx, xy, xz, yy, yz, zz.
         sd_m: shape (frame, person, keypoint, 3): standard deviations along the axes.
@@ -30,12 +30,12 @@ class StoredPoints:
         source: shape (frame, person, keypoint), int8: :class:`posefuse.Source`.
         n_views: shape (frame, person, keypoint), int64: views used.
         reprojection_error_px: shape (frame, person, keypoint): mean over the used views.
-        view_names: of the view axis.
+        view_names: names of the view axis.
         view_status: shape (frame, person, keypoint, view), int8: :class:`posefuse.ViewStatus`.
         view_error_px: shape (frame, person, keypoint, view), float32.
 
     Raises:
-        ResultError: where the parts do not fit each other.
+        ResultError: if the arrays do not match.
     """
 
     keypoints: tuple[str, ...]
@@ -63,7 +63,7 @@ class StoredPoints:
         frames, people, keypoints = len(self.frame_numbers), len(self.person_ids), len(self.keypoints)
         for owner, names in (("keypoints", self.keypoints), ("people", self.person_ids)):
             if len(set(names)) != len(names):
-                raise ResultError(f"StoredPoints: the names of {owner} repeat: {list(names)[:20]}.")
+                raise ResultError(f"StoredPoints: names of {owner} are repeated: {list(names)[:20]}.")
         points: dict[str, int | None] = {"frame": frames, "person": people, "keypoint": keypoints}
         views: dict[str, int | None] = {"view": len(self.view_names or ())}
         axes = dict.fromkeys(_KINDS, points)
@@ -101,19 +101,19 @@ _KINDS = {
     "view_status": np.int8,
     "view_error_px": np.float32,
 }
-"""The arrays, and what numbers they hold."""
+"""Array fields with their dtypes."""
 
 
 def stored_points(result: Reconstruction, layer: LayerName, people: Sequence[str] | None = None) -> StoredPoints:
-    """One layer of a reconstruction, with all that files may carry of it.
+    """Return one layer of a reconstruction with everything that files can hold.
 
     Args:
-        result: of which.
-        layer: which.
-        people: whose, by default everybody's.
+        result: reconstruction.
+        layer: layer name.
+        people: names of the people; default: all.
 
     Raises:
-        ResultError: if there is no such layer.
+        ResultError: if the layer does not exist.
     """
     _, found = result.best_layer(layer)
     wanted = result.person_ids if people is None else tuple(people)

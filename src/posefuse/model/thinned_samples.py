@@ -1,18 +1,18 @@
-"""Numbers of every frame, of a recording of any length: a distribution is told as well by every other frame."""
+"""Per-frame values of recordings of any length, thinned evenly to bounded memory."""
 
 import numpy as np
 
 HELD_BYTES = 64_000_000
-"""Of one table; of what is more, every other frame is left out, again and again."""
+"""Default limit of one table; beyond it every other frame is dropped, repeatedly."""
 
 
 class Thinned:
-    """Takes numbers of consecutive ranges of frames, and keeps those of every n-th frame: of a short recording all.
+    """Collect values of consecutive ranges of frames and keep those of every n-th frame.
 
-    What is kept depends on the frames alone, not on the ranges in which they come.
+    The kept frames do not depend on the ranges. Short recordings are kept completely.
 
     Args:
-        held_bytes: to be kept at most.
+        held_bytes: limit in bytes.
     """
 
     def __init__(self, held_bytes: int = HELD_BYTES) -> None:
@@ -22,8 +22,8 @@ class Thinned:
         self._kept: list[np.ndarray] = []
 
     def add(self, values: np.ndarray) -> None:
-        """The numbers of more frames, shape (frame, ...)."""
-        # A copy: a view would hold all of what it is of.
+        """Add the values of the next frames, shape (frame, ...)."""
+        # A copy: a view would keep the whole array in memory.
         self._kept.append(values[(-self._seen) % self._stride :: self._stride].copy())
         self._seen += len(values)
         while sum(each.nbytes for each in self._kept) > self._held_bytes and self._stride < self._seen:
@@ -32,10 +32,10 @@ class Thinned:
 
     @property
     def values(self) -> np.ndarray:
-        """Shape (frame kept, ...).
+        """Kept values, shape (frame, ...).
 
         Raises:
-            ValueError: before anything was added.
+            ValueError: if nothing was added.
         """
         if len(self._kept) != 1:
             self._kept = [np.concatenate(self._kept)]

@@ -1,10 +1,10 @@
-"""What cameras and views are called, in files that spell it differently."""
+"""Matching of camera and view names with different spellings."""
 
 import re
 
 
 def plain_name(name: str) -> str:
-    """A camera or view name without case, punctuation and the endings that keypoint folders add."""
+    """Return a name in lower case, without punctuation and without the endings of keypoint folders."""
     plain = "".join(character for character in name.lower() if character.isalnum())
     for ending in ("keypoints", "json", "keypoints"):
         plain = plain.removesuffix(ending)
@@ -12,7 +12,7 @@ def plain_name(name: str) -> str:
 
 
 def has_name(view: str, camera: str) -> bool:
-    """Whether a camera's name is one of the words of a view's name, with or without ``cam`` before it."""
+    """Return whether a camera's name is a word of the view's name, with or without the prefix ``cam``."""
     plain = plain_name(camera)
     words = {word for word in re.split(r"[^a-z0-9]+", view.lower()) if word}
     return plain in words or f"cam{plain}" in words

@@ -88,12 +88,12 @@ def _compare(points: LeaveOneOutPoints, flat_px: np.ndarray, exponent: float) ->
     with np.errstate(divide="ignore"):
         sigma = flat_px / points.confidence**exponent
     fit = points.points.fit(sigma, points.used)
-    left_out, inverse = fit.left_out()
+    left_out, inverse = fit.leave_one_out()
     others = fit.used.sum(axis=1, keepdims=True) - fit.used
     comparable = np.isfinite(sigma) & np.isfinite(points.points.residuals_px[..., 0]) & (others >= _MIN_OTHER_VIEWS)
     share, axes = np.linalg.eigh(inverse[comparable])
     difference = (np.swapaxes(axes, -1, -2) @ left_out[comparable][..., None])[..., 0]
-    expected = np.maximum(1.0 / np.maximum(share, 1e-9) - 1.0, 0.0) * fit.squared.sum() / fit.freedom.sum()
+    expected = np.maximum(1.0 / np.maximum(share, 1e-9) - 1.0, 0.0) * fit.squared.sum() / fit.degrees_of_freedom.sum()
     valid = expected.max(axis=-1, initial=0.0) < _MAX_PREDICTED_VARIANCE
     return _Compared(np.square(difference)[valid], expected[valid], np.log(sigma[comparable][valid]))
 

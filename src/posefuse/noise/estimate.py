@@ -8,7 +8,8 @@ import numpy as np
 from posefuse.errors import DetectionsError, OptionsError, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.noise import scales
 from posefuse.noise.leave_one_out import leave_one_out_points

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.triangulation.linearized import LinearFit, times_2
+from posefuse.triangulation.linearized import LinearFit, multiply_2x2
 
 _MAX_ROUNDS = 150
 _TOLERANCE = 2e-4
@@ -43,16 +43,16 @@ def fit_mixture(fit: LinearFit, start: Mixture | None = None) -> Mixture:
         fit: points with two views or more, with all used observations treated as inliers.
         start: the mixture of nearly the same fit, scaled to 1, to start from.
     """
-    left_out, inverse = fit.left_out()
+    left_out, inverse = fit.leave_one_out()
     with np.errstate(divide="ignore"):
         distance = np.log(np.linalg.norm(left_out, axis=-1) / _NEAREST)
     # Decrease of a point's sum of squares if the view is left out.
-    gain = (left_out * times_2(inverse, left_out)).sum(axis=-1)
+    gain = (left_out * multiply_2x2(inverse, left_out)).sum(axis=-1)
     determinant = inverse[..., 0, 0] * inverse[..., 1, 1] - inverse[..., 0, 1] ** 2
     root = np.sqrt(np.maximum(determinant, 1e-9))
     views = fit.used.sum(axis=1)
     removable = fit.used & (views > 2)[:, None]
-    squared, freedom = fit.squared, fit.freedom
+    squared, freedom = fit.squared, fit.degrees_of_freedom
     scale = 1.0 if start else 0.5 * float(np.sqrt(squared.sum() / freedom.sum()))
     inlier_share = float(start.all_inliers.mean()) if start else 0.8
     distances = start.distances if start else np.full(_BINS, 1.0 / _BINS)

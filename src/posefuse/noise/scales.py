@@ -111,7 +111,7 @@ def residual_spread(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseMo
     """
     found = leave_one_out_points(rig, sample, layer, noise)
     fit = found.points.fit(found.sigma_px, found.used)
-    freedom = fit.freedom.sum()
+    freedom = fit.degrees_of_freedom.sum()
     return float(np.sqrt(fit.squared.sum() / freedom)) if freedom > _MIN_POINTS else 1.0
 
 

@@ -7,7 +7,7 @@ from time import process_time
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import Truth
 from posefuse.evaluation.comparison import Comparison, MethodNumbers, method_numbers
-from posefuse.evaluation.together import PeoplePoints
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.model.cameras import CameraRig
 from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.detections import Detections
@@ -43,7 +43,7 @@ def compare_methods(
     Args:
         rig: calibrated cameras, as of :func:`reconstruct`.
         detections: 2D keypoints.
-        methods: names from :data:`posefuse.model.options.options.METHODS`.
+        methods: names from :data:`posefuse.model.options.triangulation.METHODS`.
         options: options of all methods; the method they name is ignored. Left and right labels are used as they are
             unless the options set ``pairs``.
         truth_of: returns the known positions of a result's frames, where they are known.

@@ -7,9 +7,9 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.skeleton.skeletons import Skeleton
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import find_method
 
 _MIN_TRAJECTORY_S = 10.0
 _CHUNK_BYTES, _BYTES_PER_KEYPOINT, _MIN_CHUNK_FRAMES = 600_000_000, 130, 256
@@ -123,7 +123,7 @@ def resolve_method(options: Options, facts: RecordingFacts, n_cameras: int) -> t
 def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
     """Fill in the method's own ``min_views``, and lower it, with a warning, to the number of cameras."""
     triangulation = options.triangulation
-    requested = triangulation.min_views or load_method(triangulation.method).DEFAULT_MIN_VIEWS
+    requested = triangulation.min_views or find_method(triangulation.method).default_min_views
     resolved = max(2, min(requested, n_cameras))
     notes: tuple[str, ...] = ()
     if resolved < requested and n_cameras > 1:
@@ -135,11 +135,11 @@ def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[
 def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
     """Fill in how left/right pairs of keypoints are solved.
 
-    A method other than the default is chosen for what it does with the labels as they are. People tracked without a
+    Methods that do not support left/right pairs use the labels as they are. People tracked without a
     smoother are what a live stream gives, while sides are decided with later frames, which a stream does not have.
     """
     causal = options.people == "many" and options.tracker.smoother == "none"
-    as_labeled = causal or options.triangulation.method != TriangulationOptions().method
+    as_labeled = causal or not find_method(options.triangulation.method).supports_left_right
     pairs = options.pairs or ("labels" if as_labeled else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 
@@ -148,8 +148,7 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
     """Resolve ``solve = "auto"``: frame by frame, or all frames together.
 
     All together for one subject and at least ten seconds, from which motion and bones can be estimated. Tracked people
-    have fitted bodies, which are smooth already. A method other than the default is chosen for its result in each
-    frame.
+    have fitted bodies, which are smooth already. The triangulation method must support it.
 
     Raises:
         DetectionsError: if a solve over time is requested and frame times are unknown.
@@ -164,7 +163,7 @@ def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Op
         )
     if options.solve != "auto":
         return options
-    default_method = options.triangulation.method == TriangulationOptions().method
+    over_time = find_method(options.triangulation.method).supports_trajectory
     long_enough = facts.duration_s >= _MIN_TRAJECTORY_S
-    together = options.people == "one" and n_cameras > 1 and default_method and long_enough
+    together = options.people == "one" and n_cameras > 1 and over_time and long_enough
     return replace(options, solve="trajectory" if together else "frame")

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from posefuse.diagnostics import recording
+from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
@@ -25,7 +25,7 @@ def check_recording(plan: Plan) -> Plan:
     """Return the plan with the findings of a short recording check; one camera cannot be checked."""
     if len(plan.rig) == 1:
         return plan
-    return replace(plan, findings=recording.check(plan.rig, plan.detections, plan.subjects, SHORT))
+    return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
 
 
 def inspect_health(
@@ -58,7 +58,7 @@ def inspect_health(
         rig, detections = opened.rig, opened.detections
     elif detections is None:
         raise DetectionsError("inspect_health needs detections beside the rig, or the folder of a recording.")
-    return recording.check(*_with_subjects(rig, detections, options, progress), DEEP)
+    return recording_check.find_faults(*_with_subjects(rig, detections, options, progress), DEEP)
 
 
 def measure_sync(
@@ -67,7 +67,7 @@ def measure_sync(
     options: Options | None = None,
     *,
     reference: str | None = None,
-    reach_s: float = DEEP.reach_s,
+    reach_s: float = DEEP.max_offset_s,
     progress: Progress | None = None,
 ) -> tuple[tuple[ViewTiming, ...], SyncOptions]:
     """Measure the time offset of each view from the detections.
@@ -88,16 +88,16 @@ def measure_sync(
         DetectionsError: if the views agree too little to measure offsets, or frame times are unknown.
     """
     subjects = _with_subjects(rig, detections, options or Options(), progress or Silent())
-    effort = replace(DEEP, reach_s=reach_s)
-    examination, timings = recording.timing(*subjects, effort, reference)
+    effort = replace(DEEP, max_offset_s=reach_s)
+    examination, timings = recording_check.measure_timing(*subjects, effort, reference)
     if timings is None:
         raise DetectionsError(
             "The views agree too little to measure their time offsets. posefuse inspect RECORDING --deep shows what is "
             "wrong with them."
         )
-    if not examination.evidence.timed:
+    if not examination.observations.rate_known:
         raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
-    return timings, recording.sync_of(timings)
+    return timings, recording_check.sync_options(timings)
 
 
 def _with_subjects(

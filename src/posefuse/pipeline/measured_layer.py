@@ -21,7 +21,7 @@ from posefuse.pipeline.plan import Plan, empty_result
 from posefuse.pipeline.solved_layer import LayerSolver
 from posefuse.progress import Progress, report_ranges
 from posefuse.triangulation import single_view
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import find_method
 
 _CONTEXT_S = 5.0
 _MAX_CONTEXT_FRAMES = 1024
@@ -191,7 +191,7 @@ def measure_layer(plan: Plan, detections: Detections, tracks: Tracks) -> tuple[L
         return single_view.solve(detections, tracks, noise, options.triangulation), None
     swaps = None
     if options.pairs == "labels":
-        method = load_method(options.triangulation.method)
+        method = find_method(options.triangulation.method)
         layer = method.solve(rig, detections, tracks, noise, options.triangulation)
     else:
         layer, swaps = relabel.solve(rig, detections, tracks, noise, options)

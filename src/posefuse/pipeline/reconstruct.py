@@ -38,7 +38,7 @@ from posefuse.preprocess.match_cameras import match_views
 from posefuse.preprocess.timeline import align_views
 from posefuse.preprocess.weights import weight_by_sigma
 from posefuse.progress import Progress, Silent
-from posefuse.triangulation.registry import load_method
+from posefuse.triangulation.registry import find_method
 
 
 def reconstruct(
@@ -183,12 +183,12 @@ def _with_resolved_method(plan: Plan, options: Options, facts: RecordingFacts) -
 
 def _with_fitted_method(plan: Plan) -> Plan:
     """Let a method that needs the whole recording first, such as ``percentile_filter``, read it."""
-    fit = getattr(load_method(plan.options.triangulation.method), "settle", None)
-    if fit is None or len(plan.rig) == 1:
+    method = find_method(plan.options.triangulation.method)
+    if method.prepare is None or len(plan.rig) == 1:
         return plan
     spans = ranges(plan.detections.n_frames, CHUNK_FRAMES)
     pieces = ((plan.detections.frames(*span), plan.subjects.tracks(*span)) for span in spans)
-    triangulation, notes = fit(plan.rig, pieces, plan.noise, plan.options.triangulation)
+    triangulation, notes = method.prepare(plan.rig, pieces, plan.noise, plan.options.triangulation)
     options = replace(plan.options, triangulation=triangulation)
     return replace(plan, options=options, provenance=plan.provenance.with_notes(notes))
 

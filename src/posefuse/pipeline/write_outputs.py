@@ -6,10 +6,10 @@ from pathlib import Path
 
 from posefuse.biomechanics.tables import angles_of, tables_of
 from posefuse.errors import OptionsError, suggestion
-from posefuse.evaluation.filtering import error_profile
+from posefuse.evaluation.error_profile import error_profile
 from posefuse.io.results.figures import write_figures
 from posefuse.io.results.open_result import open_result
-from posefuse.io.results.write import ALSO, people_with_frames, write_also, write_folder
+from posefuse.io.results.write import additional_names, people_with_frames, write_also, write_folder
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.measured_layer import reconstruct_chunks
@@ -17,8 +17,8 @@ from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import with_method
 from posefuse.progress import Progress
 from posefuse.report.html import render_report
-from posefuse.report.percentile_filter import filter_picture
-from posefuse.triangulation import percentile_filter
+from posefuse.report.percentile_filter import percentile_filter_figure
+from posefuse.triangulation.registry import find_method
 
 REPORT = "report.html"
 FILTER_FIGURE = "debug/percentile_filter.png"
@@ -53,9 +53,12 @@ def require_formats(also: Sequence[str]) -> None:
     Raises:
         OptionsError: if a format cannot be written beside a result.
     """
+    offered = additional_names() if also else {}
     for name in also:
-        if name not in ALSO:
-            raise OptionsError(f"--also {name}: no such format beside a result. {suggestion(name, ALSO)}")
+        if name not in offered:
+            raise OptionsError(
+                f"--also {name}: there is no additional format of this name. {suggestion(name, offered)}"
+            )
 
 
 def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -70,7 +73,8 @@ def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], t
 def has_debug_figures(plan: Plan) -> bool:
     """Return whether the method has figures that show what it did."""
     triangulation = plan.options.triangulation
-    return triangulation.method == "percentile_filter" and percentile_filter.runs(plan.rig, triangulation)
+    figure = find_method(triangulation.method).debug_figure
+    return figure is not None and figure.applies(plan.rig, triangulation)
 
 
 def write_debug_figures(plan: Plan, result: Reconstruction, folder: Path, progress: Progress) -> tuple[str, ...]:
@@ -78,7 +82,7 @@ def write_debug_figures(plan: Plan, result: Reconstruction, folder: Path, progre
     if not has_debug_figures(plan):
         return ()
     before = error_profile(reconstruct_chunks(with_method(plan, "simple"), progress))
-    picture = filter_picture(before, error_profile(result.chunks()), result)
+    picture = percentile_filter_figure(before, error_profile(result.chunks()), result)
     (folder / FILTER_FIGURE).parent.mkdir()
     (folder / FILTER_FIGURE).write_bytes(picture.png)
     return (FILTER_FIGURE,)

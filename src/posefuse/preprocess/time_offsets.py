@@ -57,7 +57,7 @@ def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOpti
     for v in range(stated.shape[1]):
         stated[:, v] = with_lacking_times(stated[:, v], everything.frame_numbers)
     common = np.nanmean(stated, axis=1)
-    true = np.stack([stated[:, v] + sync.late(name, stated[:, v]) for v, name in enumerate(cameras)], axis=1)
+    true = np.stack([stated[:, v] + sync.offset_at(name, stated[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
     notes = tuple(
         _note(name, true[:, v] - stated[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras

@@ -1,4 +1,4 @@
-"""A batch of recordings as one table: CSV, and an HTML page that needs no network."""
+"""Overview of a batch of recordings: a CSV table and an HTML page without network access."""
 
 import csv
 import io
@@ -10,12 +10,15 @@ from urllib.parse import quote
 from posefuse.model.batch import JobResult, ResultStatistics
 
 _COLUMNS = ("recording", "outcome", *ResultStatistics.__dataclass_fields__, "warnings", "why")
-_NONE = ("failed", "not done")
-_HEADS = ("Recording", "Outcome", "Frames", "s", "Cameras", "People", "Points", "Median px", "90 % px", "Typical sd mm")
+_NO_RESULT = ("failed", "not done")
+_HEADINGS = (
+    "Recording", "Outcome", "Frames", "Duration, s", "Cameras", "People", "Points", "Median error, px",
+    "90th percentile, px", "Median SD, mm",
+)  # fmt: skip
 
 
 def batch_csv(outcomes: Sequence[JobResult]) -> str:
-    """A row a recording; what is not known is empty."""
+    """Return the table as CSV text, one row per recording; unknown values are empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
@@ -31,19 +34,19 @@ def batch_csv(outcomes: Sequence[JobResult]) -> str:
 
 
 def batch_page(outcomes: Sequence[JobResult]) -> str:
-    """The page: what failed and why, then all recordings with a link to each report."""
-    failed = [each for each in outcomes if each.state in _NONE]
-    there = len(outcomes) - len(failed)
+    """Return the page as HTML: failures with their reasons, then all recordings with links to their reports."""
+    failed = [each for each in outcomes if each.state in _NO_RESULT]
+    n_done = len(outcomes) - len(failed)
     css = files("posefuse.report").joinpath("assets", "report.css").read_text("utf-8")
-    head = "".join(f"<th>{escape(name)}</th>" for name in _HEADS)
+    head = "".join(f"<th>{escape(name)}</th>" for name in _HEADINGS)
     rows = "".join(_row(each) for each in outcomes)
-    whys = "".join(f"<tr><th>{escape(each.name)}</th><td>{escape(each.why)}</td></tr>" for each in failed)
-    faults = f"<h2>Not reconstructed</h2><table>{whys}</table>" if failed else ""
+    reasons = "".join(f"<tr><th>{escape(each.name)}</th><td>{escape(each.why)}</td></tr>" for each in failed)
+    failures = f"<h2>Not reconstructed</h2><table>{reasons}</table>" if failed else ""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>posefuse: {len(outcomes)} recordings</title><style>{css}</style>"
-        f"<h1>{len(outcomes)} recordings</h1><p>{there} reconstructed, {len(failed)} not.</p>{faults}"
+        f"<h1>{len(outcomes)} recordings</h1><p>{n_done} reconstructed, {len(failed)} not.</p>{failures}"
         f'<h2>Recordings</h2><div class="wide"><table><tr>{head}</tr>{rows}</table></div></html>\n'
     )
 
@@ -51,23 +54,26 @@ def batch_page(outcomes: Sequence[JobResult]) -> str:
 def _row(each: JobResult) -> str:
     name = escape(each.name)
     if each.statistics is None:
-        cells = [name, _outcome(each), *[""] * (len(_HEADS) - 2)]
+        cells = [name, _outcome(each), *[""] * (len(_HEADINGS) - 2)]
     else:
         n = each.statistics
         share = None if n.points_share is None else 100.0 * n.points_share
         cells = [
-            f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames), _shown(n.seconds, 1),
-            str(n.cameras), str(n.people), _shown(share, 1, " %"), _shown(n.median_px, 2), _shown(n.p90_px, 2),
-            _shown(n.sd_mm, 1),
+            f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames),
+            _format(n.seconds, 1), str(n.cameras), str(n.people), _format(share, 1, " %"), _format(n.median_px, 2),
+            _format(n.p90_px, 2), _format(n.sd_mm, 1),
         ]  # fmt: skip
     notes = "".join(f'<br><span class="hint">{escape(warning)}</span>' for warning in each.warnings)
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"
 
 
 def _outcome(each: JobResult) -> str:
-    """Files do not say whether a result was made now or before: that would make them differ for no reason."""
-    return each.state if each.state in _NONE else "reconstructed"
+    """Return the outcome as files state it.
+
+    It does not distinguish new results from earlier ones, so that repeated runs write the same files.
+    """
+    return each.state if each.state in _NO_RESULT else "reconstructed"
 
 
-def _shown(value: float | None, digits: int, unit: str = "") -> str:
+def _format(value: float | None, digits: int, unit: str = "") -> str:
     return "–" if value is None else f"{value:.{digits}f}{unit}"

@@ -1,4 +1,4 @@
-"""The bars: errors and shares of cameras, errors of keypoints."""
+"""Data of the report's bar charts: errors and detection shares by camera, errors by keypoint."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +20,7 @@ _VIEW_CODES = (
 
 
 def chart_data(result: Reconstruction, summary: Summary) -> dict[str, Any]:
-    """The numbers the bars are drawn from."""
+    """Return the numbers of the bar charts as JSON data of the report page."""
     observations = summary.view_status_counts.sum(axis=1, keepdims=True)
     shares = summary.view_status_counts / np.maximum(observations, 1)
     order = list(ViewStatus)
@@ -28,25 +28,25 @@ def chart_data(result: Reconstruction, summary: Summary) -> dict[str, Any]:
     others = 1.0 - sum(shares[:, order.index(code)] for code in _VIEW_CODES)
     return {
         "views": list(result.rig.names),
-        "view_median": _numbers([spread.median for spread in summary.error_px_by_view]),
-        "view_p90": _numbers([spread.p90 for spread in summary.error_px_by_view]),
+        "view_median": _numbers([distribution.median for distribution in summary.error_px_by_view]),
+        "view_p90": _numbers([distribution.p90 for distribution in summary.error_px_by_view]),
         "view_shares": named | {"other": np.maximum(others, 0.0).round(5).tolist()},
         "keypoints": list(result.skeleton.keypoints),
-        "keypoint_median": _numbers([spread.median for spread in summary.error_px_by_keypoint]),
-        "keypoint_p90": _numbers([spread.p90 for spread in summary.error_px_by_keypoint]),
+        "keypoint_median": _numbers([distribution.median for distribution in summary.error_px_by_keypoint]),
+        "keypoint_p90": _numbers([distribution.p90 for distribution in summary.error_px_by_keypoint]),
         "keypoint_groups": keypoint_groups(result.skeleton),
         "keypoint_missing": summary.missing_by_keypoint.round(5).tolist(),
     }
 
 
 def keypoint_groups(skeleton: Skeleton) -> list[list[Any]]:
-    """Names of the body and of its hands and faces, each with the places of its keypoints; a keypoint is in one."""
+    """Return the body and its parts (hands, face), each with its name and keypoint indices; groups do not overlap."""
     taken: set[int] = set()
     groups: list[list[Any]] = []
     for part in skeleton.parts:
-        mine = [int(k) for k in part.keypoints if int(k) not in taken]
-        groups.append([part.name.replace("_", " "), mine])
-        taken.update(mine)
+        keypoints = [int(k) for k in part.keypoints if int(k) not in taken]
+        groups.append([part.name.replace("_", " "), keypoints])
+        taken.update(keypoints)
     rest = [k for k in range(len(skeleton)) if k not in taken]
     return [["body", rest], *groups] if rest else groups
 

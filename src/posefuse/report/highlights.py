@@ -1,209 +1,222 @@
-"""What to look at first: findings of the health check, and what stands out of the numbers, each with its frame."""
+"""Highlights of a report: findings of the recording check, and numbers that stand out, each linked to its frame."""
 
 from html import escape
 
 import numpy as np
 
-from posefuse.diagnostics.findings import HEALTH
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
-from posefuse.report.cells import REJECTED, USED, Cells
-from posefuse.report.series import Gap, Series
+from posefuse.report.heat_map import REJECTED, USED, HeatMap
+from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
 
-_STANDS_OUT = 1.5
-"""A camera or keypoint whose error is this many times the usual is named."""
-_MUCH_REJECTED = 0.15
-_MUCH_SWAPPED = 0.1
-_LITTLE_USED = 0.7
-"""A camera that is used less than this share of the usual is named."""
-_TELLING = ("camera refused", "camera silent", "identity uncertain", "identities exchanged")
-_MOST_EVENTS = 6
-_FEW_VIEWS = 0.2
+_FINDING_PREFIX = "Health: "
+"""Prefix of findings among the notes of results of version 0.1."""
+_HIGH_ERROR_RATIO = 1.5
+"""List a camera or keypoint whose error exceeds the median of all by this factor."""
+_HIGH_REJECTED_SHARE = 0.15
+_HIGH_SWAPPED_SHARE = 0.1
+_LOW_USED_RATIO = 0.7
+"""List a camera that is used less than this fraction of the median camera."""
+_NOTABLE_EVENTS = ("camera refused", "camera silent", "identity uncertain", "identities exchanged")
+_MAX_EVENTS = 6
+_HIGH_TWO_VIEW_SHARE = 0.2
 _LONG_GAP_S = 0.5
-_USUAL_RATE_HZ = 30.0
+_DEFAULT_RATE_HZ = 30.0
 
 
-def look_section(result: Reconstruction, summary: Summary, cells: Cells, series: Series, gaps: list[Gap]) -> str:
-    """A list of sentences, the findings first."""
-    health = [str(finding) for finding in result.findings]
+def highlights_section(
+    result: Reconstruction, summary: Summary, heat_map: HeatMap, series: TimeSeries, gaps: list[Gap]
+) -> str:
+    """Return the section as HTML: a list of sentences, findings first."""
+    findings = [str(finding) for finding in result.findings]
     # Results of earlier versions hold findings as notes.
-    health += [note.removeprefix(HEALTH) for note in result.provenance.notes if note.startswith(HEALTH)]
-    findings = (
-        "<h3>Findings of the health check</h3><ol>" + "".join(f"<li>{escape(text)}</li>" for text in health) + "</ol>"
-        if health
+    findings += [
+        note.removeprefix(_FINDING_PREFIX) for note in result.provenance.notes if note.startswith(_FINDING_PREFIX)
+    ]
+    finding_list = (
+        "<h3>Findings of the recording check</h3><ol>"
+        + "".join(f"<li>{escape(text)}</li>" for text in findings)
+        + "</ol>"
+        if findings
         else ""
     )
     items = [
-        *_empty(result, summary),
-        *_events(result),
-        *_cameras(result, summary, cells),
-        *_little_used(result, summary),
-        *_keypoints(result, summary, cells),
-        *_swapped(result, summary),
-        *_few_views(summary),
-        *_long_gap(result, gaps),
-        *_worst_moment(result, series),
+        *_explain_empty_result(result, summary),
+        *_list_events(result),
+        *_list_cameras(result, summary, heat_map),
+        *_list_little_used_cameras(result, summary),
+        *_list_keypoints(result, summary, heat_map),
+        *_list_swaps(result, summary),
+        *_list_two_view_points(summary),
+        *_list_longest_gap(result, gaps),
+        *_list_worst_frame(result, series),
     ]
     listed = "<ul>" + "".join(f"<li>{item}</li>" for item in items) + "</ul>" if items else "<p>Nothing stands out.</p>"
-    return f'<section id="look"><h2>What to look at</h2>{findings}{listed}</section>'
+    return f'<section id="highlights"><h2>Highlights</h2>{finding_list}{listed}</section>'
 
 
-def jump(result: Reconstruction, place: int, words: str, **marked: int) -> str:
-    """A button that shows a frame.
+def frame_button(result: Reconstruction, frame_index: int, label: str, **marked: int) -> str:
+    """Return a button, as HTML, that shows a frame in the scene.
 
     Args:
-        result: whose frame.
-        place: of the frame.
-        words: on the button.
-        marked: places of what is marked there: person, keypoint, view.
+        result: the result.
+        frame_index: index of the frame.
+        label: text of the button.
+        marked: indices of what to mark in the frame: ``person``, ``keypoint``, ``view``.
     """
     data = "".join(f' data-{name}="{value}"' for name, value in marked.items())
-    return f'<button class="go" data-place="{place}"{data}>{escape(words)}</button>'
+    return f'<button class="go" data-frame-index="{frame_index}"{data}>{escape(label)}</button>'
 
 
-def span(result: Reconstruction, start: int, stop: int) -> str:
-    """A stretch of frames in seconds, or by number where times are unknown."""
+def format_interval(result: Reconstruction, start: int, stop: int) -> str:
+    """Return an interval of frames in seconds, or as frame numbers if times are unknown."""
     first, last = result.time_s[start], result.time_s[stop - 1]
     if np.isfinite([first, last]).all():
         return f"{first:.2f} to {last:.2f} s"
     return f"frames {result.frame_numbers[start]} to {result.frame_numbers[stop - 1]}"
 
 
-def _empty(result: Reconstruction, summary: Summary) -> list[str]:
-    """Why there is nothing to see, where there is nothing."""
+def _explain_empty_result(result: Reconstruction, summary: Summary) -> list[str]:
+    """Return why there is nothing to see, if there is nothing."""
     if not result.person_ids:
         return [
-            "Nobody was found. Either the detections are too few or too unsure (posefuse inspect counts them), or the "
-            "cameras do not agree where anybody is: a wrong calibration, order of cameras, or clock. Notes below say "
-            "what was noticed."
+            "No person was found. Either there are too few detections or their confidence is too low (posefuse inspect "
+            "counts them), or the cameras disagree on where people are: the calibration, the order of the cameras or a "
+            "clock may be wrong. See the notes below."
         ]
     if any(code.has_point for code in summary.status_counts):
         return []
     most = max(summary.status_counts, key=lambda code: summary.status_counts[code], default=PointStatus.NOT_SEEN)
-    return [f"No point has coordinates, most for one reason: {most.sentence}."]
+    return [f"No point has coordinates. The most frequent reason: {most.sentence}."]
 
 
-def _cameras(result: Reconstruction, summary: Summary, cells: Cells) -> list[str]:
-    """Cameras whose error or rejected share stands out."""
+def _list_cameras(result: Reconstruction, summary: Summary, heat_map: HeatMap) -> list[str]:
+    """List cameras with a high error or a high share of rejected detections."""
     errors = np.array([error.median for error in summary.error_px_by_view])
     items = []
-    for v in _outstanding(errors):
-        where = _worst_link(result, cells, "error", view=int(v))
+    for v in _high_errors(errors):
+        link = _worst_frame_button(result, heat_map, "error", view=int(v))
         items.append(
-            f"Camera {escape(result.rig.names[v])} errs more than the others: median {errors[v]:.1f} px, "
-            f"usual {float(np.nanmedian(errors)):.1f} px. {where}"
+            f"Camera {escape(result.rig.names[v])} has a high reprojection error: median {errors[v]:.1f} px, compared "
+            f"with {float(np.nanmedian(errors)):.1f} px for the median camera. {link}"
         )
-    seen = cells.shares[..., USED] + cells.shares[..., REJECTED]
+    detected = heat_map.shares[..., USED] + heat_map.shares[..., REJECTED]
     with np.errstate(invalid="ignore", divide="ignore"):
-        rejected = np.nansum(cells.shares[..., REJECTED], axis=0) / np.nansum(seen, axis=0)
-    for v in np.flatnonzero(rejected > _MUCH_REJECTED):
-        where = _worst_link(result, cells, "rejected", view=int(v))
+        rejected = np.nansum(heat_map.shares[..., REJECTED], axis=0) / np.nansum(detected, axis=0)
+    for v in np.flatnonzero(rejected > _HIGH_REJECTED_SHARE):
+        link = _worst_frame_button(result, heat_map, "rejected", view=int(v))
         items.append(
-            f"{100 * rejected[v]:.0f} % of what camera {escape(result.rig.names[v])} shows was not used: its pose, "
-            f"lens or clock may be off, or its detections bad. {where}"
+            f"{100 * rejected[v]:.0f} % of the detections of camera {escape(result.rig.names[v])} were not used. Its "
+            f"pose, lens model or clock may be wrong, or its detections poor. {link}"
         )
     return items
 
 
-def _events(result: Reconstruction) -> list[str]:
-    """What happened that a reader should see, the first few."""
-    places = {int(number): place for place, number in enumerate(result.frame_numbers)}
-    telling = [event for event in result.events if event.what in _TELLING and event.number in places]
+def _list_events(result: Reconstruction) -> list[str]:
+    """List the first notable events."""
+    indices = {int(number): index for index, number in enumerate(result.frame_numbers)}
+    notable = [event for event in result.events if event.what in _NOTABLE_EVENTS and event.number in indices]
     items = [
         f"{escape(event.person)}: {event.what}, {escape(event.why)}. "
-        + jump(result, places[event.number], f"frame {event.number}")
-        for event in telling[:_MOST_EVENTS]
+        + frame_button(result, indices[event.number], f"frame {event.number}")
+        for event in notable[:_MAX_EVENTS]
     ]
-    more = len(telling) - len(items)
-    return [*items, *([f"{more} more events of these kinds: see people over time."] if more else [])]
+    more = len(notable) - len(items)
+    return [*items, *([f"{more} more events of these kinds; see People over time."] if more else [])]
 
 
-def _little_used(result: Reconstruction, summary: Summary) -> list[str]:
-    """Cameras that count in far fewer points than the usual one."""
-    usual = float(np.median(summary.used))
+def _list_little_used_cameras(result: Reconstruction, summary: Summary) -> list[str]:
+    """List cameras that contribute to far fewer points than the median camera."""
+    median = float(np.median(summary.used))
     return [
-        f"Camera {escape(result.rig.names[v])} counts in {100 * summary.used[v]:.0f} % of the points, the usual one in "
-        f"{100 * usual:.0f} %: gaps, cells and events below say when and why."
-        for v in np.flatnonzero(summary.used < _LITTLE_USED * usual)
+        f"Camera {escape(result.rig.names[v])} contributes to {100 * summary.used[v]:.0f} % of the points, compared "
+        f"with {100 * median:.0f} % for the median camera. The gaps, heat map and events below show when and why."
+        for v in np.flatnonzero(summary.used < _LOW_USED_RATIO * median)
     ]
 
 
-def _keypoints(result: Reconstruction, summary: Summary, cells: Cells) -> list[str]:
+def _list_keypoints(result: Reconstruction, summary: Summary, heat_map: HeatMap) -> list[str]:
     errors = np.array([error.median for error in summary.error_px_by_keypoint])
-    worst = _outstanding(errors)
+    worst = _high_errors(errors)
     if not len(worst):
         return []
     k = int(worst[np.argmax(errors[worst])])
     name, more = escape(result.skeleton.keypoints[k]), len(worst) - 1
     others = (
-        f" (and {more} more keypoint{'s' if more > 1 else ''} over {_STANDS_OUT:g} times the usual)" if more else ""
+        f" {more} more keypoint{'s exceed' if more > 1 else ' exceeds'} {_HIGH_ERROR_RATIO:g} times the median error."
+        if more
+        else ""
     )
-    where = _worst_link(result, cells, "error", keypoint=k)
-    return [f"{name} errs most: median {errors[k]:.1f} px, usual {float(np.nanmedian(errors)):.1f} px{others}. {where}"]
+    link = _worst_frame_button(result, heat_map, "error", keypoint=k)
+    return [
+        f"The keypoint {name} has the highest reprojection error: median {errors[k]:.1f} px, compared with "
+        f"{float(np.nanmedian(errors)):.1f} px for the median keypoint.{others} {link}"
+    ]
 
 
-def _outstanding(errors: np.ndarray) -> np.ndarray:
-    known = errors[np.isfinite(errors)]
-    if len(known) < 2:
+def _high_errors(errors: np.ndarray) -> np.ndarray:
+    finite = errors[np.isfinite(errors)]
+    if len(finite) < 2:
         return np.zeros(0, dtype=int)
-    return np.flatnonzero(np.nan_to_num(errors) > _STANDS_OUT * np.median(known))
+    return np.flatnonzero(np.nan_to_num(errors) > _HIGH_ERROR_RATIO * np.median(finite))
 
 
-def _worst_link(result: Reconstruction, cells: Cells, quantity: str, **of: int) -> str:
-    """The worst frame of a camera or a keypoint."""
-    worst = cells.worst[quantity]
-    if not worst.place.shape[-1]:
+def _worst_frame_button(result: Reconstruction, heat_map: HeatMap, quantity: str, **of: int) -> str:
+    """Return a button for the worst frame of a camera (``view``) or a keypoint (``keypoint``)."""
+    worst = heat_map.worst[quantity]
+    if not worst.frame_index.shape[-1]:
         return ""
-    error = np.where(worst.place[..., 0] >= 0, np.nan_to_num(worst.error_px[..., 0]), -1.0)
-    chosen = np.full(error.shape, -np.inf)
-    place = (of.get("keypoint", slice(None)), of.get("view", slice(None)))
-    chosen[place] = error[place]
-    k, v = (int(i) for i in np.unravel_index(int(chosen.argmax()), chosen.shape))
-    frame = int(worst.place[k, v, 0])
+    error = np.where(worst.frame_index[..., 0] >= 0, np.nan_to_num(worst.error_px[..., 0]), -1.0)
+    candidates = np.full(error.shape, -np.inf)
+    selection = (of.get("keypoint", slice(None)), of.get("view", slice(None)))
+    candidates[selection] = error[selection]
+    k, v = (int(i) for i in np.unravel_index(int(candidates.argmax()), candidates.shape))
+    frame = int(worst.frame_index[k, v, 0])
     if frame < 0:
         return ""
-    words = f"worst in {result.rig.names[v]} at {result.skeleton.keypoints[k]}, frame {result.frame_numbers[frame]}"
-    return jump(result, frame, words, person=int(worst.person[k, v, 0]), keypoint=k, view=v)
+    label = f"worst: {result.skeleton.keypoints[k]} in {result.rig.names[v]}, frame {result.frame_numbers[frame]}"
+    return frame_button(result, frame, label, person=int(worst.person[k, v, 0]), keypoint=k, view=v)
 
 
-def _swapped(result: Reconstruction, summary: Summary) -> list[str]:
-    shares = [summary.swapped_in(v) for v in range(len(result.rig))]
+def _list_swaps(result: Reconstruction, summary: Summary) -> list[str]:
+    shares = [summary.swapped_share(v) for v in range(len(result.rig))]
     named = [
         f"{escape(name)} ({100 * s:.0f} %)"
         for name, s in zip(result.rig.names, shares, strict=True)
-        if s > _MUCH_SWAPPED
+        if s > _HIGH_SWAPPED_SHARE
     ]
-    return [f"Left and right were the wrong way round, and put right, in {', '.join(named)}."] if named else []
+    return [f"Left/right swaps were corrected in {', '.join(named)}."] if named else []
 
 
-def _few_views(summary: Summary) -> list[str]:
-    few = summary.status_counts.get(PointStatus.TWO_VIEWS, 0) / max(summary.n_points, 1)
+def _list_two_view_points(summary: Summary) -> list[str]:
+    share = summary.status_counts.get(PointStatus.TWO_VIEWS, 0) / max(summary.n_points, 1)
     return (
-        [f"{100 * few:.0f} % of the points rest on two views, with nothing to check them against."]
-        if few > _FEW_VIEWS
+        [f"{100 * share:.0f} % of the points were triangulated from two views only, so outliers cannot be detected."]
+        if share > _HIGH_TWO_VIEW_SHARE
         else []
     )
 
 
-def _long_gap(result: Reconstruction, gaps: list[Gap]) -> list[str]:
-    if not gaps or gaps[0].stop - gaps[0].start < _LONG_GAP_S * (result.rate_hz or _USUAL_RATE_HZ):
+def _list_longest_gap(result: Reconstruction, gaps: list[Gap]) -> list[str]:
+    if not gaps or gaps[0].stop - gaps[0].start < _LONG_GAP_S * (result.rate_hz or _DEFAULT_RATE_HZ):
         return []
     gap = gaps[0]
-    who = f" of {result.person_ids[gap.person]}" if len(result.person_ids) > 1 else ""
+    person = f" of {result.person_ids[gap.person]}" if len(result.person_ids) > 1 else ""
     name = result.skeleton.keypoints[gap.keypoint]
-    link = jump(result, gap.start, span(result, gap.start, gap.stop), person=gap.person, keypoint=gap.keypoint)
-    what = "filled" if gap.filled else "left out"
+    label = format_interval(result, gap.start, gap.stop)
+    link = frame_button(result, gap.start, label, person=gap.person, keypoint=gap.keypoint)
+    handling = "filled" if gap.filled else "left missing"
     return [
-        f"The longest stretch without a measurement: {escape(name + who)}, {gap.stop - gap.start} frames, {what}. "
-        f"{link}"
+        f"The longest interval without a measurement: {escape(name + person)}, {gap.stop - gap.start} frames, "
+        f"{handling}. {link}"
     ]
 
 
-def _worst_moment(result: Reconstruction, series: Series) -> list[str]:
+def _list_worst_frame(result: Reconstruction, series: TimeSeries) -> list[str]:
     if not np.isfinite(series.error_px).any():
         return []
     frame, person = (int(i) for i in np.unravel_index(int(np.nanargmax(series.error_px)), series.error_px.shape))
-    who = f" of {escape(result.person_ids[person])}" if len(result.person_ids) > 1 else ""
-    link = jump(result, frame, f"frame {result.frame_numbers[frame]}", person=person)
-    return [f"The worst moment{who}: {series.error_px[frame, person]:.1f} px on average. {link}"]
+    name = f" of {escape(result.person_ids[person])}" if len(result.person_ids) > 1 else ""
+    link = frame_button(result, frame, f"frame {result.frame_numbers[frame]}", person=person)
+    return [f"The frame with the highest mean error{name}: {series.error_px[frame, person]:.1f} px. {link}"]

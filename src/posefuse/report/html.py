@@ -1,7 +1,9 @@
-"""The report: one HTML file with everything in it, the same bytes for the same result."""
+"""The report: one self-contained HTML file, the same bytes for the same result."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -11,82 +13,85 @@ from plotly.offline import get_plotlyjs
 
 from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.report import tables
-from posefuse.report.cells import cell_data, cells_of
 from posefuse.report.charts import chart_data
-from posefuse.report.highlights import look_section
-from posefuse.report.people import life_lines, lives, people_section
-from posefuse.report.scene import scene_data, stride_of
-from posefuse.report.series import gaps_of, series_data, series_of
-from posefuse.report.summary import summarise
-from posefuse.report.summary_text import in_words, scene_in_words
-from posefuse.report.swaps import swap_table, time_line
+from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
+from posefuse.report.highlights import highlights_section
+from posefuse.report.left_right_swaps import swap_section, swap_timeline
+from posefuse.report.people import people_section, summarize_people, track_timeline
+from posefuse.report.scene import display_stride, scene_data
+from posefuse.report.series import Gap, TimeSeries, find_gaps, gather_series, time_series_data
+from posefuse.report.summary import Summary, summarize
+from posefuse.report.summary_text import scene_note, summary_paragraphs
 
-_SCRIPTS = ("scene.js", "lens.js", "player.js", "heat.js", "time.js", "charts.js")
+_SCRIPTS = ("scene.js", "projection.js", "player.js", "heat_map.js", "time.js", "charts.js")
 """Parts of one script, in this order."""
 _SIDES_HINT = '<span class="left">Left</span>, <span class="right">right</span>'
-_PEOPLE_HINT = "One colour a person, names above their heads"
+_PEOPLE_HINT = "One color per person, names above their heads"
 
 
-def render_report(
-    result: Reconstruction,
-    truth: Reconstruction | None = None,
-    accuracy: Accuracy | PeopleScores | None = None,
-    progress: Progress | None = None,
-) -> str:
-    """The report of a result, as the text of its HTML file.
+class PageData:
+    """What the sections of a report are made from; each statistic is gathered once, when it is first needed.
 
     Args:
-        result: what to show; the layer ``options.layer`` names, or the best.
-        truth: known positions of the same frames and keypoints, shown beside it.
-        accuracy: of the result against the truth.
-        progress: told how far the work is.
+        result: the result to show.
+        truth: ground truth of the same frames and keypoints, or None.
+        accuracy: accuracy of the result, or None.
+        progress: receives the progress.
     """
-    layer, _ = result.best_layer(result.options.layer)
-    parts = _Ranges(result, progress or Silent())
-    summary = summarise(parts, layer)
-    cells = cells_of(parts, layer, result.n_frames)
-    series = series_of(parts, layer, result.skeleton)
-    gaps = gaps_of(series)
-    stride = stride_of(result)
-    scene, strays = scene_data(result, parts, layer, truth, stride)
-    data = {
-        "scene": scene,
-        "charts": chart_data(result, summary),
-        "cells": cell_data(cells, result.frame_numbers),
-        "series": series_data(result, series),
-        "swaps": time_line(parts, result.n_frames),
-        "lives": life_lines(result),
-    }
-    several = len(result.person_ids) != 1
-    misses = count_misses(parts, layer) if several else None
-    return Template(_asset("report.html")).substitute(
-        title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
-        css=_asset("report.css"),
-        plotly=get_plotlyjs(),
-        script=_script(),
-        data=_safe_json(data),
-        sides=_PEOPLE_HINT if several else _SIDES_HINT,
-        words=in_words(result, summary, accuracy, scene_in_words(stride, strays)),
-        look=look_section(result, summary, cells, series, gaps),
-        accuracy=tables.accuracy_table(accuracy),
-        people=people_section(result, lives(parts, layer), misses),
-        cameras=tables.camera_table(result, summary),
-        keypoints=tables.keypoint_table(result, summary, cells),
-        swaps=swap_table(result, summary),
-        gaps=tables.gap_section(result, gaps),
-        bones=tables.bone_section(result, series),
-        notes=tables.notes_list(result),
-        options=tables.options_table(result.options),
-        versions=escape(", ".join(f"{name} {number}" for name, number in result.provenance.versions.items())),
-    )
+
+    def __init__(
+        self,
+        result: Reconstruction,
+        truth: Reconstruction | None,
+        accuracy: Accuracy | PeopleScores | None,
+        progress: Progress,
+    ) -> None:
+        self.result = result
+        self.truth = truth
+        self.accuracy = accuracy
+        self.layer: LayerName = result.best_layer(result.options.layer)[0]
+        self.parts = _Ranges(result, progress)
+
+    @cached_property
+    def summary(self) -> Summary:
+        """Summary statistics of the layer."""
+        return summarize(self.parts, self.layer)
+
+    @cached_property
+    def heat_map(self) -> HeatMap:
+        """Errors and shares of detections by keypoint and camera."""
+        return gather_heat_map(self.parts, self.layer, self.result.n_frames)
+
+    @cached_property
+    def series(self) -> TimeSeries:
+        """Numbers of every frame."""
+        return gather_series(self.parts, self.layer, self.result.skeleton)
+
+    @cached_property
+    def gaps(self) -> list[Gap]:
+        """The longest intervals without a measurement."""
+        return find_gaps(self.series)
+
+    @cached_property
+    def scene(self) -> tuple[dict[str, Any], str]:
+        """JSON data of the 3D scene, and what the scene leaves out in words."""
+        stride = display_stride(self.result)
+        scene, n_outside = scene_data(self.result, self.parts, self.layer, self.truth, stride)
+        return scene, scene_note(stride, n_outside)
+
+    @property
+    def has_several_people(self) -> bool:
+        """Whether people are distinguished by color; False for exactly one person."""
+        return len(self.result.person_ids) != 1
 
 
 class _Ranges:
-    """A result in ranges of frames, to be gone through anew for each part of the page, which reads what it needs."""
+    """A result in ranges of frames that can be iterated over repeatedly."""
 
     def __init__(self, result: Reconstruction, progress: Progress) -> None:
         self._result, self._progress = result, progress
@@ -95,8 +100,86 @@ class _Ranges:
         return report_ranges(self._result.windows(), self._result.n_frames, "reporting", self._progress)
 
 
+@dataclass(frozen=True)
+class Section:
+    """One section of the page.
+
+    Attributes:
+        name: placeholder in ``report.html``.
+        render: returns the section as HTML.
+    """
+
+    name: str
+    render: Callable[[PageData], str]
+
+
+def _people(page: PageData) -> str:
+    misses = count_misses(page.parts, page.layer) if page.has_several_people else None
+    return people_section(page.result, summarize_people(page.parts, page.layer), misses)
+
+
+def _versions(page: PageData) -> str:
+    return escape(", ".join(f"{name} {number}" for name, number in page.result.provenance.versions.items()))
+
+
+SECTIONS = (
+    Section("summary", lambda page: summary_paragraphs(page.result, page.summary, page.accuracy, page.scene[1])),
+    Section(
+        "highlights",
+        lambda page: highlights_section(page.result, page.summary, page.heat_map, page.series, page.gaps),
+    ),
+    Section("sides", lambda page: _PEOPLE_HINT if page.has_several_people else _SIDES_HINT),
+    Section("accuracy", lambda page: tables.accuracy_table(page.accuracy)),
+    Section("people", _people),
+    Section("cameras", lambda page: tables.camera_table(page.result, page.summary)),
+    Section("keypoints", lambda page: tables.keypoint_table(page.result, page.summary, page.heat_map)),
+    Section("swaps", lambda page: swap_section(page.result, page.summary)),
+    Section("gaps", lambda page: tables.gap_section(page.result, page.gaps)),
+    Section("bones", lambda page: tables.bone_section(page.result, page.series)),
+    Section("notes", lambda page: tables.notes_list(page.result)),
+    Section("options", lambda page: tables.options_table(page.result.resolved)),
+    Section("versions", _versions),
+)
+"""The sections that Python renders; adding one takes a function, one record and a placeholder in ``report.html``."""
+
+CHARTS: dict[str, Callable[[PageData], Any]] = {
+    "scene": lambda page: page.scene[0],
+    "charts": lambda page: chart_data(page.result, page.summary),
+    "heatMap": lambda page: heat_map_data(page.heat_map, page.result.frame_numbers),
+    "series": lambda page: time_series_data(page.result, page.series),
+    "swaps": lambda page: swap_timeline(page.parts, page.result.n_frames),
+    "tracks": lambda page: track_timeline(page.result),
+}
+"""The JSON data that the page's scripts draw from, by name; adding a chart takes one entry and a script."""
+
+
+def render_report(
+    result: Reconstruction,
+    truth: Reconstruction | None = None,
+    accuracy: Accuracy | PeopleScores | None = None,
+    progress: Progress | None = None,
+) -> str:
+    """Return the report of a result as the text of an HTML file.
+
+    Args:
+        result: what to show: the layer of ``options.layer``, or the best one.
+        truth: ground truth of the same frames and keypoints, drawn next to the result.
+        accuracy: accuracy of the result compared with the ground truth.
+        progress: receives the progress.
+    """
+    page = PageData(result, truth, accuracy, progress or Silent())
+    return Template(_asset("report.html")).substitute(
+        title=escape(f"posefuse: {len(result.person_ids)} x {result.skeleton.name}"),
+        css=_asset("report.css"),
+        plotly=get_plotlyjs(),
+        script=_script(),
+        data=_safe_json({name: data(page) for name, data in CHARTS.items()}),
+        **{section.name: section.render(page) for section in SECTIONS},
+    )
+
+
 def _script() -> str:
-    """The parts as one function, so that their names are nobody else's."""
+    """Return the scripts wrapped in one function, which keeps their names out of the global scope."""
     return "\n".join(['"use strict";', "(() => {", *(_asset(name) for name in _SCRIPTS), "})();"])
 
 
@@ -105,5 +188,5 @@ def _asset(name: str) -> str:
 
 
 def _safe_json(data: Any) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """Return JSON that cannot close the script element around it."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026")

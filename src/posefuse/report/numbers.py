@@ -1,10 +1,10 @@
-"""Numbers as tables and figures show them."""
+"""Formatting of numbers in tables and figures."""
 
 import math
 
 
-def three_digits(value: float) -> str:
-    """A number as short as it can be compared: about three digits, a dash where there is none."""
+def format_three_digits(value: float) -> str:
+    """Return a number with about three significant digits; a dash for NaN."""
     if not math.isfinite(value):
         return "-" if math.isnan(value) else "inf"
     size = abs(value)

@@ -1,4 +1,4 @@
-"""Arrays as the page carries them: small integers in base64, each with what turns it back."""
+"""Compact encoding of arrays in the report page: small integers in base64, with the parameters to decode them."""
 
 import base64
 from collections.abc import Sequence
@@ -10,57 +10,57 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 
 _STEPS = 32767
-_NOWHERE = -32768
-_BULK = 0.995
-_REACH = 3.0
-"""The drawn box is this many times as far from the middle as the bulk of the points."""
+_MISSING_POINT = -32768
+_INLIER_QUANTILE = 0.995
+_EXTENT_FACTOR = 3.0
+"""The grid extends to this multiple of the distance that ``_INLIER_QUANTILE`` of the points do not exceed."""
 _SMALLEST_M, _LARGEST_M = 1e-6, 1e3
 _LOG_STEPS = 254
 MARKED_VIEWS = 32
-"""With more cameras the page does not carry what each made of each point."""
+"""With more cameras than this, the page leaves out the status of each point in each view."""
 
 
 @dataclass(frozen=True)
-class Box:
-    """What is drawn: numbers as steps from a middle.
+class PackingGrid:
+    """A grid on which coordinates are stored as integers.
 
     Attributes:
-        middle: x, y, z, in the unit of the points.
-        step: the length of one step.
+        origin: x, y, z of the integer 0, in the unit of the points.
+        step: distance between consecutive integers.
     """
 
-    middle: tuple[float, float, float]
+    origin: tuple[float, float, float]
     step: float
 
 
-def box_of(points: np.ndarray) -> Box:
-    """The box that holds the bulk of the points and what is about it; strays far out are not worth a coarse step."""
+def fit_grid(points: np.ndarray) -> PackingGrid:
+    """Return a grid that holds the bulk of the points; distant outliers do not make its step coarse."""
     flat = points.reshape(-1, 3)
     flat = flat[np.isfinite(flat).all(axis=-1)]
     if not len(flat):
-        return Box((0.0, 0.0, 0.0), 1e-3)
-    middle = np.median(flat, axis=0).astype(np.float64)
-    reach = np.abs(flat - middle).max(axis=-1)
-    far = min(_REACH * float(np.quantile(reach, _BULK)), float(reach.max())) or 1.0
-    x, y, z = (float(value) for value in middle.round(6))
-    # A step a little too long keeps the farthest point inside whatever rounding does.
-    return Box((x, y, z), float(f"{1.0001 * far / _STEPS:.6g}"))
+        return PackingGrid((0.0, 0.0, 0.0), 1e-3)
+    origin = np.median(flat, axis=0).astype(np.float64)
+    distance = np.abs(flat - origin).max(axis=-1)
+    extent = min(_EXTENT_FACTOR * float(np.quantile(distance, _INLIER_QUANTILE)), float(distance.max())) or 1.0
+    x, y, z = (float(value) for value in origin.round(6))
+    # A slightly longer step keeps the farthest point inside the grid in spite of rounding.
+    return PackingGrid((x, y, z), float(f"{1.0001 * extent / _STEPS:.6g}"))
 
 
-def packed_points(points: np.ndarray, box: Box) -> tuple[str, int]:
-    """Points, shape (..., 3), as base64 of int16 steps, and how many lie outside the box and are left out."""
+def pack_points(points: np.ndarray, grid: PackingGrid) -> tuple[str, int]:
+    """Encode points of shape (..., 3) as base64 of int16, and return the number of points outside the grid."""
     with np.errstate(invalid="ignore"):
-        steps = np.round((points - np.array(box.middle)) / box.step)
+        steps = np.round((points - np.array(grid.origin)) / grid.step)
         inside: np.ndarray = np.all(np.abs(steps) <= _STEPS, axis=-1)
-    there = np.isfinite(points).all(axis=-1)
-    out = np.where(inside[..., None], np.nan_to_num(steps), _NOWHERE).astype("<i2")
-    return _base64(out), int((there & ~inside).sum())
+    finite = np.isfinite(points).all(axis=-1)
+    out = np.where(inside[..., None], np.nan_to_num(steps), _MISSING_POINT).astype("<i2")
+    return _base64(out), int((finite & ~inside).sum())
 
 
-def packed_spreads(covariance_m2: np.ndarray) -> str:
-    """Covariances, shape (..., 6), as 7 bytes: the size on a logarithmic scale, and Cholesky's factor in shares of it.
+def pack_covariances(covariance_m2: np.ndarray) -> str:
+    """Encode covariances of shape (..., 6) as 7 bytes: size on a logarithmic scale, and Cholesky factor relative to it.
 
-    Sizes are rounded up: an ellipsoid is never drawn smaller than it is by more than a hundredth.
+    Sizes are rounded up, so an ellipsoid is never drawn more than 1 % too small.
     """
     xx, xy, xz, yy, yz, zz = np.moveaxis(np.asarray(covariance_m2, dtype=np.float64), -1, 0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -79,50 +79,50 @@ def packed_spreads(covariance_m2: np.ndarray) -> str:
     return _base64(np.concatenate([code[..., None], shares % 256], axis=-1).astype(np.uint8))
 
 
-def packed_marks(layer: Layer, measured: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """What became of each point and of each view's part in it, two bits each, four to a byte.
+def pack_marks(layer: Layer, measured: np.ndarray, frame_indices: np.ndarray) -> np.ndarray:
+    """Encode the state of each point and of its detection in each view with two bits each, four to a byte.
 
-    Of a point: 0 missing, 1 measured, 2 filled or held. Of a view: 0 no detection, 1 used, 2 rejected or not used.
+    Points: 0 missing, 1 measured, 2 filled or held. Views: 0 no detection, 1 used, 2 rejected or not used.
 
     Args:
         layer: a range of frames.
         measured: shape (frame, person, keypoint), bool.
-        places: of the frames to take.
+        frame_indices: the frames to encode.
 
     Returns:
-        Shape (place, person, keypoint, byte), uint8.
+        Shape (frame index, person, keypoint, byte), uint8.
     """
-    point = point_codes(layer, measured)[places]
+    point = encode_point_states(layer, measured)[frame_indices]
     codes = point[..., None]
-    view_status = np.asarray(layer.view_status[:])[places]
+    view_status = np.asarray(layer.view_status[:])[frame_indices]
     if view_status.shape[-1] <= MARKED_VIEWS:
-        codes = np.concatenate([codes, view_codes(view_status)], axis=-1)
+        codes = np.concatenate([codes, encode_view_states(view_status)], axis=-1)
     n_bytes = -(-codes.shape[-1] // 4)
-    spare = 4 * n_bytes - codes.shape[-1]
-    fours = np.pad(codes, [(0, 0)] * 3 + [(0, spare)]).reshape(*codes.shape[:-1], n_bytes, 4)
-    return (fours << np.array([0, 2, 4, 6])).sum(axis=-1).astype(np.uint8)
+    padding = 4 * n_bytes - codes.shape[-1]
+    groups = np.pad(codes, [(0, 0)] * 3 + [(0, padding)]).reshape(*codes.shape[:-1], n_bytes, 4)
+    return (groups << np.array([0, 2, 4, 6])).sum(axis=-1).astype(np.uint8)
 
 
-def point_codes(layer: Layer, measured: np.ndarray) -> np.ndarray:
-    """Shape (frame, person, keypoint), int8: 0 missing, 1 measured, 2 filled or held."""
+def encode_point_states(layer: Layer, measured: np.ndarray) -> np.ndarray:
+    """Return 0 for missing, 1 for measured, 2 for filled or held points; shape (frame, person, keypoint), int8."""
     return np.where(layer.has_point, np.where(measured, 1, 2), 0).astype(np.int8)
 
 
-def view_codes(view_status: np.ndarray) -> np.ndarray:
-    """Codes of the same shape, int8: 0 no detection, 1 used, 2 rejected or not used."""
-    lacking = np.isin(view_status, (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED))
-    return np.where(is_used(view_status), 1, np.where(lacking, 0, 2)).astype(np.int8)
+def encode_view_states(view_status: np.ndarray) -> np.ndarray:
+    """Return 0 for no detection, 1 for used, 2 for rejected or not used detections; same shape, int8."""
+    undetected = np.isin(view_status, (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED))
+    return np.where(is_used(view_status), 1, np.where(undetected, 0, 2)).astype(np.int8)
 
 
 def is_measured(layer: Layer) -> np.ndarray:
-    """Shape (frame, person, keypoint), bool: points that rest on detections of their own frame."""
+    """Return which points come from detections of their own frame, shape (frame, person, keypoint), bool."""
     status, source = np.asarray(layer.status[:]), np.asarray(layer.source[:])
     bridged = np.isin(status, (PointStatus.FILLED, PointStatus.HELD)) | (source == Source.FILLED)
     return layer.has_point & ~bridged
 
 
-def by_person(parts: Sequence[np.ndarray]) -> list[str]:
-    """Consecutive ranges, shape (frame, person, ...), as base64 for each person."""
+def encode_per_person(parts: Sequence[np.ndarray]) -> list[str]:
+    """Join consecutive ranges of shape (frame, person, ...) and encode them as base64, one text per person."""
     return [_base64(np.ascontiguousarray(values)) for values in np.concatenate(parts).swapaxes(0, 1)]
 
 

@@ -1,4 +1,4 @@
-"""The 3D scene: what is drawn of people, cameras and ground."""
+"""Data of the report's 3D scene: people, cameras and ground."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -10,28 +10,28 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.report.packing import (
     MARKED_VIEWS,
-    Box,
-    box_of,
-    by_person,
+    PackingGrid,
+    encode_per_person,
+    fit_grid,
     is_measured,
-    packed_marks,
-    packed_points,
-    packed_spreads,
+    pack_covariances,
+    pack_marks,
+    pack_points,
 )
 
 SHOWN_FRAMES = 4000
-"""A longer recording is thinned to at most this many frames for display, and the page says so."""
+"""Largest number of frames in the scene; longer recordings are subsampled, and the page states it."""
 SHOWN_BYTES = 8_000_000
-"""So is one whose scene would be larger than this."""
+"""Largest size of the scene's data; larger scenes are subsampled, too."""
 
 
-def stride_of(result: Reconstruction) -> int:
-    """Every how many frames are drawn."""
+def display_stride(result: Reconstruction) -> int:
+    """Return n such that every n-th frame is drawn."""
     views = len(result.rig) if len(result.rig) <= MARKED_VIEWS else 0
     point_bytes = 6 * len(result.layers) + 7 + (1 + views + 3) // 4
     frame_bytes = max(len(result.person_ids), 1) * len(result.skeleton) * point_bytes * 4 / 3
-    most = max(min(SHOWN_FRAMES, int(SHOWN_BYTES / frame_bytes)), 1)
-    return max(1, -(-result.n_frames // most))
+    max_frames = max(min(SHOWN_FRAMES, int(SHOWN_BYTES / frame_bytes)), 1)
+    return max(1, -(-result.n_frames // max_frames))
 
 
 def scene_data(
@@ -41,34 +41,34 @@ def scene_data(
     truth: Reconstruction | None,
     stride: int,
 ) -> tuple[dict[str, Any], int]:
-    """What the page draws the scene from, and how many points lie too far out to be drawn.
+    """Return the JSON data of the scene, and the number of points too far away to be drawn.
 
     Args:
-        result: what to show.
-        parts: of it, consecutive ranges of frames.
-        layer: which is shown first.
-        truth: known positions, drawn where they are of the same frames and keypoints.
-        stride: every how many frames are drawn.
+        result: the result to show.
+        parts: its consecutive ranges of frames.
+        layer: the layer shown first.
+        truth: ground truth, drawn if it has the same frames and keypoints.
+        stride: the scene has every n-th frame.
     """
-    shown, spreads, marks = _thinned(parts, layer, stride)
-    box = box_of(np.concatenate([points.reshape(-1, 3) for points in shown.values()]))
-    layers, strays = [], 0
+    shown, covariances, marks = _subsample(parts, layer, stride)
+    grid = fit_grid(np.concatenate([points.reshape(-1, 3) for points in shown.values()]))
+    layers, n_outside = [], 0
     for name in sorted(shown, key=lambda name: (name != layer, name)):
-        packed = [packed_points(points, box) for points in shown[name].swapaxes(0, 1)]
+        packed = [pack_points(points, grid) for points in shown[name].swapaxes(0, 1)]
         layers.append({"name": name, "points": [text for text, _ in packed]})
-        strays += sum(n for _, n in packed) if name == layer else 0
-    scene = _still(result, box, stride) | {
+        n_outside += sum(n for _, n in packed) if name == layer else 0
+    scene = _static_data(result, grid, stride) | {
         "layers": layers,
-        "spreads": [packed_spreads(values) for values in spreads.swapaxes(0, 1)],
+        "covariances": [pack_covariances(values) for values in covariances.swapaxes(0, 1)],
         "marks": marks,
         "markedViews": len(result.rig) <= MARKED_VIEWS,
-        "truth": _truth(result, truth, box, stride),
+        "truth": _pack_truth(result, truth, grid, stride),
     }
-    return scene, strays
+    return scene, n_outside
 
 
-def _still(result: Reconstruction, box: Box, stride: int) -> dict[str, Any]:
-    """All that does not move."""
+def _static_data(result: Reconstruction, grid: PackingGrid, stride: int) -> dict[str, Any]:
+    """Return what does not change from frame to frame."""
     metric = result.unit == "m"
     timed = bool(np.isfinite(result.time_s).all())
     return {
@@ -82,42 +82,44 @@ def _still(result: Reconstruction, box: Box, stride: int) -> dict[str, Any]:
         "rate": (result.rate_hz or 30.0) / stride,
         "up": (result.rig.up_axis or "") if metric else "-y",
         "unit": result.unit,
-        "middle": list(box.middle),
-        "step": box.step,
+        "origin": list(grid.origin),
+        "step": grid.step,
         "cameras": _frusta(result) if metric else [],
     }
 
 
-def _thinned(
+def _subsample(
     parts: Iterable[Reconstruction], layer: LayerName, stride: int
 ) -> tuple[dict[str, np.ndarray], np.ndarray, list[str]]:
-    """Every stride-th frame: points of each layer, covariances of the shown one, and its marks."""
+    """Return every ``stride``-th frame: points of each layer, and covariances and marks of ``layer``."""
     points: dict[str, list[np.ndarray]] = {}
-    spreads, marks = [], []
+    covariances, marks = [], []
     first = 0
     for part in parts:
-        places = np.arange((-first) % stride, part.n_frames, stride)
+        indices = np.arange((-first) % stride, part.n_frames, stride)
         for name, values in part.layers.items():
-            points.setdefault(name, []).append(np.asarray(values.points_m[:])[places].astype(np.float32))
-        spreads.append(np.asarray(part.layers[layer].covariance_m2[:])[places].astype(np.float32))
-        marks.append(packed_marks(part.layers[layer], measured_in(part, layer), places))
+            points.setdefault(name, []).append(np.asarray(values.points_m[:])[indices].astype(np.float32))
+        covariances.append(np.asarray(part.layers[layer].covariance_m2[:])[indices].astype(np.float32))
+        marks.append(pack_marks(part.layers[layer], measured_mask(part, layer), indices))
         first += part.n_frames
     joined = {name: np.concatenate(values) for name, values in points.items()}
-    return joined, np.concatenate(spreads), by_person(marks)
+    return joined, np.concatenate(covariances), encode_per_person(marks)
 
 
-def measured_in(part: Reconstruction, layer: LayerName) -> np.ndarray:
-    """Shape (frame, person, keypoint), bool: what was measured in its own frame, whatever layer is shown."""
+def measured_mask(part: Reconstruction, layer: LayerName) -> np.ndarray:
+    """Return where points were measured in their own frame, for any layer; shape (frame, person, keypoint), bool."""
     chosen: Layer = part.layers["measured" if "measured" in part.layers else layer]
     return is_measured(chosen) & is_measured(part.layers[layer])
 
 
-def _truth(result: Reconstruction, truth: Reconstruction | None, box: Box, stride: int) -> list[str] | None:
+def _pack_truth(
+    result: Reconstruction, truth: Reconstruction | None, grid: PackingGrid, stride: int
+) -> list[str] | None:
     if truth is None or truth.n_frames != result.n_frames or truth.skeleton.keypoints != result.skeleton.keypoints:
         return None
     _, layer = truth.best_layer()
     points = np.asarray(layer.points_m[:])[::stride].swapaxes(0, 1)
-    return [packed_points(person, box)[0] for person in points]
+    return [pack_points(person, grid)[0] for person in points]
 
 
 def _side(name: str) -> str:
@@ -127,14 +129,14 @@ def _side(name: str) -> str:
 
 
 def _frusta(result: Reconstruction) -> list[dict[str, Any]]:
-    """The cameras, drawn as large as suits how far apart they stand."""
-    centres = np.array([camera.centre_m for camera in result.rig.cameras])
-    spread = float(np.median(np.linalg.norm(centres - np.median(centres, axis=0), axis=-1)))
-    return [_frustum(camera, 0.1 * spread or 0.4) for camera in result.rig.cameras]
+    """Return the cameras as pyramids whose size depends on the distances between the cameras."""
+    centers = np.array([camera.centre_m for camera in result.rig.cameras])
+    distance = float(np.median(np.linalg.norm(centers - np.median(centers, axis=0), axis=-1)))
+    return [_frustum(camera, 0.1 * distance or 0.4) for camera in result.rig.cameras]
 
 
 def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:
-    """A camera as a pyramid, the image's corners a little in front of its centre, and all that projecting takes."""
+    """Return a camera as a pyramid from its center to the image corners, with the parameters for projection."""
     width, height = camera.size_px
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], dtype=np.float64)
     rays, _ = camera.rays(corners)
@@ -144,19 +146,19 @@ def _frustum(camera: Camera, depth_m: float) -> dict[str, Any]:
     points = camera.centre_m + (depth_m * rays / rays[:, 2:]) @ camera.rotation
     return {
         "name": camera.name,
-        "centre": _rounded(camera.centre_m, 4),
+        "center": _rounded(camera.centre_m, 4),
         "corners": [_rounded(point, 4) for point in points],
         "size": [width, height],
         "matrix": _rounded(camera.matrix.ravel(), 6),
         "pose": _rounded(camera.camera_from_world[:3].ravel(), 9),
         "lens": str(camera.lens),
         "distortion": _rounded(np.array(camera.distortion), 9),
-        "reach": _reach(camera),
+        "maxRadius": _max_radius(camera),
     }
 
 
-def _reach(camera: Camera) -> float | None:
-    """How far from the axis the lens model holds: a radius on the plane at depth 1 (of a fisheye an angle), or None."""
+def _max_radius(camera: Camera) -> float | None:
+    """Return the radius up to which the lens model is valid, on the plane at depth 1 (angle for a fisheye), or None."""
     from posefuse.kernels.cameras.lens import MAX_RADIUS
 
     radius = float(camera.packed[MAX_RADIUS])

@@ -1,4 +1,4 @@
-"""What changes over time: error, views used, bones, and where points are measured, filled or missing."""
+"""Numbers over time: error, views used, bone lengths, and when points are measured, filled or missing."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,30 +10,30 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import TrackState
-from posefuse.report.packing import point_codes
-from posefuse.report.scene import measured_in
+from posefuse.report.packing import encode_point_states
+from posefuse.report.scene import measured_mask
 from posefuse.skeleton.skeletons import Skeleton
 
-COLUMNS = 600
-"""A longer recording is shown in about this many stretches of time."""
-MOST_BONES = 40
-MOST_GAPS = 25
+MAX_INTERVALS = 600
+"""Longer recordings are summarized in about this many time intervals."""
+MAX_BONES = 40
+MAX_GAPS = 25
 
 MISSING, MEASURED, FILLED, ABSENT = 0, 1, 2, 3
-HOW = ("missing", "measured", "filled", "absent")
+"""States of a point in a frame."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A stretch in which a point was not measured, though its person was there.
+    """An interval in which a keypoint of a present person was not measured.
 
     Attributes:
-        person: place of the person.
-        keypoint: place of the keypoint.
-        start: place of its first frame.
-        stop: place after its last.
-        filled: frames of it that have coordinates all the same.
-        status: why the first frame of it has none, or how it came to have some.
+        person: index of the person.
+        keypoint: index of the keypoint.
+        start: index of the first frame.
+        stop: index of the frame after the last one.
+        filled: number of its frames that have coordinates nevertheless.
+        status: point status of the first frame.
     """
 
     person: int
@@ -45,15 +45,15 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class TimeSeries:
     """Numbers of every frame.
 
     Attributes:
-        error_px: shape (frame, person): mean of the points' reprojection errors, NaN where there is none.
-        n_views: shape (frame, person): mean number of views that points rest on, NaN where there is no point.
+        error_px: shape (frame, person): mean reprojection error of the points, NaN where there is none.
+        n_views: shape (frame, person): mean number of views used by the points, NaN where there is no point.
         bones: pairs of keypoint names.
-        bones_m: shape (frame, person, bone), float32, as measured; NaN where an end is missing.
-        how: shape (frame, person, keypoint), int8: a place in :data:`HOW`.
+        bones_m: shape (frame, person, bone), float32: measured lengths, NaN where an end is missing.
+        point_state: shape (frame, person, keypoint), int8: MISSING, MEASURED, FILLED or ABSENT.
         status: shape (frame, person, keypoint), int8.
     """
 
@@ -61,112 +61,113 @@ class Series:
     n_views: np.ndarray
     bones: tuple[tuple[str, str], ...]
     bones_m: np.ndarray
-    how: np.ndarray
+    point_state: np.ndarray
     status: np.ndarray
 
-    def starts(self, columns: int = COLUMNS) -> np.ndarray:
-        """Places of the first frames of equal stretches of time, at most ``columns``."""
-        n_frames = len(self.how)
-        return np.arange(0, n_frames, max(1, -(-n_frames // columns)))
+    def interval_starts(self, max_intervals: int = MAX_INTERVALS) -> np.ndarray:
+        """Return the first frame indices of at most ``max_intervals`` intervals of equal length."""
+        n_frames = len(self.point_state)
+        return np.arange(0, n_frames, max(1, -(-n_frames // max_intervals)))
 
 
-def series_of(parts: Iterable[Reconstruction], layer: LayerName, skeleton: Skeleton) -> Series:
-    """Gather them from consecutive ranges of frames."""
-    bones = shown_bones(skeleton)
+def gather_series(parts: Iterable[Reconstruction], layer: LayerName, skeleton: Skeleton) -> TimeSeries:
+    """Gather the numbers from consecutive ranges of frames."""
+    bones = displayed_bones(skeleton)
     ends = np.array([[skeleton.index(a), skeleton.index(b)] for a, b in bones]).reshape(-1, 2).astype(int)
-    gathered = [_part_of(part, layer, ends) for part in parts]
-    error, views, lengths, how, status = (np.concatenate(each) for each in zip(*gathered, strict=True))
-    return Series(error, views, bones, lengths, how, status)
+    ranges = [_gather_range(part, layer, ends) for part in parts]
+    error, views, lengths, point_state, status = (np.concatenate(each) for each in zip(*ranges, strict=True))
+    return TimeSeries(error, views, bones, lengths, point_state, status)
 
 
-def shown_bones(skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
-    """The edges of the body; those of hands and faces only where there is nothing else."""
-    of_parts = {int(k) for part in skeleton.parts for k in part.keypoints}
+def displayed_bones(skeleton: Skeleton) -> tuple[tuple[str, str], ...]:
+    """Return the edges of the body; the edges of hands and faces only if there are no others."""
+    in_parts = {int(k) for part in skeleton.parts for k in part.keypoints}
     body = [
         edge
         for edge, ends in zip(skeleton.edges, skeleton.edge_indices, strict=True)
-        if not of_parts & set(ends.tolist())
+        if not in_parts & set(ends.tolist())
     ]
-    return tuple(body or skeleton.edges)[:MOST_BONES]
+    return tuple(body or skeleton.edges)[:MAX_BONES]
 
 
-def _part_of(part: Reconstruction, layer: LayerName, ends: np.ndarray) -> tuple[np.ndarray, ...]:
+def _gather_range(part: Reconstruction, layer: LayerName, ends: np.ndarray) -> tuple[np.ndarray, ...]:
     values: Layer = part.layers[layer]
-    there = values.has_point
-    # A fitted body's bones keep their lengths: those of what was measured tell what is wrong.
+    # Bones of a fitted model have constant lengths; only measured lengths reveal errors.
     points = np.asarray(part.layers["measured" if "measured" in part.layers else layer].points_m[:])
-    how = point_codes(values, measured_in(part, layer))
+    point_state = encode_point_states(values, measured_mask(part, layer))
     if part.tracks is not None:
-        how[np.asarray(part.tracks.state[:]) == TrackState.ABSENT] = ABSENT
+        point_state[np.asarray(part.tracks.state[:]) == TrackState.ABSENT] = ABSENT
     bones = np.linalg.norm(points[:, :, ends[:, 0]] - points[:, :, ends[:, 1]], axis=-1).astype(np.float32)
     return (
-        _mean(np.asarray(values.reprojection_error_px[:])),
-        _mean(np.where(there, values.n_views, np.nan)),
+        _finite_mean(np.asarray(values.reprojection_error_px[:])),
+        _finite_mean(np.where(values.has_point, values.n_views, np.nan)),
         bones,
-        how,
+        point_state,
         np.asarray(values.status[:]),
     )
 
 
-def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the last axis, of what is not NaN."""
-    known = np.isfinite(values)
-    count = known.sum(axis=-1)
-    return np.where(count > 0, np.where(known, values, 0.0).sum(axis=-1) / np.maximum(count, 1), np.nan)
+def _finite_mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean over the last axis without NaN."""
+    finite = np.isfinite(values)
+    count = finite.sum(axis=-1)
+    return np.where(count > 0, np.where(finite, values, 0.0).sum(axis=-1) / np.maximum(count, 1), np.nan)
 
 
-def stretched(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """The mean of each stretch of frames, axis 0, of what is not NaN."""
-    known = np.isfinite(values)
-    total = np.add.reduceat(np.where(known, values, 0.0), starts, axis=0)
-    count = np.add.reduceat(known.astype(np.int64), starts, axis=0)
+def mean_per_interval(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the mean of each interval of frames, along axis 0, without NaN."""
+    finite = np.isfinite(values)
+    total = np.add.reduceat(np.where(finite, values, 0.0), starts, axis=0)
+    count = np.add.reduceat(finite.astype(np.int64), starts, axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def mostly(how: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """What most frames of each stretch are, axis 0; of equals what is worse."""
+def majority_per_interval(point_state: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the most frequent state of each interval of frames, along axis 0; the worse one of a tie."""
     order = (MISSING, FILLED, MEASURED, ABSENT)
-    counts = np.stack([np.add.reduceat((how == code).astype(np.int32), starts, axis=0) for code in order])
+    counts = np.stack([np.add.reduceat((point_state == code).astype(np.int32), starts, axis=0) for code in order])
     return np.array(order)[counts.argmax(axis=0)]
 
 
-def gaps_of(series: Series) -> list[Gap]:
-    """The longest stretches without a measurement, the longest first."""
-    unmeasured = np.isin(series.how, (MISSING, FILLED))
-    closed = np.pad(unmeasured, [(1, 1), (0, 0), (0, 0)])
-    steps = np.diff(closed.astype(np.int8), axis=0)
-    # By person, keypoint, frame: the n-th beginning and the n-th end are of one gap.
+def find_gaps(series: TimeSeries) -> list[Gap]:
+    """Return the :data:`MAX_GAPS` longest intervals without a measurement, longest first."""
+    unmeasured = np.isin(series.point_state, (MISSING, FILLED))
+    padded = np.pad(unmeasured, [(1, 1), (0, 0), (0, 0)])
+    steps = np.diff(padded.astype(np.int8), axis=0)
+    # Sorted by person, keypoint and frame, the n-th start and the n-th end belong to the same gap.
     person, keypoint, start = np.nonzero(np.moveaxis(steps, 0, -1) > 0)
     stop = np.nonzero(np.moveaxis(steps, 0, -1) < 0)[2]
-    longest = np.lexsort((keypoint, person, start, start - stop))[:MOST_GAPS]
+    longest = np.lexsort((keypoint, person, start, start - stop))[:MAX_GAPS]
     return [
         Gap(
             int(person[i]), int(keypoint[i]), int(start[i]), int(stop[i]),
-            int((series.how[start[i] : stop[i], person[i], keypoint[i]] == FILLED).sum()),
+            int((series.point_state[start[i] : stop[i], person[i], keypoint[i]] == FILLED).sum()),
             PointStatus(int(series.status[start[i], person[i], keypoint[i]])),
         )
         for i in longest
     ]  # fmt: skip
 
 
-def series_data(result: Reconstruction, series: Series) -> dict[str, Any]:
-    """The series as the page carries them, stretch by stretch."""
-    starts = series.starts()
+def time_series_data(result: Reconstruction, series: TimeSeries) -> dict[str, Any]:
+    """Return the series, averaged over time intervals, as JSON data of the report page."""
+    starts = series.interval_starts()
     timed = bool(np.isfinite(result.time_s).all())
-    when = result.time_s if timed else result.frame_numbers
+    times = result.time_s if timed else result.frame_numbers
     scale = 1000.0 if result.unit == "m" else 1.0
-    lengths = stretched(scale * series.bones_m.astype(np.float64), starts)
-    how = mostly(series.how, starts)
+    lengths = mean_per_interval(scale * series.bones_m.astype(np.float64), starts)
+    states = majority_per_interval(series.point_state, starts)
     return {
-        "place": starts.tolist(),
-        "time": np.asarray(when)[starts].round(3).tolist(),
+        "frameIndex": starts.tolist(),
+        "time": np.asarray(times)[starts].round(3).tolist(),
         "unit": "s" if timed else "frame",
-        "error": [_numbers(column, 2) for column in stretched(series.error_px, starts).T],
-        "views": [_numbers(column, 2) for column in stretched(series.n_views, starts).T],
+        "error": [_numbers(column, 2) for column in mean_per_interval(series.error_px, starts).T],
+        "views": [_numbers(column, 2) for column in mean_per_interval(series.n_views, starts).T],
         "bones": [f"{a} – {b}" for a, b in series.bones],
         "boneUnit": "mm" if result.unit == "m" else result.unit,
         "lengths": [[_numbers(lengths[:, p, b], 1) for b in range(len(series.bones))] for p in range(lengths.shape[1])],
-        "how": [["".join(map(str, how[:, p, k])) for k in range(how.shape[2])] for p in range(how.shape[1])],
+        "states": [
+            ["".join(map(str, states[:, p, k])) for k in range(states.shape[2])] for p in range(states.shape[1])
+        ],
     }
 
 

@@ -1,4 +1,4 @@
-"""The summary in plain words: what was computed, from what, and how good it is."""
+"""The summary of a result in sentences: what was computed from which input, and how accurate it is."""
 
 from html import escape
 
@@ -8,64 +8,106 @@ from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
-from posefuse.report.people import events_in_words
-from posefuse.report.summary import Summary, sources_in_words
+from posefuse.report.people import format_event_counts
+from posefuse.report.summary import Summary, format_sources
 
 
-def in_words(result: Reconstruction, summary: Summary, accuracy: Accuracy | PeopleScores | None, shown: str) -> str:
-    """The summary in plain words; ``shown`` says what the scene leaves out."""
-    one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
-    people = f"1 {one}" if len(result.person_ids) == 1 else f"{len(result.person_ids)} {several}"
-    length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
-    there = summary.n_points - sum(n for code, n in summary.status_counts.items() if not code.has_point)
-    cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
-    whose = "" if len(result.person_ids) == 1 else f"of {several}, while they are followed, "
+def summary_paragraphs(
+    result: Reconstruction, summary: Summary, accuracy: Accuracy | PeopleScores | None, note: str
+) -> str:
+    """Return the summary as HTML paragraphs; ``note`` states what the 3D scene leaves out."""
     sentences = [
-        f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
-        f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
-        f"{100 * there / max(summary.n_points, 1):.1f} % of the points {whose}have coordinates.",
+        *_describe_input(result, summary),
+        *_describe_errors(result, summary),
+        *_describe_accuracy(accuracy),
+        *_describe_world(result),
+        *_describe_events_and_gaps(result, summary),
+        note,
     ]
-    if there:
-        sentences.append(f"Of these {sources_in_words(summary.source_counts)}.")
-    if summary.error_px.count:
-        sentences.append(
-            f"Half of the used observations lie within {summary.error_px.median:.1f} px of the reprojected points, "
-            f"nine in ten within {summary.error_px.p90:.1f} px."
-        )
-    if result.unit == "m" and summary.sd_mm.count and result.noise is not None:
-        sentences.append(
-            f"By its own account a typical point is known to {_length(summary.sd_mm.median)} per axis "
-            f"(noise of a detection {result.noise.origin}: {float(np.median(result.noise.scale_px)):.1f} px)."
-        )
-    if isinstance(accuracy, Accuracy):
-        sentences.append(
-            f"Against the truth: median error {accuracy.median_mm:.1f} mm, mean {accuracy.mpjpe_mm:.1f} mm, "
-            f"{100 * accuracy.share_beyond_50_mm:.1f} % beyond 5 cm."
-        )
-    if result.rig.up_axis is None and result.unit == "m":
-        sentences.append("Which way is up is unknown, so nothing was rotated on export; --up says it.")
-    if result.unit != "m":
-        sentences.append("One camera: this is its image plane in pixels, not a place in the world.")
-    if result.events and len(result.person_ids) != 1:
-        sentences.append(f"Events: {events_in_words(result.events)}.")
-    missing = [(n, code) for code, n in summary.status_counts.items() if not code.has_point]
-    for n, code in sorted(missing, reverse=True)[:3]:
-        sentences.append(f"{n} points are missing: {PointStatus(code).sentence}.")
-    sentences.append(shown)
     return "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences if sentence)
 
 
-def scene_in_words(stride: int, strays: int) -> str:
-    """What the scene leaves out; empty where it shows everything."""
+def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
+    one, several = ("person", "people") if "left_hip" in result.skeleton.keypoints else ("subject", "subjects")
+    people = f"1 {one}" if len(result.person_ids) == 1 else f"{len(result.person_ids)} {several}"
+    length = f" ({result.n_frames / result.rate_hz:.1f} s at {result.rate_hz:g} Hz)" if result.rate_hz else ""
+    cameras = "1 camera" if len(result.rig) == 1 else f"{len(result.rig)} cameras"
+    scope = "" if len(result.person_ids) == 1 else f"of tracked {several} "
+    n_with_point = _n_with_point(summary)
+    sentences = [
+        f"{people}, {len(result.skeleton)} keypoints ({result.skeleton.name}), {result.n_frames} frames{length}, "
+        f"{cameras}, method {result.options.triangulation.method}, layer {summary.layer}.",
+        f"{100 * n_with_point / max(summary.n_points, 1):.1f} % of the points {scope}have coordinates.",
+    ]
+    if n_with_point:
+        sentences.append(f"Of these, {format_sources(summary.source_counts)}.")
+    return sentences
+
+
+def _n_with_point(summary: Summary) -> int:
+    return summary.n_points - sum(n for code, n in summary.status_counts.items() if not code.has_point)
+
+
+def _describe_errors(result: Reconstruction, summary: Summary) -> list[str]:
+    sentences = []
+    if summary.error_px.count:
+        sentences.append(
+            f"The reprojection error of the used detections has a median of {summary.error_px.median:.1f} px and a "
+            f"90th percentile of {summary.error_px.p90:.1f} px."
+        )
+    if result.unit == "m" and summary.sd_mm.count and result.noise is not None:
+        sentences.append(
+            f"The median estimated standard deviation of a point is {_format_length(summary.sd_mm.median)} per axis "
+            f"(detection noise {result.noise.origin}: {float(np.median(result.noise.scale_px)):.1f} px)."
+        )
+    return sentences
+
+
+def _describe_accuracy(accuracy: Accuracy | PeopleScores | None) -> list[str]:
+    if not isinstance(accuracy, Accuracy):
+        return []
+    return [
+        f"Compared with the ground truth: median error {accuracy.median_mm:.1f} mm, mean {accuracy.mpjpe_mm:.1f} mm, "
+        f"{100 * accuracy.share_beyond_50_mm:.1f} % beyond 5 cm."
+    ]
+
+
+def _describe_world(result: Reconstruction) -> list[str]:
+    sentences = []
+    if result.rig.up_axis is None and result.unit == "m":
+        sentences.append("The up axis of the world is unknown, so exports are not rotated. Set it with --up.")
+    if result.unit != "m":
+        sentences.append("One camera: coordinates are pixels in its image plane, not positions in the world.")
+    return sentences
+
+
+def _describe_events_and_gaps(result: Reconstruction, summary: Summary) -> list[str]:
+    sentences = []
+    if result.events and len(result.person_ids) != 1:
+        sentences.append(f"Events: {format_event_counts(result.events)}.")
+    missing = [(n, code) for code, n in summary.status_counts.items() if not code.has_point]
+    for n, code in sorted(missing, reverse=True)[:3]:
+        sentences.append(f"{n} points are missing: {PointStatus(code).sentence}.")
+    return sentences
+
+
+def scene_note(stride: int, n_outside: int) -> str:
+    """Return what the 3D scene leaves out; empty if it shows everything.
+
+    Args:
+        stride: the scene shows every n-th frame.
+        n_outside: number of points too far away to be drawn.
+    """
     ending = {1: "st", 2: "nd", 3: "rd"}.get(stride % 10 if stride % 100 not in (11, 12, 13) else 0, "th")
     sentences = []
     if stride > 1:
-        sentences.append(f"The scene below shows every {stride}{ending} frame of this long recording.")
-    if strays:
-        sentences.append(f"{strays} points so far out that they would dwarf the scene are not drawn in it.")
+        sentences.append(f"The recording is long, so the scene shows every {stride}{ending} frame.")
+    if n_outside:
+        points = "1 distant outlier is" if n_outside == 1 else f"{n_outside} distant outliers are"
+        sentences.append(f"{points} not drawn in the scene.")
     return " ".join(sentences)
 
 
-def _length(millimetres: float) -> str:
-    """A small length in a unit that shows it."""
-    return f"{millimetres:.1f} mm" if millimetres >= 0.5 else f"{1000 * millimetres:.1f} µm"
+def _format_length(millimeters: float) -> str:
+    """Return a small length in mm or µm."""
+    return f"{millimeters:.1f} mm" if millimeters >= 0.5 else f"{1000 * millimeters:.1f} µm"

@@ -1,4 +1,4 @@
-"""The report's tables: truth, cameras, keypoints, bones, gaps, notes, options."""
+"""Tables of the report: accuracy, cameras, keypoints, bones, gaps, notes and options."""
 
 import dataclasses
 from html import escape
@@ -10,33 +10,36 @@ from posefuse.evaluation.accuracy import Accuracy
 from posefuse.evaluation.people import PeopleScores
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.report.cells import MISSING, REJECTED, USED, Cells
-from posefuse.report.highlights import jump, span
-from posefuse.report.series import Gap, Series
+from posefuse.report.heat_map import MISSING, REJECTED, USED, HeatMap
+from posefuse.report.highlights import format_interval, frame_button
+from posefuse.report.series import Gap, TimeSeries
 from posefuse.report.summary import Summary
 
 
 def accuracy_table(accuracy: Accuracy | PeopleScores | None) -> str:
-    """How the result compares with the truth; empty where none was given."""
+    """Return the comparison with the ground truth as HTML; empty if there is no ground truth."""
     if accuracy is None:
         return ""
-    rows = _people_rows(accuracy) if isinstance(accuracy, PeopleScores) else _one_rows(accuracy)
+    rows = _people_rows(accuracy) if isinstance(accuracy, PeopleScores) else _single_person_rows(accuracy)
     body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
-    return f"<section><h2>Against the truth</h2><table>{body}</table></section>"
+    return f"<section><h2>Comparison with the ground truth</h2><table>{body}</table></section>"
 
 
 def _people_rows(scores: PeopleScores) -> list[tuple[str, str]]:
     clear, nees = scores.clear[0], scores.nees
     covered = f"{_percent(nees.covered_68)} / {_percent(nees.covered_95)}"
     return [
-        ("People of the truth, of the result", f"{scores.n_true_people}, {scores.n_people}"),
-        (f"MOTA, matched within {clear.gate_m:g} m", _percent(clear.mota)),
+        ("People in the ground truth, in the result", f"{scores.n_true_people}, {scores.n_people}"),
+        (f"MOTA, matching distance {clear.gate_m:g} m", _percent(clear.mota)),
         ("IDF1", _percent(scores.identity.idf1)),
         ("Recall", _percent(clear.recall)),
-        ("Identity switches, fragments, false people", f"{clear.switches}, {clear.fragments}, {clear.false_people}"),
+        (
+            "Identity switches, fragmentations, false people",
+            f"{clear.switches}, {clear.fragments}, {clear.false_people}",
+        ),
         ("Median error", f"{_or_dash(scores.median_mm)} mm"),
         ("Mean error (MPJPE)", f"{_or_dash(scores.mpjpe_mm)} mm"),
-        ("Inside their 68 / 95 % region", covered),
+        ("Coverage of the 68 / 95 % regions", covered),
     ]
 
 
@@ -44,24 +47,25 @@ def _percent(share: float) -> str:
     return f"{100 * share:.1f} %" if np.isfinite(share) else "–"
 
 
-def _one_rows(accuracy: Accuracy) -> list[tuple[str, str]]:
+def _single_person_rows(accuracy: Accuracy) -> list[tuple[str, str]]:
     rows = [
         ("Compared points", f"{accuracy.n_points}"),
         ("Median error", f"{accuracy.median_mm:.1f} mm"),
         ("Mean error (MPJPE)", f"{accuracy.mpjpe_mm:.1f} mm"),
-        ("90 / 95 / 99 %", f"{accuracy.p90_mm:.1f} / {accuracy.p95_mm:.1f} / {accuracy.p99_mm:.1f} mm"),
+        ("90th / 95th / 99th percentile", f"{accuracy.p90_mm:.1f} / {accuracy.p95_mm:.1f} / {accuracy.p99_mm:.1f} mm"),
         ("Beyond 5 cm", f"{100 * accuracy.share_beyond_50_mm:.2f} %"),
-        ("Missing", f"{100 * accuracy.missing_share:.2f} %"),
+        ("Missing points", f"{100 * accuracy.missing_share:.2f} %"),
     ]
     if accuracy.covered_68 is not None and accuracy.covered_95 is not None:
         covered = f"{100 * accuracy.covered_68:.0f} / {100 * accuracy.covered_95:.0f} %"
-        rows.append(("Inside their 68 / 95 % region", covered))
+        rows.append(("Coverage of the 68 / 95 % regions", covered))
     return rows
 
 
 def camera_table(result: Reconstruction, summary: Summary) -> str:
-    """A line a camera."""
-    head = "".join(f"<th>{escape(h)}</th>" for h in ("Camera", "Lens", "Used", "Median px", "90 % px"))
+    """Return the table of cameras as HTML."""
+    headings = ("Camera", "Lens", "Used", "Median error, px", "90th percentile, px")
+    head = "".join(f"<th>{escape(heading)}</th>" for heading in headings)
     rows = []
     for v, camera in enumerate(result.rig.cameras):
         error = summary.error_px_by_view[v]
@@ -76,27 +80,27 @@ def _or_dash(value: float) -> str:
 
 
 def notes_list(result: Reconstruction) -> str:
-    """What readers and stages found worth saying, and what was read."""
+    """Return the notes of readers and stages and the list of input files as HTML."""
     notes = result.provenance.notes
     inputs = [f"{name} (sha-256 {digest[:12]})" for name, digest in result.provenance.inputs.items()]
-    items = [*notes, *(["Read: " + ", ".join(inputs)] if inputs else [])]
-    return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>" if items else "<p>Nothing.</p>"
+    items = [*notes, *(["Input files: " + ", ".join(inputs)] if inputs else [])]
+    return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>" if items else "<p>None.</p>"
 
 
 def options_table(options: Options) -> str:
-    """What the user chose that is not the default, and all options folded."""
-    values, usual = _flat(dataclasses.asdict(options)), _flat(dataclasses.asdict(Options()))
-    chosen = {name: value for name, value in values.items() if usual.get(name) != value}
-    first = f"<table>{_option_rows(chosen)}</table>" if chosen else "<p>All are the defaults.</p>"
+    """Return the options that differ from the defaults, and all options in a collapsed table, as HTML."""
+    values, defaults = _flatten(dataclasses.asdict(options)), _flatten(dataclasses.asdict(Options()))
+    changed = {name: value for name, value in values.items() if defaults.get(name) != value}
+    first = f"<table>{_option_rows(changed)}</table>" if changed else "<p>All options have their defaults.</p>"
     return f"{first}<details><summary>All options</summary><table>{_option_rows(values)}</table></details>"
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Options by their full names, those that say nothing left out."""
+def _flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return options by their full names, without unset ones."""
     out: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, dict):
-            out |= _flat(value, f"{prefix}{name}.")
+            out |= _flatten(value, f"{prefix}{name}.")
         elif value not in (None, ()):
             out[prefix + name] = value
     return out
@@ -106,21 +110,24 @@ def _option_rows(values: dict[str, Any]) -> str:
     return "".join(f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in values.items())
 
 
-def keypoint_table(result: Reconstruction, summary: Summary, cells: Cells) -> str:
-    """A line a keypoint with all its numbers, to read on paper."""
-    heads = ("Keypoint", "Median px", "90 % px", "Points", "Detections used", "rejected", "missing")
-    # Each camera shows as many frames as any other: the mean of its shares is the share of all. NaN where nobody was.
+def keypoint_table(result: Reconstruction, summary: Summary, cells: HeatMap) -> str:
+    """Return the table of keypoints as HTML, which replaces the chart on paper."""
+    headings = (
+        "Keypoint", "Median error, px", "90th percentile, px", "Points", "Detections used", "Detections rejected",
+        "Detections missing",
+    )  # fmt: skip
+    # All cameras have the same number of frames, so the mean of their shares is the share over all detections.
     shares = cells.shares.mean(axis=1)
     rows = []
     for k, name in enumerate(result.skeleton.keypoints):
         error = summary.error_px_by_keypoint[k]
         values = (1.0 - summary.missing_by_keypoint[k], *(shares[k, code] for code in (USED, REJECTED, MISSING)))
         rows.append(_row((name, _or_dash(error.median), _or_dash(error.p90), *(_percent(float(v)) for v in values))))
-    return f'<table class="numbers">{_head(heads)}{"".join(rows)}</table>'
+    return f'<table class="numbers">{_head(headings)}{"".join(rows)}</table>'
 
 
-def bone_section(result: Reconstruction, series: Series) -> str:
-    """Lengths of bones: of each its median, how it varies, and how the sides differ; the picture is drawn beside it."""
+def bone_section(result: Reconstruction, series: TimeSeries) -> str:
+    """Return the section on bone lengths as HTML: median and variation of each bone, and a chart of the chosen one."""
     if not series.bones or not result.person_ids:
         return ""
     unit, scale = ("mm", 1000.0) if result.unit == "m" else (result.unit, 1.0)
@@ -132,49 +139,55 @@ def bone_section(result: Reconstruction, series: Series) -> str:
             if not len(lengths):
                 continue
             median = float(np.median(lengths))
-            spread = 1.4826 * float(np.median(np.abs(lengths - median)))
-            share = f"{100 * spread / median:.1f} %" if median > 0 else "–"
+            deviation = 1.4826 * float(np.median(np.abs(lengths - median)))
+            share = f"{100 * deviation / median:.1f} %" if median > 0 else "–"
             button = f'<button class="bone" data-bone="{b}">{escape(one)} – {escape(other)}</button>'
-            rows.append(f"<tr><th>{button}</th>" + _cells((person, f"{median:.1f}", f"{spread:.1f}", share)) + "</tr>")
-    head = _head(("Bone", "Person", f"Median {unit}", f"Spread {unit}", "Spread"))
+            rows.append(
+                f"<tr><th>{button}</th>" + _cells((person, f"{median:.1f}", f"{deviation:.1f}", share)) + "</tr>"
+            )
+    head = _head(("Bone", "Person", f"Median, {unit}", f"SD, {unit}", "SD, relative"))
     return (
-        "<section><h2>Bone lengths</h2><p>As measured. A bone does not grow and shrink; where its length does, an end "
-        "is wrong. Spread: robust standard deviation over time. Click a bone to draw it, click the drawing to see the "
-        "frame.</p>"
+        "<section><h2>Bone lengths</h2><p>Measured lengths. Bones are rigid, so a varying length reveals an error at "
+        "one end. SD is the robust standard deviation over time. Click a bone to plot it; click the plot to see "
+        "the frame.</p>"
         '<p id="bone-name" aria-live="polite"></p><div id="bones" class="chart" role="img" '
-        'aria-label="Length of the chosen bone over time"></div>'
-        f"{_folded('All bones', head + ''.join(rows))}</section>"
+        'aria-label="Length of the selected bone over time"></div>'
+        f"{_collapsed('All bones', head + ''.join(rows))}</section>"
     )
 
 
 def gap_section(result: Reconstruction, gaps: list[Gap]) -> str:
-    """Where points were not measured; the picture is drawn beside it."""
+    """Return the section on gaps as HTML, with a table of the longest ones."""
     if not result.person_ids:
         return ""
     rows = []
     for gap in gaps:
         name, person = result.skeleton.keypoints[gap.keypoint], result.person_ids[gap.person]
-        link = jump(result, gap.start, span(result, gap.start, gap.stop), person=gap.person, keypoint=gap.keypoint)
+        link = frame_button(
+            result, gap.start, format_interval(result, gap.start, gap.stop), person=gap.person, keypoint=gap.keypoint
+        )
         length = gap.stop - gap.start
-        filled = "filled" if gap.filled == length else "missing" if not gap.filled else f"{gap.filled} filled"
-        rows.append(f"<tr><td>{link}</td>" + _cells((person, name, str(length), filled, gap.status.sentence)) + "</tr>")
-    head = _head(("When", "Person", "Keypoint", "Frames", "", "How it begins"))
+        handling = "filled" if gap.filled == length else "missing" if not gap.filled else f"{gap.filled} filled"
+        rows.append(
+            f"<tr><td>{link}</td>" + _cells((person, name, str(length), handling, gap.status.sentence)) + "</tr>"
+        )
+    head = _head(("Interval", "Person", "Keypoint", "Frames", "Handling", "Status of the first frame"))
     table = (
-        _folded(f"The longest {len(rows)}", head + "".join(rows))
+        _collapsed(f"Longest gaps ({len(rows)})", head + "".join(rows))
         if rows
-        else "<p>None: every point of everybody there was measured in every frame.</p>"
+        else "<p>No gaps: every keypoint was measured in every frame in which its person is present.</p>"
     )
     return (
-        "<section><h2>Gaps and fills</h2><p>What most of each stretch of time is: "
+        "<section><h2>Gaps</h2><p>The most frequent state of each time interval: "
         '<span class="key measured"></span> measured, <span class="key filled"></span> filled or held, '
         '<span class="key missing"></span> missing; blank where the person is absent.</p>'
-        '<div id="gap-people"></div><div id="gaps" role="img" aria-label="Where each keypoint was measured, filled or '
+        '<div id="gap-people"></div><div id="gaps" role="img" aria-label="When each keypoint was measured, filled or '
         f'missing"></div>{table}</section>'
     )
 
 
-def _folded(words: str, rows: str) -> str:
-    return f'<details><summary>{words}</summary><div class="wide"><table>{rows}</table></div></details>'
+def _collapsed(title: str, rows: str) -> str:
+    return f'<details><summary>{title}</summary><div class="wide"><table>{rows}</table></div></details>'
 
 
 def _head(names: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""Where a body's mass is: tables of segments, one TOML file each in the folder ``mass_tables`` beside this module."""
+"""Segment masses: tables in the folder ``mass_tables`` beside this module, one TOML file each."""
 
 import tomllib
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from posefuse.errors import SkeletonError
 from posefuse.skeleton.skeletons import Skeleton
 
 Ends = tuple[tuple[str, ...], tuple[str, ...], float]
-"""Keypoints of the near end, those of the far end, and where from near to far the centre lies."""
+"""Keypoints of the proximal end, of the distal end, and the relative position of the center between them."""
 
 
 @dataclass(frozen=True)
 class MassSegment:
-    """A part of the body and its mass.
+    """A segment of the body and its mass.
 
     Attributes:
-        name: of the segment.
-        mass: as a share of the body's.
-        ends: the ways to find it, best first.
+        name: name of the segment.
+        mass: fraction of the body mass.
+        ends: alternative definitions of its ends, best first.
     """
 
     name: str
@@ -27,7 +27,7 @@ class MassSegment:
     ends: tuple[Ends, ...]
 
     def ends_in(self, skeleton: Skeleton) -> Ends | None:
-        """The best way for which the skeleton has the keypoints."""
+        """Return the best definition for which the skeleton has the keypoints, or None."""
         there = set(skeleton.keypoints)
         return next((row for row in self.ends if there.issuperset((*row[0], *row[1]))), None)
 
@@ -37,9 +37,9 @@ class Masses:
     """A table of segments.
 
     Attributes:
-        name: of the table.
-        source: where its numbers are from.
-        segments: of which all masses together are the body's.
+        name: name of the table.
+        source: publication.
+        segments: segments, whose masses sum to 1.
     """
 
     name: str
@@ -47,29 +47,29 @@ class Masses:
     segments: tuple[MassSegment, ...]
 
     def check(self, skeleton: Skeleton) -> None:
-        """Refuse a skeleton that lacks a segment.
+        """Check that a skeleton has all segments.
 
         Raises:
-            SkeletonError: naming the first segment it lacks.
+            SkeletonError: if a segment is missing; the message names the first one.
         """
         for segment in self.segments:
             if segment.ends_in(skeleton) is None:
                 near, far, _ = segment.ends[0]
                 raise SkeletonError(
-                    f"The centre of mass by {self.name} needs the segment {segment.name} ({', '.join(near)} to "
-                    f"{', '.join(far)}), and skeleton {skeleton.name} lacks keypoints of it. Leave "
-                    "subject.mass_table out."
+                    f"The center of mass with {self.name} needs the segment {segment.name} ({', '.join(near)} to "
+                    f"{', '.join(far)}), but skeleton {skeleton.name} lacks its keypoints. Remove "
+                    "subject.mass_table."
                 )
 
 
 @cache
 def mass_table(name: str) -> Masses:
-    """A table that comes with posefuse, by name; segments of one side are there for both."""
+    """Return a shipped mass table by name, with segments of both sides."""
     text = files("posefuse.skeleton").joinpath("mass_tables", f"{name}.toml").read_text("utf-8")
     data = tomllib.loads(text)
     segments = []
     for row in data["segment"]:
-        ends = tuple((tuple(near), tuple(far), float(centre)) for near, far, centre in row["ends"])
+        ends = tuple((tuple(near), tuple(far), float(center)) for near, far, center in row["ends"])
         segments.append(MassSegment(row["name"], float(row["mass"]), ends))
         if row["name"].startswith("left_"):
             segments.append(MassSegment(_right(row["name"]), float(row["mass"]), tuple(map(_mirrored, ends))))
@@ -77,8 +77,8 @@ def mass_table(name: str) -> Masses:
 
 
 def _mirrored(ends: Ends) -> Ends:
-    near, far, centre = ends
-    return tuple(map(_right, near)), tuple(map(_right, far)), centre
+    near, far, center = ends
+    return tuple(map(_right, near)), tuple(map(_right, far)), center
 
 
 def _right(name: str) -> str:

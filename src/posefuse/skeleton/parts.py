@@ -1,14 +1,14 @@
-"""Parts of bodies that are followed for themselves, each given where the body has it: hands, a face.
+"""Separately tracked parts of a body: hands and face.
 
-A part is a tree of its own in a file of ``bodies/``, named by the ``parts`` of a body's table. Beside the tables of a
-tree (:mod:`posefuse.skeleton.tree_tables`) the file has:
+A part has its own tree in a file of ``bodies/``, listed in ``parts`` of the body's table. In addition to the tables of
+a tree (:mod:`posefuse.skeleton.tree_tables`) the file has:
 
-* ``at``: the keypoint of the body where the part's root is;
-* ``like``: the segment of the body that the root turns with; left out where nothing of the body tells;
-* ``sides``: ``true`` for a part that there are two of. Then names are without ``left_`` and ``right_``, in ``at`` too,
-  and the table is the left one's.
+* ``at``: body keypoint of the part's root;
+* ``like``: body segment whose orientation the root shares; omitted if there is none;
+* ``sides``: ``true`` for a left and a right part. Names, also in ``at``, then have no ``left_`` or ``right_``, and the
+  table describes the left part.
 
-A skeleton has a part if it has the part's ``at`` and three or more of the keypoints that ride on the part's root.
+A skeleton has a part if it has the keypoint ``at`` and three or more keypoints fixed to the part's root.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,26 +17,26 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError, suggestion
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import Tree, sided
 
 _OWN = ("at", "like", "sides")
 _LEAST_POINTS = 3
-"""Fewer do not tell how the root is turned."""
+"""Fewer do not determine the orientation of the root."""
 
 
 @dataclass(frozen=True, eq=False)
-class Part(Rebuilt):
-    """Something of a body that is followed for itself.
+class Part(PickledByFields):
+    """A separately tracked part of a body.
 
     Attributes:
-        name: ``left_hand``.
-        at: place of the skeleton's keypoint where the root is.
-        like: number of the body's segment that the root turns with, -1 for none.
-        keypoints: shape (point,), int64: places of the part's keypoints in the skeleton.
-        tree: of these keypoints alone.
+        name: name such as ``left_hand``.
+        at: index of the skeleton's keypoint at the root.
+        like: index of the body segment whose orientation the root shares, -1 for none.
+        keypoints: shape (point,), int64: indices of the part's keypoints in the skeleton.
+        tree: tree of these keypoints.
     """
 
     name: str
@@ -49,21 +49,21 @@ class Part(Rebuilt):
 def parse_parts(
     body: object, tree: Tree | None, keypoints: Sequence[str], partner: Mapping[str, str], skeleton: str
 ) -> tuple[Part, ...]:
-    """The parts of a body that a skeleton has keypoints of.
+    """Return the parts of which a skeleton has keypoints.
 
     Args:
-        body: the table of the body's tree.
-        tree: made of it, or None.
-        keypoints: of the skeleton.
+        body: table of the body's tree.
+        tree: tree built from it, or None.
+        keypoints: keypoints of the skeleton.
         partner: left name to right name.
-        skeleton: its name, for messages.
+        skeleton: name of the skeleton, for messages.
 
     Raises:
-        SkeletonError: where the table names what is not there.
+        SkeletonError: if the table is invalid or contains unknown names.
     """
     names = body.get("parts", []) if isinstance(body, Mapping) else []
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise SkeletonError(f"Skeleton {skeleton!r}: tree.parts is a list of names of bodies, got {names!r}.")
+        raise SkeletonError(f"Skeleton {skeleton!r}: tree.parts must be a list of names of parts, got {names!r}.")
     if tree is None:
         return ()
     found = []
@@ -79,11 +79,11 @@ def parse_parts(
 def _part(
     name: str, side: str, table: Mapping[str, Any], body: Tree, keypoints: Sequence[str], partner: Mapping[str, str]
 ) -> Part | None:
-    """One part, None where the skeleton has too little of it."""
+    """Return one part, or None if the skeleton has too few of its keypoints."""
     before = f"{side}_" if side else ""
     at, like = f"{before}{table['at']}", table.get("like")
     if like is not None and like not in body.segments:
-        raise SkeletonError(f"Part {name!r} turns like {like!r}. {suggestion(like, body.segments)}")
+        raise SkeletonError(f"Part {name!r}: unknown segment {like!r} in like. {suggestion(like, body.segments)}")
     own = {key: value for key, value in table.items() if key not in _OWN}
     root, points = next(iter(own["segments"])), own["points"]
     mine = [k for k in keypoints if k.startswith(before) and k.removeprefix(before) in {*points, *own.get("bones", {})}]

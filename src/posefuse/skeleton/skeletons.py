@@ -1,18 +1,18 @@
-"""Skeletons: which keypoints there are, and how they belong together.
+"""Skeletons: keypoint names and their relations.
 
-A skeleton is a TOML file; the shipped ones stand in the folder ``skeletons`` beside this module. Its tables:
+A skeleton is a TOML file; the shipped ones are in the folder ``skeletons`` beside this module. Its tables:
 
 * ``name``, ``description``;
 * ``keypoints``: canonical names, snake_case with ``left_`` / ``right_`` as in COCO; ``"face_{00..67}"`` stands for 68;
-* ``edges``: pairs of names to draw, and whose lengths are bones;
-* ``rigid``: those of the edges that keep their length whatever the body does, and with them those of the other side;
-* ``core``: keypoints that a new person is told by; where absent, all of them;
-* ``pairs``: (left, right) names; where absent, every ``left_x`` that has a ``right_x``;
-* ``[chains]``: limbs whose sides are mixed up together, each a list of left names (partners by ``pairs``);
-* ``[derived]``: keypoints that are the mean of others, for mapping from a skeleton that lacks them;
-* ``plausible_m``: rows of two names and the shortest and longest distance a body has between them, in metres;
-* ``tree``: how the body turns and how large it is, see :mod:`posefuse.skeleton.tree_tables`;
-* ``[names]``: other programs' names for the keypoints, in the same order.
+* ``edges``: pairs of names: bones, and lines to draw;
+* ``rigid``: edges with constant length, and their mirror images;
+* ``core``: keypoints that identify a person; default: all;
+* ``pairs``: (left, right) names; default: every ``left_x`` with a ``right_x``;
+* ``[chains]``: limbs whose sides are swapped together, each a list of left names (partners from ``pairs``);
+* ``[derived]``: keypoints that are the mean of others, for conversion from a skeleton without them;
+* ``plausible_m``: rows of two names and the smallest and largest distance between them, in meters;
+* ``tree``: the kinematic tree and the body size, see :mod:`posefuse.skeleton.tree_tables`;
+* ``[names]``: names of the keypoints in other programs, in the same order.
 """
 
 import math
@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError, choices, suggestion
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
@@ -40,26 +40,26 @@ _KEYS = (
 
 
 @dataclass(frozen=True)
-class Skeleton(Rebuilt):
+class Skeleton(PickledByFields):
     """Keypoint names and their relations.
 
     Attributes:
-        name: of the skeleton.
-        keypoints: names, in the order of every keypoint axis.
-        edges: pairs of names that a bone or a drawn line joins.
+        name: name of the skeleton.
+        keypoints: names, in the order of the keypoint axes.
+        edges: pairs of names joined by a bone or a drawn line.
         pairs: (left, right) names.
-        chains: limb name to (left, right) pairs from the trunk outwards.
-        derived: name to the names it is the mean of.
-        plausible_m: two names, and the shortest and longest distance a body has between them, in metres.
-        names: another program to its names of the keypoints, in order.
-        description: a sentence.
-        tree: how the body turns, or None where the file does not say.
-        core: names of the keypoints that a new person is told by; empty where all are.
-        parts: what is followed for itself, given where the body has it: hands, the face.
-        rigid: those of the edges that keep their length whatever the body does, of both sides.
+        chains: limb name to (left, right) pairs from the trunk outward.
+        derived: name to the names whose mean it is.
+        plausible_m: two names, and the smallest and largest distance between them, in meters.
+        names: program to its names of the keypoints, in order.
+        description: one sentence.
+        tree: kinematic tree, or None without one.
+        core: names of the keypoints that identify a person; empty means all.
+        parts: separately tracked parts: hands and face.
+        rigid: edges with constant length, on both sides.
 
     Raises:
-        SkeletonError: where a table names a keypoint that is not there, or one twice, or what is rigid is no edge.
+        SkeletonError: if a table names an unknown keypoint or one twice, or a rigid pair is not an edge.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Skeleton(Rebuilt):
     def __post_init__(self) -> None:
         repeated = sorted({name for name in self.keypoints if self.keypoints.count(name) > 1})
         if repeated:
-            raise SkeletonError(f"Skeleton {self.name!r} names keypoints twice: {choices(repeated)}.")
+            raise SkeletonError(f"Skeleton {self.name!r} repeats keypoints: {choices(repeated)}.")
         if not self.keypoints:
             raise SkeletonError(f"Skeleton {self.name!r} has no keypoints.")
         chained = [pair for chain in self.chains.values() for pair in chain]
@@ -91,10 +91,10 @@ class Skeleton(Rebuilt):
         joined = {frozenset(edge) for edge in self.edges}
         for a, b in self.rigid:
             if frozenset((a, b)) not in joined:
-                raise SkeletonError(f"Skeleton {self.name!r}: rigid names {a!r} and {b!r}, which no edge joins.")
+                raise SkeletonError(f"Skeleton {self.name!r}: rigid contains {a!r} and {b!r}, which are not an edge.")
         self._check_names("core", self.core)
         if len(set(self.core)) != len(self.core):
-            raise SkeletonError(f"Skeleton {self.name!r}: core names a keypoint twice: {choices(self.core)}.")
+            raise SkeletonError(f"Skeleton {self.name!r}: core repeats a keypoint: {choices(self.core)}.")
         for program, names in self.names.items():
             if len(names) != len(self.keypoints):
                 raise SkeletonError(
@@ -113,10 +113,10 @@ class Skeleton(Rebuilt):
         return len(self.keypoints)
 
     def index(self, keypoint: str) -> int:
-        """The place of a keypoint.
+        """Return the index of a keypoint.
 
         Raises:
-            SkeletonError: if there is no such keypoint.
+            SkeletonError: if the skeleton has no such keypoint.
         """
         if keypoint not in self.keypoints:
             raise SkeletonError(
@@ -126,29 +126,29 @@ class Skeleton(Rebuilt):
 
     @cached_property
     def edge_indices(self) -> np.ndarray:
-        """Shape (edge, 2), int64."""
+        """Shape (edge, 2), int64: keypoint indices of the edges."""
         return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.edges]).reshape(-1, 2), np.int64)
 
     @cached_property
     def pair_indices(self) -> np.ndarray:
-        """Shape (pair, 2), int64: left and right."""
+        """Shape (pair, 2), int64: keypoint indices, left and right."""
         return frozen(np.array([[self.index(a), self.index(b)] for a, b in self.pairs]).reshape(-1, 2), np.int64)
 
     @cached_property
     def core_indices(self) -> np.ndarray:
-        """Shape (core,), int64: places of the keypoints that a new person is told by, all where none are named."""
+        """Shape (core,), int64: indices of the core keypoints, all if none are named."""
         return frozen(np.array([self.index(name) for name in self.core or self.keypoints]), np.int64)
 
     @cached_property
     def core_mirror(self) -> np.ndarray:
-        """Shape (core,), int64: among the core keypoints each one's partner on the other side, else itself."""
+        """Shape (core,), int64: index, within the core, of each keypoint's mirror image, or of itself."""
         core = self.core_indices.tolist()
         partners = self.mirror[core].tolist()
         return frozen(np.array([core.index(b) if b in core else i for i, b in enumerate(partners)]), np.int64)
 
     @cached_property
     def core_bones(self) -> np.ndarray:
-        """Shape (bone, 4): of ``plausible_m`` within the core, two places there and the two distances in m."""
+        """Shape (bone, 4): rows of ``plausible_m`` within the core: two core indices and the two distances in m."""
         core = self.core_indices.tolist()
         bones = [(self.index(a), self.index(b), low, high) for a, b, low, high in self.plausible_m]
         kept = [(core.index(a), core.index(b), low, high) for a, b, low, high in bones if a in core and b in core]
@@ -156,7 +156,7 @@ class Skeleton(Rebuilt):
 
     @cached_property
     def mirror(self) -> np.ndarray:
-        """Shape (keypoint,), int64: each keypoint's partner on the other side, itself where it has none."""
+        """Shape (keypoint,), int64: index of each keypoint's mirror image, or of itself."""
         partner = np.arange(len(self))
         for left, right in self.pairs:
             a, b = self.index(left), self.index(right)
@@ -164,15 +164,15 @@ class Skeleton(Rebuilt):
         return frozen(partner, np.int64)
 
     @cached_property
-    def stood_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-        """Names of segments, bones and lengths: of the tree, then of the parts."""
+    def body_names(self) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+        """Names of segments, bones and lengths, of the tree and then of the parts."""
         trees = [tree for tree in (self.tree, *(part.tree for part in self.parts)) if tree is not None]
         segments = tuple(name for tree in trees for name in tree.segments)
         bones = tuple(name for tree in trees for name in tree.bones)
         return segments, bones, tuple(name for tree in trees for name in tree.shape_names)
 
     def canonical(self, name: str) -> str | None:
-        """The keypoint that some program calls ``name``, or None."""
+        """Return the keypoint that any known program calls ``name``, or None."""
         if name in self.keypoints:
             return name
         for names in self.names.values():
@@ -181,10 +181,10 @@ class Skeleton(Rebuilt):
         return None
 
     def sources_of(self, other: "Skeleton") -> dict[str, tuple[str, ...]]:
-        """How keypoints of ``other`` follow from this skeleton's: each name to the names whose mean it is.
+        """Map keypoints of ``other`` to the keypoints of this skeleton whose mean they are.
 
-        Keypoints that both have map to themselves; derived ones of ``other`` to their parts where all of them are
-        here. Keypoints that cannot be had are left out.
+        Common keypoints map to themselves, derived ones of ``other`` to their parts if all exist here. Other
+        keypoints are omitted.
         """
         found: dict[str, tuple[str, ...]] = {}
         for name in other.keypoints:
@@ -198,17 +198,17 @@ class Skeleton(Rebuilt):
 
 @cache
 def shipped_skeletons() -> tuple[str, ...]:
-    """The names of the skeletons that come with posefuse."""
+    """Return the names of the shipped skeletons."""
     folder = files("posefuse.skeleton").joinpath("skeletons")
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
 @cache
 def shipped_skeleton(name: str) -> Skeleton:
-    """A skeleton that comes with posefuse, by name (``coco_17`` and ``COCO-17`` alike).
+    """Return a shipped skeleton by name (``coco_17`` and ``COCO-17`` are equivalent).
 
     Raises:
-        SkeletonError: if there is none of that name.
+        SkeletonError: if there is no skeleton of that name.
     """
     plain = re.sub(r"[^a-z0-9]", "", name.lower())
     for candidate in shipped_skeletons():
@@ -216,15 +216,15 @@ def shipped_skeleton(name: str) -> Skeleton:
             text = files("posefuse.skeleton").joinpath("skeletons", f"{candidate}.toml").read_text("utf-8")
             return parse_skeleton(text, f"{candidate}.toml")
     raise SkeletonError(
-        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} A path to a skeleton's TOML file works too."
+        f"No skeleton {name!r}. {suggestion(name, shipped_skeletons())} Or give the path of a TOML file."
     )
 
 
 def find_skeleton(name: str | Path | Skeleton) -> Skeleton:
-    """A skeleton by name, by the path of its TOML file, or itself.
+    """Return a skeleton by name or by the path of its TOML file; a skeleton is returned unchanged.
 
     Raises:
-        SkeletonError: if there is none, or the file does not describe one.
+        SkeletonError: if it does not exist, or the file is invalid.
     """
     if isinstance(name, Skeleton):
         return name
@@ -237,15 +237,15 @@ def find_skeleton(name: str | Path | Skeleton) -> Skeleton:
 
 
 def parse_skeleton(text: str, source: str) -> Skeleton:
-    """A skeleton from the text of its TOML file.
+    """Parse the text of a skeleton's TOML file.
 
     Raises:
-        SkeletonError: where the text does not describe one.
+        SkeletonError: if the text is not a valid skeleton.
     """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise SkeletonError(f"{source} is not TOML: {error}.") from None
+        raise SkeletonError(f"{source} is not valid TOML: {error}.") from None
     for key in data:
         if key not in _KEYS:
             raise SkeletonError(f"{source}: unknown table {key!r}. {suggestion(key, _KEYS)}")
@@ -256,14 +256,14 @@ def parse_skeleton(text: str, source: str) -> Skeleton:
     for key in ("edges", "rigid", "pairs"):
         for row in data.get(key, []):
             if len(_names(row, f"{source}: each of the {key}")) != 2 or row[0] == row[1]:
-                raise SkeletonError(f"{source}: each of the {key} is two different names, got {row}.")
+                raise SkeletonError(f"{source}: each of the {key} must be two different names, got {row}.")
     pairs = _pairs(data["pairs"]) if "pairs" in data else _pairs_by_name(keypoints)
     partner = dict(pairs)
     chains: dict[str, tuple[tuple[str, str], ...]] = {}
     for limb, left_names in data.get("chains", {}).items():
         for left in left_names:
             if left not in partner:
-                raise SkeletonError(f"{source}: chain {limb!r} names {left!r}, which is the left of no pair.")
+                raise SkeletonError(f"{source}: chain {limb!r} contains {left!r}, not the left name of a pair.")
         chains[limb] = tuple((left, partner[left]) for left in left_names)
     return Skeleton(
         name=data["name"],
@@ -288,7 +288,7 @@ def _of_both_sides(edges: tuple[tuple[str, str], ...], partner: Mapping[str, str
 
 
 def _body(table: object) -> object:
-    """What a skeleton says of its tree: the table itself, or that of a shared body."""
+    """Return the tree's table, or that of a shared body."""
     return shared_body(table) if isinstance(table, str) else table
 
 
@@ -303,10 +303,10 @@ def _tree(
         return None
     body = _body(table)
     if not isinstance(body, Mapping):
-        raise SkeletonError(f"Skeleton {skeleton!r}: tree is a table or the name of a shared body, got {table!r}.")
+        raise SkeletonError(f"Skeleton {skeleton!r}: tree must be a table or the name of a shared body, got {table!r}.")
     if set(body) == {"size_m"}:
         return _tree_of_edges(body["size_m"], Skeleton(skeleton, keypoints, edges, tuple(partner.items())))
-    # Joints that no detector sees have sides too.
+    # Joints that no detector reports have mirror images too.
     hidden = [
         str(name) for table in ("points", "bones") for name in body.get(table, {}) if str(name).startswith("left_")
     ]
@@ -316,11 +316,10 @@ def _tree(
 
 def _tree_of_edges(size_m: object, skeleton: Skeleton) -> Tree:
     if not isinstance(size_m, int | float) or not 0.0 < size_m < math.inf:
-        raise SkeletonError(f"Skeleton {skeleton.name!r}: tree.size_m is a positive number, got {size_m!r}.")
+        raise SkeletonError(f"Skeleton {skeleton.name!r}: tree.size_m must be a positive number, got {size_m!r}.")
     if not skeleton.edges:
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has a tree of which only the size is known, but no edges to be its bones: "
-            "give edges."
+            f"Skeleton {skeleton.name!r} has a tree with size_m only, and no edges that could be its bones: add edges."
         )
     return tree_of_size(skeleton.keypoints, skeleton.edge_indices, float(size_m), skeleton.mirror)
 
@@ -332,7 +331,7 @@ def _names(value: object, where: str) -> list[str]:
 
 
 def _expand(names: list[str]) -> tuple[str, ...]:
-    """Names with ranges written out: ``"face_{00..67}"`` is 68 names, padded with zeros as the first number is."""
+    """Expand ranges in names: ``"face_{00..67}"`` becomes 68 names, zero-padded like the first number."""
     out: list[str] = []
     for name in names:
         match = re.fullmatch(r"(.*)\{(\d+)\.\.(\d+)\}(.*)", name)
@@ -345,7 +344,7 @@ def _expand(names: list[str]) -> tuple[str, ...]:
 
 
 def _pairs(rows: list[list[str]]) -> tuple[tuple[str, str], ...]:
-    """Rows of two names; a row ``["face_{00..02}", "face_{01..03}"]`` stands for three."""
+    """Expand rows of two names; ``["face_{00..02}", "face_{01..03}"]`` becomes three rows."""
     out: list[tuple[str, str]] = []
     for row in rows:
         out.extend(zip(_expand([row[0]]), _expand([row[1]]), strict=True))

@@ -1,4 +1,4 @@
-"""Putting a kinematic tree together, node by node."""
+"""Assembly of a kinematic tree, node by node."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import SkeletonError, choices, suggestion
-from posefuse.skeleton.trees import CONE, DOWN, HINGE, MIRROR, NOBODYS, PLAIN, TWIST, Limit, Node, Tree
+from posefuse.skeleton.trees import CONE, CONSTANT, DOWN, HINGE, MIRROR, TWIST, UNREFLECTED, Limit, Node, Tree
 
 
 class TreeBuilder:
-    """Puts nodes in order, left sides before their mirror images."""
+    """Collect the nodes of a tree, parents first, left sides before their reflections."""
 
     def __init__(self, skeleton: str, partner: dict[str, str]) -> None:
         self.skeleton, self.partner = skeleton, partner
@@ -24,7 +24,7 @@ class TreeBuilder:
         self.rest: list[np.ndarray] = []
 
     def add_segments(self, segments: Mapping[str, Any], points: Mapping[str, Any], bones: Mapping[str, Any]) -> None:
-        """Everything, in an order in which what a thing hangs on comes before it."""
+        """Add all segments, points and bones, parents before children."""
         names = list(segments)
         for name in names:
             self.segments.append(name)
@@ -41,8 +41,8 @@ class TreeBuilder:
             ]
             if not ready:
                 raise SkeletonError(
-                    f"Skeleton {self.skeleton!r}: points {choices(waiting)} of the tree hang on what is not there. "
-                    f"There are segments {choices(names)} and points {choices(self.place_of)}."
+                    f"Skeleton {self.skeleton!r}: points {choices(waiting)} of the tree have unknown parents. "
+                    f"Known segments: {choices(names)}; known points: {choices(self.place_of)}."
                 )
             for name in ready:
                 kind, row = waiting.pop(name)
@@ -61,15 +61,15 @@ class TreeBuilder:
         return len(self.shape_m) - 1
 
     def _own(self, name: str, axis: str, value: float) -> int:
-        """The number of a person's own coordinate, -1 for one that stays 0."""
+        """Return the shape index of a person-specific coordinate, -1 for a constant 0."""
         return self._number(f"{name}.{axis}", value) if value != 0.0 else -1
 
     def _add_point(self, name: str, at: str, row: Sequence[Any]) -> None:
         forward, left, up = (float(x) for x in row[1:4])
-        shape = NOBODYS
+        shape = CONSTANT
         if row[0] in self.segments:
             shape = (self._own(name, "forward", forward), self._own(name, "left", left), self._own(name, "up", up))
-        self._put(Node(name, self.place_of[at], self._mover(row[0]), False, (forward, left, up), shape, PLAIN))
+        self._put(Node(name, self.place_of[at], self._mover(row[0]), False, (forward, left, up), shape, UNREFLECTED))
         other = self.partner.get(name)
         if other is not None:
             parent = self.place_of[self.partner.get(at, at)]
@@ -104,7 +104,7 @@ class TreeBuilder:
             )
 
     def hinges(self, table: Mapping[str, Any]) -> list[Limit]:
-        """Of both sides. A mirror turns the sense of a cross product round: only its part across keeps its sign."""
+        """Return the hinges of both sides. A reflection reverses a cross product, except its lateral component."""
         found = []
         for name, (segment, axis) in table.items():
             for end, mirror in ((name, np.ones(3)), (self.partner.get(name), -MIRROR)):
@@ -115,7 +115,7 @@ class TreeBuilder:
         return found
 
     def cones(self, table: Mapping[str, Any]) -> list[Limit]:
-        """Of both sides."""
+        """Return the cones of both sides."""
         found = []
         for name, (segment, axis, degrees) in table.items():
             for end, mirror in ((name, np.ones(3)), (self.partner.get(name), MIRROR)):
@@ -126,7 +126,7 @@ class TreeBuilder:
         return found
 
     def twists(self, table: Mapping[str, Any]) -> list[Limit]:
-        """Between segments."""
+        """Return the twist limits between segments."""
         return [
             Limit(
                 TWIST,
@@ -141,7 +141,7 @@ class TreeBuilder:
 
     def _bone(self, end: str) -> int:
         if end not in self.bones:
-            raise SkeletonError(f"Skeleton {self.skeleton!r}: no bone ends in {end!r}. {suggestion(end, self.bones)}")
+            raise SkeletonError(f"Skeleton {self.skeleton!r}: no bone ends at {end!r}. {suggestion(end, self.bones)}")
         return self.bones.index(end)
 
     def _segment(self, name: str) -> int:
@@ -157,7 +157,7 @@ class TreeBuilder:
         least_sd_m: float,
         size_m: float,
     ) -> Tree:
-        """The tree, and how shapes differ between people."""
+        """Return the tree with the variation of its lengths between people."""
         shape, (spread, size_spread) = np.array(self.shape_m), spreads
         own = np.maximum(spread * np.abs(shape), least_sd_m)
         covariance = np.diag(own**2) + size_spread**2 * np.outer(shape, shape)

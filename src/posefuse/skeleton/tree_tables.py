@@ -1,28 +1,26 @@
-"""The tables a kinematic tree is read from.
+"""Parse kinematic trees from TOML tables.
 
-A tree stands in a skeleton's TOML, under ``[tree]``, or in one of the files ``bodies/`` that several skeletons share
-(``tree = "human"``); of those only what bears on the skeleton's keypoints is taken. It has the tables:
+A tree is the table ``[tree]`` of a skeleton's TOML, or one of the files in ``bodies/`` that several skeletons share
+(``tree = "human"``), restricted to branches with keypoints of the skeleton. Its tables:
 
-* ``segments``: name to ``{at = point}``; each turns freely about a point. The first is the root and has no ``at``; its
-  origin is where the body is, and is a point of the segment's own name.
-* ``points``: name to ``[segment, forward, left, up]``, metres, of an adult: what rides on a segment. A coordinate of
-  exactly 0 stays 0, others differ from person to person. With a point in place of the segment it rides beside that
-  point, in the axes of that point's segment, so far off on everybody.
-* ``bones``: name of the point at the far end to ``[point at the near end, length]`` or ``[point, length, [forward,
-  left, up]]`` with the direction when standing (by default down): sticks of which only the direction can be seen.
-* ``hinges``: name of the far end of a bone to ``[segment, axis]``, the axis in the segment's axes: the bone before it,
-  times it (a cross product), points along the axis.
-* ``cones``: name of the far end of a bone to ``[segment, axis, most degrees]``: how far from the axis it swings.
-* ``twists``: name of a segment to ``[segment, axis, most degrees]``: how far the axis turns from one to the other.
-* ``spread``, ``size_spread``: how much lengths differ between people, as a share, each by itself and all together.
-* ``size_m``: how large the body is, by default 1.75: lengths in options are an adult human's, and are taken in
-  proportion.
-* ``least_sd_m``: how much any coordinate of a point differs between people at least, by default 0.015 of an adult.
-* ``parts``: files of ``bodies/`` with what is followed for itself, given where the body has it, see
-  :mod:`posefuse.skeleton.parts`.
+* ``segments``: name to ``{at = point}``; each rotates freely about a point. The first is the root and has no ``at``;
+  its origin is a point of the same name.
+* ``points``: name to ``[segment, forward, left, up]``, meters, of an adult: points fixed to a segment. A coordinate of
+  exactly 0 stays 0, others are person-specific. With a point instead of a segment: a constant offset from that point,
+  in the axes of its segment.
+* ``bones``: name of the distal point to ``[proximal point, length]`` or ``[point, length, [forward, left, up]]`` with
+  the rest direction (default: down). Only the direction of a bone is observable.
+* ``hinges``: distal end of a bone to ``[segment, axis]``, in the segment's axes: the cross product of the previous bone
+  and this one points along the axis.
+* ``cones``: distal end of a bone to ``[segment, axis, degrees]``: largest angle from the axis.
+* ``twists``: name of a segment to ``[segment, axis, degrees]``: largest angle of the axis between the two segments.
+* ``spread``, ``size_spread``: relative variation of lengths between people, each and all together.
+* ``size_m``: body size, default 1.75; lengths in options refer to an adult human and are scaled.
+* ``least_sd_m``: smallest variation of a point's coordinates between people, default 0.015 for an adult.
+* ``parts``: files of ``bodies/`` with separately tracked parts, see :mod:`posefuse.skeleton.parts`.
 
-Points are keypoints of the skeleton or joints that no detector sees. What is said of a left side holds for the right
-one, mirrored. A table of ``size_m`` alone makes the edges of the skeleton a tree of bones.
+Points are keypoints of the skeleton or joints that no detector reports. Entries of the left side are reflected to the
+right. A table with ``size_m`` only turns the edges of the skeleton into a tree of bones.
 """
 
 import math
@@ -47,35 +45,35 @@ _ROWS = {
 }
 _SPREAD, _SIZE_SPREAD = 0.08, 0.07
 _LEAST_SD = 0.015
-"""Of a coordinate of a human's; of other bodies in proportion."""
+"""For a human; scaled for other bodies."""
 
 
 def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapping[str, str], skeleton: str) -> Tree:
-    """A tree from its table in a skeleton's TOML.
+    """Build a tree from its table in a skeleton's TOML.
 
     Args:
-        table: ``[tree]``.
-        keypoints: of the skeleton.
+        table: table ``[tree]``.
+        keypoints: keypoints of the skeleton.
         partner: left name to right name.
-        skeleton: its name, for messages.
+        skeleton: name of the skeleton, for messages.
 
     Raises:
-        SkeletonError: where the table names what is not there.
+        SkeletonError: if the table is invalid or contains unknown names.
     """
     _check_tables(table, skeleton)
     segments: Mapping[str, Any] = table["segments"]
     mirrored = {f"left_{name[5:]}" for name in segments if f"right_{name[5:]}" in segments and name.startswith("left_")}
     sides = {**partner, **{name: f"right_{name[5:]}" for name in mirrored}}
-    points, bones = _bearing_on(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
+    points, bones = _relevant_nodes(keypoints, segments, table.get("points", {}), table.get("bones", {}), sides)
     used = {_segment_of(row, points) for row in points.values()}
     used |= {sides.get(name, name) for name in used}
     segments = {name: at for i, (name, at) in enumerate(segments.items()) if i == 0 or name in used}
     builder = TreeBuilder(skeleton, sides)
     builder.add_segments(segments, points, bones)
     limits = (
-        *builder.hinges(_of_what_is_there(table.get("hinges", {}), bones, segments)),
-        *builder.cones(_of_what_is_there(table.get("cones", {}), bones, segments)),
-        *builder.twists(_of_what_is_there(table.get("twists", {}), segments, segments)),
+        *builder.hinges(_relevant_limits(table.get("hinges", {}), bones, segments)),
+        *builder.cones(_relevant_limits(table.get("cones", {}), bones, segments)),
+        *builder.twists(_relevant_limits(table.get("twists", {}), segments, segments)),
     )
     size_m = float(table.get("size_m", ADULT_M))
     spreads = float(table.get("spread", _SPREAD)), float(table.get("size_spread", _SIZE_SPREAD))
@@ -84,7 +82,7 @@ def parse_tree(table: Mapping[str, Any], keypoints: Sequence[str], partner: Mapp
 
 
 def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
-    """Complain of what no tree can be made of."""
+    """Raise an error if the tables do not define a tree."""
     where = f"Skeleton {skeleton!r}: tree"
     _check_names_and_numbers(table, where)
     _check_segments(table.get("segments", {}), where)
@@ -95,7 +93,7 @@ def _check_tables(table: Mapping[str, Any], skeleton: str) -> None:
             _check_row(key, name, row, segments, bones, beside, where)
     for name in table.get("points", {}):
         if name in bones or name == next(iter(segments)):
-            raise SkeletonError(f"{where}: {name!r} stands twice; a point is the root, rides, or ends a bone.")
+            raise SkeletonError(f"{where}: {name!r} is defined twice; expected a root, a fixed point or a bone's end.")
 
 
 def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
@@ -106,16 +104,16 @@ def _check_names_and_numbers(table: Mapping[str, Any], where: str) -> None:
     for key in _NUMBERS:
         value = table.get(key, 1.0)
         if not _is_number(value) or not value > 0.0:
-            raise SkeletonError(f"{where}.{key} is a positive number, got {value!r}.")
+            raise SkeletonError(f"{where}.{key} must be a positive number, got {value!r}.")
 
 
 def _check_segments(segments: Mapping[str, Any], where: str) -> None:
     if not segments:
-        raise SkeletonError(f"{where} has no segments; it needs one or more, and the first is the root.")
+        raise SkeletonError(f"{where} has no segments; at least one is needed, and the first is the root.")
     for i, (name, row) in enumerate(segments.items()):
         if not isinstance(row, Mapping) or set(row) != (set() if i == 0 else {"at"}):
-            wanted = "{}, it is the root" if i == 0 else '{ at = "the point that it turns about" }'
-            raise SkeletonError(f"{where}.segments.{name} is {wanted}; got {row!r}.")
+            expected = "{}, because it is the root" if i == 0 else '{ at = "the point about which it rotates" }'
+            raise SkeletonError(f"{where}.segments.{name} must be {expected}; got {row!r}.")
         if name.startswith("left_") and f"right_{name[5:]}" not in segments:
             raise SkeletonError(f"{where}.segments has {name!r} but no 'right_{name[5:]}': name both.")
 
@@ -130,10 +128,10 @@ def _check_row(
     where: str,
 ) -> None:
     if not _is_row(table, row):
-        raise SkeletonError(f"{where}.{table}.{name} is {_ROWS[table]}, lengths above 0; got {row!r}.")
+        raise SkeletonError(f"{where}.{table}.{name} must be {_ROWS[table]} with positive lengths; got {row!r}.")
     known = segments if table == "twists" else bones
     if table in ("hinges", "cones", "twists") and name not in known:
-        raise SkeletonError(f"{where}.{table} names {name!r}, which is no such end. {suggestion(name, known)}")
+        raise SkeletonError(f"{where}.{table} contains {name!r}, which is not such an end. {suggestion(name, known)}")
     if table != "bones" and row[0] not in (segments if table != "points" else beside):
         raise SkeletonError(f"{where}.{table}.{name}: no segment {row[0]!r}. {suggestion(row[0], segments)}")
 
@@ -143,7 +141,7 @@ def _is_number(value: object) -> bool:
 
 
 def _is_row(table: str, row: object) -> bool:
-    """Whether a row of a table is one such as ``_ROWS`` says."""
+    """Return whether a row has the form listed in ``_ROWS``."""
     if not isinstance(row, list) or not row or not isinstance(row[0], str):
         return False
     numbers = [_is_number(x) for x in row[1:]]
@@ -155,47 +153,47 @@ def _is_row(table: str, row: object) -> bool:
     return axes[:1] == [True] and numbers[1:] == ([] if table == "hinges" else [True])
 
 
-def _of_what_is_there(table: Mapping[str, Any], ends: Mapping[str, Any], segments: Mapping[str, Any]) -> dict[str, Any]:
-    """The limits of bones and segments that the skeleton's keypoints bear on."""
+def _relevant_limits(table: Mapping[str, Any], ends: Mapping[str, Any], segments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the limits of the bones and segments in use."""
     return {name: row for name, row in table.items() if name in ends and row[0] in segments}
 
 
 def _segment_of(row: Sequence[Any], points: Mapping[str, Any]) -> str:
-    """The segment that a point rides on, maybe beside another."""
+    """Return the segment to which a point is fixed, directly or by another point."""
     return str(points[row[0]][0]) if row[0] in points else str(row[0])
 
 
-def _bearing_on(
+def _relevant_nodes(
     keypoints: Sequence[str],
     segments: Mapping[str, Any],
     points: Mapping[str, Any],
     bones: Mapping[str, Any],
     partner: Mapping[str, str],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The points and bones that are keypoints, or that keypoints hang on."""
-    hangs_on = {
+    """Return the points and bones that are keypoints or ancestors of keypoints."""
+    parent_of = {
         name: str(dict(segments[row[0]]).get("at", "")) if row[0] in segments else str(row[0])
         for name, row in points.items()
     }
-    hangs_on.update({name: str(row[0]) for name, row in bones.items()})
-    wanted: set[str] = set()
-    for name in hangs_on:
+    parent_of.update({name: str(row[0]) for name, row in bones.items()})
+    needed: set[str] = set()
+    for name in parent_of:
         here = name if name in keypoints or partner.get(name) in keypoints else ""
-        while here and here not in wanted:
-            wanted.add(here)
-            here = hangs_on.get(here, "")
-    return {n: r for n, r in points.items() if n in wanted}, {n: r for n, r in bones.items() if n in wanted}
+        while here and here not in needed:
+            needed.add(here)
+            here = parent_of.get(here, "")
+    return {n: r for n, r in points.items() if n in needed}, {n: r for n, r in bones.items() if n in needed}
 
 
 @cache
 def shared_body(name: str) -> Mapping[str, Any]:
-    """The tables of a body that several skeletons share.
+    """Return the tables of a body shared by several skeletons.
 
     Raises:
-        SkeletonError: if there is none of that name.
+        SkeletonError: if there is no body of that name.
     """
     folder = files("posefuse.skeleton").joinpath("bodies")
     known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
     if name not in known:
-        raise SkeletonError(f"No body {name!r} to take a tree from. {suggestion(name, known)}")
+        raise SkeletonError(f"No shared body {name!r}. {suggestion(name, known)}")
     return tomllib.loads(folder.joinpath(f"{name}.toml").read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""Kinematic trees: what of a body turns, what it carries, and how large it is.
+"""Kinematic trees: the segments, bones and lengths of a body model.
 
 Trees come from a skeleton's TOML (:mod:`posefuse.skeleton.tree_tables`) or from its edges
 (:mod:`posefuse.skeleton.trees_from_edges`).
@@ -9,19 +9,19 @@ from functools import cached_property
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 
 ADULT_M = 1.75
-"""The height of the human whose lengths are those in options."""
+"""Stature of the human to which lengths in options refer, in meters."""
 HINGE = 0
 CONE = 1
 TWIST = 2
 MIRROR = frozen([1.0, -1.0, 1.0])
-"""From a left side to the right one, in the axes forward, left, up."""
+"""Reflection from the left side to the right one, in the axes forward, left, up."""
 DOWN = (0.0, 0.0, -1.0)
-"""Where a bone hangs when nothing else is said."""
-NOBODYS, PLAIN = (-1, -1, -1), (1.0, 1.0, 1.0)
-"""Of a node: coordinates that are no number of the person's shape, and that are mirror images of none."""
+"""Default rest direction of a bone."""
+CONSTANT, UNREFLECTED = (-1, -1, -1), (1.0, 1.0, 1.0)
+"""Shape indices of a node with constant coordinates, and signs of a node without reflection."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ class Node:
     """A point of a tree.
 
     Attributes:
-        name: of the point.
-        parent: number of the node it hangs on, -1 for the root.
-        mover: the segment or bone that moves it, by number.
-        is_bone: whether that is a bone.
-        place_m: shape (3,): where it is in the segment's axes; a bone's length is its last number.
-        shape: which number of the person's shape each coordinate is, -1 where it stays.
-        sign: -1 where it is the mirror image of that number.
+        name: name of the point.
+        parent: index of the parent node, -1 for the root.
+        mover: index of the segment or bone that moves it.
+        is_bone: whether the mover is a bone.
+        place_m: shape (3,): position in the segment's axes, in meters; the last number is the length of a bone.
+        shape: index of the shape parameter of each coordinate, -1 if it is constant.
+        sign: -1 where the coordinate is the reflection of the shape parameter.
     """
 
     name: str
@@ -49,15 +49,15 @@ class Node:
 
 @dataclass(frozen=True)
 class Limit:
-    """How far a joint goes.
+    """The limit of a joint.
 
     Attributes:
         kind: HINGE, CONE or TWIST.
-        bone: its number; of a twist, that of the segment.
-        before: the bone before it, of a hinge; else -1.
-        segment: in whose axes the axis is; of a twist, in whose too.
+        bone: index of the bone; for a twist, of the segment.
+        before: index of the previous bone of a hinge; otherwise -1.
+        segment: index of the segment that defines the axes; for a twist, of the other segment.
         axis: unit vector.
-        least: of the cosine (cone, twist) or the sine (hinge).
+        least: lower limit of the cosine (cone, twist) or sine (hinge).
     """
 
     kind: int
@@ -69,23 +69,23 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Tree(Rebuilt):
-    """A kinematic tree with the shape of a body.
+class Tree(PickledByFields):
+    """A kinematic tree with body lengths.
 
-    The pose has 3 numbers for where the root is, 3 for each segment's turn, 2 for each bone's direction, in this order;
-    after them comes the shape: lengths in metres that are a person's own.
+    A pose has 3 numbers for the root position, 3 per segment for its rotation, and 2 per bone for its direction, in
+    this order. The shape follows: person-specific lengths in meters.
 
     Attributes:
-        segments: names.
-        bones: names of their far ends.
+        segments: names of the segments.
+        bones: names of the distal ends of the bones.
         nodes: points, parents before children; the first is the root.
-        limits: of joints.
-        shape_names: what each number of the shape is.
-        shape_m: shape (shape,): of an adult.
-        shape_covariance: shape (shape, shape): between people, m^2.
-        keypoint_nodes: shape (keypoint,), int64: the node of each keypoint of the skeleton, -1 where it has none.
-        rest: shape (bone, 3): directions when standing, in the axes of the root.
-        size_m: how large the body is.
+        limits: joint limits.
+        shape_names: names of the shape parameters.
+        shape_m: shape (shape,): mean lengths.
+        shape_covariance: shape (shape, shape): covariance between people, m^2.
+        keypoint_nodes: shape (keypoint,), int64: node of each keypoint of the skeleton, -1 without one.
+        rest: shape (bone, 3): rest directions, in the axes of the root.
+        size_m: body size in meters.
     """
 
     segments: tuple[str, ...]
@@ -101,22 +101,22 @@ class Tree(Rebuilt):
 
     @property
     def scale(self) -> float:
-        """How large the body is next to an adult human."""
+        """Ratio of the body size to that of an adult human."""
         return self.size_m / ADULT_M
 
     @property
     def n_pose(self) -> int:
-        """How many numbers a pose has, and a velocity."""
+        """Number of pose parameters, and of velocities."""
         return 3 + 3 * len(self.segments) + 2 * len(self.bones)
 
     @property
     def n_shape(self) -> int:
-        """How many numbers a shape has."""
+        """Number of shape parameters."""
         return len(self.shape_m)
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, ...]:
-        """For kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns."""
+        """Arrays for kernels: parents, movers, is_bone, places, shape, sign, starts of columns, columns."""
         nodes = self.nodes
         starts, columns = _columns(self)
         return (
@@ -132,18 +132,18 @@ class Tree(Rebuilt):
 
     @cached_property
     def packed_limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """For kernels: shape (limit, 4), int64: kind, bone, before, segment; and (limit, 4): axis, least."""
+        """Arrays for kernels: shape (limit, 4), int64: kind, bone, before, segment; and (limit, 4): axis, least."""
         whole = [(limit.kind, limit.bone, limit.before, limit.segment) for limit in self.limits]
         real = [(*limit.axis, limit.least) for limit in self.limits]
         return frozen(np.array(whole).reshape(-1, 4), np.int64), frozen(np.array(real).reshape(-1, 4))
 
     def node(self, name: str) -> int:
-        """The number of a point, by name."""
+        """Return the index of a node by name."""
         return [node.name for node in self.nodes].index(name)
 
 
 def _columns(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
-    """Which numbers of pose and shape move each node: starts (node + 1,) into the columns, ascending."""
+    """Return the pose and shape parameters that move each node: starts, shape (node + 1,), into ascending columns."""
     n_segments = len(tree.segments)
     found: list[list[int]] = []
     for node in tree.nodes:
@@ -157,14 +157,14 @@ def _columns(tree: Tree) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sided(tree: Tree, side: str) -> Tree:
-    """A tree of a left side with names of that side; mirrored, where that is ``right``.
+    """Return a tree for one side: names get the side as prefix, and the right side is reflected.
 
     Args:
-        tree: with names that say nothing of a side.
+        tree: tree of a left side, with names without side.
         side: ``left`` or ``right``.
     """
     mirror = MIRROR if side == "right" else np.ones(3)
-    # A mirror turns the sense of a cross product round, but for its part across.
+    # A reflection reverses a cross product, except its lateral component.
     of_hinge = -MIRROR if side == "right" else np.ones(3)
     nodes = tuple(
         replace(

@@ -1,46 +1,46 @@
-"""Trees of bones made from a skeleton's edges, where it says nothing of how they turn."""
+"""Trees of freely rotating bones, built from the edges of a skeleton without a tree."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.skeleton.trees import DOWN, NOBODYS, PLAIN, Node, Tree
+from posefuse.skeleton.trees import CONSTANT, DOWN, UNREFLECTED, Node, Tree
 
 _EDGE_SHARE, _EDGE_SPREAD = 0.25, 0.5
-"""Of a body of which only the size is known: how long a bone is as a share of it, and by which share that is off."""
+"""Prior of a bone length if only the body size is known: fraction of the size, and its relative spread."""
 _STAYS = (0.0, 0.0, 0.0)
 
 
 def spanning_tree(
     keypoints: Sequence[str], edges: np.ndarray, lengths_m: np.ndarray, spread: float, size_m: float, mirror: np.ndarray
 ) -> Tree:
-    """The bones that edges are, for skeletons that say nothing of how they turn.
+    """Build a tree whose bones are the edges of a skeleton.
 
-    The keypoint of most edges is the root. Keypoints that no edges connect with it have no node, and an edge that
-    closes a ring is no bone. Bones that mirror each other are of one length.
+    The keypoint with most edges is the root. Keypoints that are not connected to it have no node, and an edge that
+    closes a loop is not a bone. Symmetric bones share one length.
 
     Args:
-        keypoints: names.
+        keypoints: names of the keypoints.
         edges: shape (edge, 2), int.
-        lengths_m: shape (edge,): of the bones.
-        spread: by which share lengths are off, each by itself and all together.
-        size_m: of the body.
-        mirror: shape (keypoint,), int: each keypoint's partner on the other side, else itself.
+        lengths_m: shape (edge,): lengths of the bones.
+        spread: relative standard deviation of lengths, each and all together.
+        size_m: body size.
+        mirror: shape (keypoint,), int: index of each keypoint's mirror image, or of itself.
     """
-    neighbours: list[list[tuple[int, float]]] = [[] for _ in keypoints]
+    neighbors: list[list[tuple[int, float]]] = [[] for _ in keypoints]
     for (a, b), length in zip(edges.tolist(), lengths_m.tolist(), strict=True):
-        neighbours[a].append((b, length))
-        neighbours[b].append((a, length))
-    root = int(np.argmax([len(of) for of in neighbours]))
-    nodes = [Node(keypoints[root], -1, 0, False, _STAYS, NOBODYS, PLAIN)]
+        neighbors[a].append((b, length))
+        neighbors[b].append((a, length))
+    root = int(np.argmax([len(of) for of in neighbors]))
+    nodes = [Node(keypoints[root], -1, 0, False, _STAYS, CONSTANT, UNREFLECTED)]
     place_of, number_of = {root: 0}, dict[frozenset[int], int]()
     bones: list[str] = []
     names: list[str] = []
     shape: list[float] = []
     order = [root]
     for here in order:
-        for other, length in neighbours[here]:
+        for other, length in neighbors[here]:
             if other in place_of:
                 continue
             place_of[other] = len(nodes)
@@ -50,7 +50,7 @@ def spanning_tree(
                 names.append(keypoints[other])
             number_of[frozenset((here, other))] = number
             place = (0.0, 0.0, shape[number])
-            nodes.append(Node(keypoints[other], place_of[here], len(bones), True, place, (-1, -1, number), PLAIN))
+            nodes.append(Node(keypoints[other], place_of[here], len(bones), True, place, (-1, -1, number), UNREFLECTED))
             bones.append(keypoints[other])
             order.append(other)
     values = np.array(shape)
@@ -69,12 +69,12 @@ def spanning_tree(
 
 
 def tree_of_size(keypoints: Sequence[str], edges: np.ndarray, size_m: float, mirror: np.ndarray) -> Tree:
-    """The bones that edges are, of a body of which only the size is known: any of them may be half as long, or twice.
+    """Build a tree from edges and the body size; bone lengths are uncertain by about a factor of two.
 
     Args:
-        keypoints: names.
+        keypoints: names of the keypoints.
         edges: shape (edge, 2), int.
-        size_m: from end to end.
-        mirror: shape (keypoint,), int: each keypoint's partner on the other side, else itself.
+        size_m: body size.
+        mirror: shape (keypoint,), int: index of each keypoint's mirror image, or of itself.
     """
     return spanning_tree(keypoints, edges, np.full(len(edges), _EDGE_SHARE * size_m), _EDGE_SPREAD, size_m, mirror)

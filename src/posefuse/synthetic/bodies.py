@@ -78,15 +78,13 @@ def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, s
         capsules: what is there, bodies too.
         scale: how large bodies are next to an adult human: what is this much nearer hides nothing.
     """
-    from posefuse.kernels.synthetic.occlusion import (
-        hide_behind_capsules,  # kernels start the compiler: only when called
-    )
+    from posefuse.kernels.synthetic.occlusion import mark_occluded
 
     n_frames, n_people, n_keypoints, _ = points_m.shape
     hidden = np.zeros((len(rig), n_frames, n_people, n_keypoints), dtype=bool)
     points = np.ascontiguousarray(points_m, dtype=np.float64)
     for v, camera in enumerate(rig.cameras):
-        hide_behind_capsules(
+        mark_occluded(
             camera.centre_m,
             points,
             capsules.starts_m,

@@ -1,9 +1,10 @@
-"""What to simulate of several people: the record behind ``posefuse simulate-people`` and its flags."""
+"""Options of ``posefuse simulate-people``: the scene and the errors of its detector."""
 
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 from posefuse.synthetic.options import MOST_CAMERAS, DetectorOptions, LensKind
 
 Scenario = Literal["crowd", "hug", "leave", "one_camera", "dark", "bumped", "ten"]
@@ -13,63 +14,55 @@ MOST_PEOPLE = 30
 
 @dataclass(frozen=True)
 class CrowdFaults:
-    """How the simulated detector errs where there are several people, beside each keypoint's own errors.
+    """Detector errors that occur with several people, in addition to each keypoint's own errors.
 
     Attributes:
-        hidden_miss_share: Share of keypoints behind somebody or something that are missed, in spells of 0.2 s.
-        hidden_confidence: What the confidence in the others is multiplied by; their errors grow by as much.
-        hidden_error: What their errors are multiplied by on top of that.
-        visible_share: A person with less than this share of keypoints in sight is not detected.
-        smallest_px: A person whose keypoints span less than this, in px, is not detected.
-        miss_share: Share of people not detected though they are in sight, in spells of 0.3 s.
-        merge_share: Share of the time that two people overlap in a view in which one detection comes of both, in spells
-            of 0.4 s.
-        merge_distance: Two people overlap if their middles are nearer than this share of their height in the image.
-        duplicate_share: Share of people detected twice, in spells of 0.2 s.
-        false_share: Share of frames in which a view shows a person that is not there, in spells of 2 s.
-        track_ids: Whether each view's detector gives identities of its own.
-        id_change_hz: How often a view's identity of a person changes for no reason, times a second.
-        id_swap_share: Share of overlaps after which two identities are exchanged in that view.
-        shuffled: Whether people come in any order in a view and frame; else by person.
+        hidden_miss_share: Fraction of occluded keypoints that are missed, in intervals of 0.2 s.
+        hidden_confidence: Factor on the confidence of occluded keypoints; their errors grow by its inverse.
+        hidden_error: Further factor on the errors of occluded keypoints.
+        visible_share: Minimum fraction of visible keypoints at which a person is detected.
+        smallest_px: Minimum extent in the image at which a person is detected.
+        miss_share: Fraction of visible people that are not detected, in intervals of 0.3 s.
+        merge_share: Fraction of the time in which two people overlap in a view and give one merged detection, in
+            intervals of 0.4 s.
+        merge_distance: Distance of two people's centers at which they overlap, relative to their height in the image.
+        duplicate_share: Fraction of people that are detected twice, in intervals of 0.2 s.
+        false_share: Fraction of frames in which a view has a false person, in intervals of 2 s.
+        track_ids: Give each view's detections track IDs.
+        id_change_hz: Rate at which a view's track ID of a person changes at random.
+        id_swap_share: Fraction of overlaps after which two track IDs are swapped in the view.
+        shuffled: Shuffle the detections of every view and frame instead of ordering them by person.
     """
 
-    hidden_miss_share: float = 0.5
-    hidden_confidence: float = 0.5
-    hidden_error: float = 1.5
-    visible_share: float = 0.3
-    smallest_px: float = 40.0
-    miss_share: float = 0.01
-    merge_share: float = 0.3
-    merge_distance: float = 0.22
-    duplicate_share: float = 0.02
-    false_share: float = 0.03
+    hidden_miss_share: float = option(0.5, at_least=0.0, at_most=1.0)
+    hidden_confidence: float = option(0.5, above=0.0, at_most=1.0)
+    hidden_error: float = option(1.5, at_least=0.0)
+    visible_share: float = option(0.3, at_least=0.0, at_most=1.0)
+    smallest_px: float = option(40.0, at_least=0.0)
+    miss_share: float = option(0.01, at_least=0.0, at_most=1.0)
+    merge_share: float = option(0.3, at_least=0.0, at_most=1.0)
+    merge_distance: float = option(0.22, at_least=0.0)
+    duplicate_share: float = option(0.02, at_least=0.0, at_most=1.0)
+    false_share: float = option(0.03, at_least=0.0, at_most=1.0)
     track_ids: bool = False
-    id_change_hz: float = 0.02
-    id_swap_share: float = 0.1
+    id_change_hz: float = option(0.02, at_least=0.0)
+    id_swap_share: float = option(0.1, at_least=0.0, at_most=1.0)
     shuffled: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("miss_share", "merge_share", "duplicate_share", "false_share", "id_swap_share"):
-            _check_share(name, getattr(self, name))
-        for name in ("hidden_miss_share", "hidden_confidence", "visible_share"):
-            _check_share(name, getattr(self, name))
-        if not self.hidden_confidence > 0:
-            raise OptionsError("hidden_confidence must be more than 0: errors are divided by the confidence.")
-        for name in ("hidden_error", "smallest_px", "merge_distance", "id_change_hz"):
-            if not getattr(self, name) >= 0:
-                raise OptionsError(f"{name} must be 0 or more, got {getattr(self, name)}.")
+        check_fields(self, "faults")
 
 
 @dataclass(frozen=True)
 class CrowdOptions:
-    """What to simulate of several people.
+    """Options of a simulated scene with several people.
 
-    What is left out is the scenario's own: 5 cameras, 25 frames a second, and
+    Options that are not set take the values of the scenario, with 5 cameras and 25 frames per second:
 
     ============  ======  =======  ===================================================================
     scenario      people  seconds  what happens
     ============  ======  =======  ===================================================================
-    crowd         4       60       people walk and cross each other's paths; half come later and go
+    crowd         4       60       people walk and cross each other's paths; half enter late and leave
     hug           2       20       two meet, hug for 1 to 2 s, separate and swap places
     leave         2       30       one leaves for 5 s and returns, the other stays
     one_camera    2       20       boards hide one person from all views but one for 2 s
@@ -79,74 +72,66 @@ class CrowdOptions:
     ============  ======  =======  ===================================================================
 
     Attributes:
-        scenario: What happens.
-        people: How many.
-        cameras: How many, 2 to 32.
-        duration_s: How long.
-        rate_hz: Frames per second.
-        statures_m: One for each person; by default drawn from 1.55 to 1.9 m, in a hug 8 % apart.
-        equal_statures: Everybody is of one stature: bones tell nobody apart.
-        skeleton: Which keypoints of a human, a shipped name or a TOML file.
-        lens: What the cameras see through.
-        seed: Of everything random; the same seed gives the same bytes.
-        detector: How keypoints err.
-        faults: How the detector errs where there are several people.
+        scenario: Scenario of the scene.
+        people: Number of people; by default the scenario's.
+        cameras: Number of cameras; by default 5, and 8 in the scenario ten.
+        duration_s: Duration of the recording; by default the scenario's.
+        rate_hz: Frame rate.
+        statures_m: Standing height of each person; by default random between 1.55 and 1.9 m, in a hug 8 % apart.
+        equal_statures: Give all people the same bone lengths, so that these do not identify anyone.
+        skeleton: Human keypoint set, as a built-in name or a TOML file.
+        lens: Lens model of the cameras.
+        seed: Random seed; the same seed gives the same bytes.
+        detector: Errors of keypoints.
+        faults: Detector errors that occur with several people.
     """
 
     scenario: Scenario = "crowd"
-    people: int | None = None
-    cameras: int | None = None
-    duration_s: float | None = None
-    rate_hz: float = 25.0
-    statures_m: tuple[float, ...] = ()
+    people: int | None = option(None, at_least=1, at_most=MOST_PEOPLE)
+    cameras: int | None = option(None, at_least=2, at_most=MOST_CAMERAS)
+    duration_s: float | None = option(None, above=0.0)
+    rate_hz: float = option(25.0, above=0.0)
+    statures_m: tuple[float, ...] = option((), at_least=0.5, at_most=2.5)
     equal_statures: bool = False
     skeleton: str = "body_20"
     lens: LensKind = "pinhole"
-    seed: int = 0
+    seed: int = option(0, at_least=0)
     detector: DetectorOptions = field(default_factory=DetectorOptions)
     faults: CrowdFaults = field(default_factory=CrowdFaults)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "statures_m", tuple(self.statures_m))
-        if self.scenario not in SCENARIOS:
-            raise OptionsError(f"No scenario {self.scenario!r}. {suggestion(self.scenario, SCENARIOS)}")
+        check_fields(self, "")
         least = {"crowd": 1, "ten": 1, "dark": 1, "bumped": 1}.get(self.scenario, 2)
         if self.people is not None and not least <= self.people <= MOST_PEOPLE:
             raise OptionsError(f"Scenario {self.scenario} has {least} to {MOST_PEOPLE} people, got {self.people}.")
         if self.scenario == "hug" and self.people not in (None, 2):
             raise OptionsError(f"Scenario hug has 2 people, got {self.people}.")
-        if self.cameras is not None and not 2 <= self.cameras <= MOST_CAMERAS:
-            raise OptionsError(f"People are seen by 2 to {MOST_CAMERAS} cameras, got {self.cameras}.")
-        if not self.rate_hz > 0:
-            raise OptionsError(f"rate_hz must be positive, got {self.rate_hz}.")
         shortest = SHORTEST_S[self.scenario]
         if self.duration_s is not None and not self.duration_s >= shortest:
             raise OptionsError(f"Scenario {self.scenario} lasts at least {shortest:g} s, got {self.duration_s}.")
         if self.statures_m and len(self.statures_m) != self.n_people:
             raise OptionsError(f"statures_m needs one for each of {self.n_people} people, got {len(self.statures_m)}.")
-        if not all(0.5 <= stature <= 2.5 for stature in self.statures_m):
-            raise OptionsError(f"statures_m must lie between 0.5 and 2.5 m, got {self.statures_m}.")
         if self.detector.max_offset_s:
             raise OptionsError("Scenes of several people have one clock: leave detector.max_offset_s at 0.")
 
     @property
     def n_people(self) -> int:
-        """How many people."""
+        """Number of people."""
         return _PEOPLE[self.scenario] if self.people is None else self.people
 
     @property
     def n_cameras(self) -> int:
-        """How many cameras."""
+        """Number of cameras."""
         return (8 if self.scenario == "ten" else 5) if self.cameras is None else self.cameras
 
     @property
     def length_s(self) -> float:
-        """How long, s."""
+        """Duration in s."""
         return DURATIONS_S[self.scenario] if self.duration_s is None else self.duration_s
 
     @property
     def n_frames(self) -> int:
-        """How many frames."""
+        """Number of frames."""
         return max(1, round(self.length_s * self.rate_hz))
 
 
@@ -168,7 +153,7 @@ DURATIONS_S: dict[Scenario, float] = {
     "bumped": 30.0,
     "ten": 30.0,
 }
-"""How long each scenario lasts when nobody says."""
+"""Default duration of each scenario."""
 SHORTEST_S: dict[Scenario, float] = {
     "crowd": 1e-9,
     "hug": 16.0,
@@ -178,12 +163,7 @@ SHORTEST_S: dict[Scenario, float] = {
     "bumped": 12.0,
     "ten": 1e-9,
 }
-"""What a scenario needs for what happens in it."""
-
-
-def _check_share(name: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise OptionsError(f"{name} must lie between 0 and 1, got {value}.")
+"""Minimum duration of each scenario."""
 
 
 NO_FAULTS = CrowdFaults(
@@ -198,4 +178,4 @@ NO_FAULTS = CrowdFaults(
     false_share=0.0,
     shuffled=False,
 )
-"""Everybody in the image is detected once, in order, as if nothing were between."""
+"""Every person in the image is detected once, in order, without occlusion."""

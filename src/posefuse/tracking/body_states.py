@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import Body, State, foresee_people
-from posefuse.kernels.tracking.counts import count_uses
+from posefuse.kernels.tracking.frame_statistics import count_observations
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import Body, State
 from posefuse.skeleton.trees import Tree
 
 
@@ -88,12 +89,12 @@ class Sight:
     def of(cls, state: State, cameras: np.ndarray, body: Body) -> "Sight":
         """Where these cameras, none or some, should see people in these states."""
         sight = cls.room(len(state.root), len(cameras), len(body.keypoint_nodes))
-        foresee_people(cameras, body, state, *sight.arrays)
+        project_people(cameras, body, state, *sight.arrays)
         return sight
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """In the order of ``foresee_people``."""
+        """In the order of ``project_people``."""
         return self.points_m, self.covariance_m2, self.pixels, self.spread, self.size_px
 
 
@@ -117,5 +118,5 @@ class Uses:
         people, views, keypoints = use.shape
         shapes = ((people, views), (people, keypoints), (people, keypoints))
         counted = cls(*(np.empty(shape, dtype=np.int64) for shape in shapes))
-        count_uses(use, counted.of_view, counted.used, counted.gated)
+        count_observations(use, counted.of_view, counted.used, counted.gated)
         return counted

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.counts import weigh_views
+from posefuse.kernels.tracking.frame_statistics import accumulate_view_support
 
 _TIME_S = 2.0
 _ENOUGH_S = 1.0
@@ -58,7 +58,9 @@ def look_at(
         Views that are refused from now on (True) or trusted again (False), and why.
     """
     fade = float(np.exp(-dt_s / _TIME_S))
-    weigh_views(supported, expected, free, fade, dt_s, watch.expected_s, watch.matched_s, watch.shown_s, watch.due)
+    accumulate_view_support(
+        supported, expected, free, fade, dt_s, watch.expected_s, watch.matched_s, watch.shown_s, watch.due
+    )
     changes = []
     times = zip(watch.expected_s.tolist(), watch.matched_s.tolist(), watch.shown_s.tolist(), strict=True)
     for v, (expected_s, matched_s, shown_s) in enumerate(times):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.proposals import Proposals
 from posefuse.tracking.body_states import chosen
 from posefuse.tracking.settings import Settings

@@ -14,7 +14,8 @@ import numpy as np
 
 from posefuse.checkpoint import Spool
 from posefuse.errors import DetectionsError
-from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import chosen
 from posefuse.tracking.history_entries import Entries

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from posefuse.kernels.linear_algebra.triangles import pack_triangle, unpack_triangles
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 
 

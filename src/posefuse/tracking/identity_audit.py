@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.tracking.records import Evidence, Track
 from posefuse.tracking.reidentification import same_body
 from posefuse.tracking.settings import Settings

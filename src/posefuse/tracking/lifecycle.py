@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.counts import foretell_views
+from posefuse.kernels.tracking.frame_statistics import predict_visibility
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import aim, bones_shown
 from posefuse.kinematics.segment_lengths import told_of_lengths
 from posefuse.model.track_events import Happening
@@ -53,7 +53,7 @@ def expected(sight: Sight, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     should_see = np.empty(sight.pixels.shape[:2], dtype=bool)
     middles_m = np.empty((len(should_see), 3))
     core = frozen(settings.core, np.int64)
-    foretell_views(sight.points_m, sight.pixels, settings.sizes_px, core, _SEEN_SHARE, should_see, middles_m)
+    predict_visibility(sight.points_m, sight.pixels, settings.sizes_px, core, _SEEN_SHARE, should_see, middles_m)
     return should_see, middles_m
 
 

@@ -12,9 +12,12 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
-from posefuse.kernels.cameras.points import triangulate_views
-from posefuse.kernels.tracking.anchors import tell_anchors
-from posefuse.kernels.tracking.articulated import USED, State, foresee_people, predict_people, update_people
+from posefuse.kernels.tracking.anchors import update_from_anchors
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.parts import Part
@@ -191,7 +194,7 @@ class PartFollower:
             block = bodies.turn_covariance[order, part.like] + np.radians(options.anchor_sd_deg) ** 2 * np.eye(3)
             turn_noise = again * block[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
         places = np.ascontiguousarray(bodies.points_m[order, part.at])
-        tell_anchors(places, again * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
+        update_from_anchors(places, again * noise, turns, turn_noise, np.empty((6, size)), np.empty(size), self.state)
 
     def _let_go(self, time_s: float, used: np.ndarray) -> np.ndarray:
         """Let go what nothing has shown for long, or is broken; what counted of the others."""
@@ -284,7 +287,7 @@ class PartFollower:
     def _told(self, rows: np.ndarray, used: np.ndarray, time_s: float) -> tuple[Person, ...]:
         s, n = self.settings, len(self.tracks)
         sight = Sight.room(n, 0, len(s.skeleton))
-        foresee_people(s.cameras[:0], s.body, self.state, *sight.arrays)
+        project_people(s.cameras[:0], s.body, self.state, *sight.arrays)
         return tuple(
             Person(
                 track.name, TrackState.ACTIVE, sight.points_m[p], sight.covariance_m2[p], rows[p], used[p], 0.0,

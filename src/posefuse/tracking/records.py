@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.segment_lengths import measured_lengths
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState

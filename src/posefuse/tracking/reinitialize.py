@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import aim, bones_shown, pose_from_points
 from posefuse.tracking.settings import Settings
 

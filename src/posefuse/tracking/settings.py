@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking.articulated import Body, Law
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.records import Body
 from posefuse.kinematics.initial_pose import motion_laws, widest
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
@@ -23,7 +24,7 @@ _OFTEN, _FRAMES_S, _RARELY_S = 0.6, 0.068, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Settings(Rebuilt):
+class Settings(PickledByFields):
     """What a tracker works with.
 
     Attributes:
@@ -50,7 +51,7 @@ class Settings(Rebuilt):
     cameras: np.ndarray
     sizes_px: np.ndarray
     body: Body
-    law: Law
+    law: ErrorModel
     decay_s: np.ndarray
     power: np.ndarray
     most: np.ndarray
@@ -84,7 +85,7 @@ class Settings(Rebuilt):
         decay, power = motion_laws(tree, options.motion)
         # Bodies stand for the detections of either side.
         cameras = rig.packed[0]
-        law = Law(
+        law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),
             float(noise.exponent),
             options.model_floor_m,

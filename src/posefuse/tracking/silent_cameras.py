@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.counts import note_silence
+from posefuse.kernels.tracking.frame_statistics import update_silence
 from posefuse.tracking.settings import Settings
 
 
@@ -53,7 +53,7 @@ def listen(
         Views that are silent from now on (True) or heard again (False), and why.
     """
     o, change = settings.options, np.empty(len(recorded), dtype=np.int64)
-    if not note_silence(
+    if not update_silence(
         frozen(recorded, np.bool_), shown, due, dt_s, o.camera_silent_s, o.camera_heard_s, silence.absent_s,
         silence.blind_s, silence.heard_s, silence.silent, change,
     ):  # fmt: skip

@@ -8,8 +8,8 @@ Only where the calibration says which way is up.
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.postures import find_lowest, note_lowest
+from posefuse.kernels.tracking.posture_statistics import lowest_point, update_height_statistics
+from posefuse.kernels.tracking.records import State
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import Sight, chosen, put
 from posefuse.tracking.records import Lately
@@ -36,7 +36,7 @@ def note_floor(sight: Sight, lately: Lately, views: np.ndarray, dt_s: float, set
     """
     if settings.rig.up_axis is not None:
         up = np.array(up_vector(settings.rig.up_axis))
-        note_lowest(
+        update_height_statistics(
             sight.points_m, up, views > 1, dt_s, _MEMORY_S, lately.stood_s, lately.floor_m, lately.floor_variance
         )
 
@@ -60,7 +60,7 @@ def keep_floor(state: State, lately: Lately, alone: np.ndarray, dt_s: float, set
     row = np.empty(settings.tree.n_pose)
     for p in np.flatnonzero(alone & (lately.stood_s >= _ENOUGH_S)).tolist():
         one = chosen(state, [p])
-        off = lately.floor_m[p] - find_lowest(settings.body, one, up, row)
+        off = lately.floor_m[p] - lowest_point(settings.body, one, up, row)
         told = row / (calm * (lately.floor_variance[p] + (_SD_M * settings.tree.scale) ** 2))
         see_of_pose(one, np.outer(told, row), told * off, settings)
         put(state, p, one)

@@ -8,8 +8,8 @@ wherever the body has turned since.
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.postures import note_leans
+from posefuse.kernels.tracking.posture_statistics import update_lean_statistics
+from posefuse.kernels.tracking.records import State
 from posefuse.tracking.body_states import chosen, put
 from posefuse.tracking.records import Lately
 from posefuse.tracking.settings import Settings, tempering
@@ -33,7 +33,7 @@ def note_posture(state: State, lately: Lately, views: np.ndarray, dt_s: float) -
         dt_s: since the last frame.
     """
     if state.turns.shape[1]:
-        note_leans(
+        update_lean_statistics(
             state.turns, state.bones, views > 1, dt_s, _MEMORY_S, lately.looked_s, lately.leans,
             lately.leans_variance, lately.upright,
         )  # fmt: skip

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State, foresee_people, predict_people
-from posefuse.kernels.tracking.smoothing import add_information, carry_back, gains_back
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.smoothing import add_information, smooth_means, smoother_gains
 from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds
 from posefuse.model.cameras import up_vector
 from posefuse.model.tracks import TrackState
@@ -351,9 +353,9 @@ def _smooth_chunk(state: State, dt_s: np.ndarray, settings: Settings) -> None:
     gains, rest = np.empty((2, len(dt_s), len(rows), len(rows)))
     walk = settings.options.motion.shape_walk
     lasts = np.exp(-dt_s.max() / settings.decay_s.min()) > _LASTS
-    if not lasts or gains_back(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
+    if not lasts or smoother_gains(dt_s, settings.decay_s, settings.power, walk, state, gains, rest) < len(dt_s):
         gains, rest = _gains(state, rows, dt_s, settings)
-    carry_back(gains, rows, dt_s, settings.decay_s, state)
+    smooth_means(gains, rows, dt_s, settings.decay_s, state)
     late = state.covariance[-1][np.ix_(rows, rows)]
     for k in range(len(gains) - 1, -1, -1):
         rest[k] += gains[k] @ late @ gains[k].T
@@ -426,7 +428,7 @@ def _described(state: State, information: np.ndarray | None, settings: Settings)
         if information is not None:
             _tell_more(covariance, information[to], state.free[to], settings)
         part = State(*(each[to] for each in state))._replace(covariance=covariance)
-        foresee_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
+        project_people(settings.cameras[:0], settings.body, part, *(each[to] for each in sight.arrays))
         variances = np.diagonal(covariance, axis1=1, axis2=2)[:, n : n + h]
         shape_sd_m[to] = np.sqrt(np.maximum(variances, 0.0))
         pose[to] = covariance[:, :n, :n]

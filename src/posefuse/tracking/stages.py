@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import Law, State
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
@@ -42,7 +43,7 @@ class Trust:
         temper: shape (track,): as how many independent frames so many count as one.
     """
 
-    law: Law
+    law: ErrorModel
     confidence: np.ndarray
     temper: np.ndarray
 

@@ -3,7 +3,10 @@
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State, foresee_people, predict_people, update_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.update import update_people
 from posefuse.kinematics.initial_pose import aim, bones_shown, newborn
 from posefuse.tracking.body_states import Sight, chosen
 from posefuse.tracking.records import Evidence, Remembered
@@ -82,7 +85,7 @@ def error_sigma(state: State, seen: Evidence, settings: Settings) -> float:
     """The median distance, in sigmas, of where keypoints are seen from where the body has them; inf where none is."""
     views, keypoints = seen.confidence.shape
     sight = Sight.room(1, views, keypoints)
-    foresee_people(settings.cameras, settings.body, state, *sight.arrays)
+    project_people(settings.cameras, settings.body, state, *sight.arrays)
     law = settings.law
     trust = np.where(np.isfinite(seen.confidence), seen.confidence, 1.0)
     sigma = law.scale_px[:, None] * np.maximum(trust, 0.05) ** -law.exponent

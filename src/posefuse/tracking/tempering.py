@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
+from posefuse.kernels.tracking.refiltering import ROUNDING_TOLERANCE, refilter
 from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
-from posefuse.kernels.tracking.tempering import ROUNDING, filter_again
 from posefuse.kinematics.initial_pose import newborn_covariance
 from posefuse.tracking.body_states import chosen, put, uncertain
 from posefuse.tracking.settings import Settings
@@ -88,7 +89,7 @@ def tell_again(
     while k < frames:
         stop = next((int(each) for each in changes if each >= k), frames)
         to = slice(k - 1, stop)
-        k += filter_again(
+        k += refilter(
             dt_s[to], settings.decay_s, settings.power, settings.most, walk, State(*(each[to] for each in filtered)),
             share[to], told[to], State(*(each[to] for each in out)), information[to],
         ) - 1  # fmt: skip
@@ -130,7 +131,7 @@ def _forgets(curvature: np.ndarray, seen: State, settings: Settings) -> bool:
     """Whether a frame said less than nothing of a number, by more than rounding."""
     m = settings.tree.n_pose + (settings.tree.n_shape if seen.free[0] else 0)
     after, said = np.diag(np.linalg.inv(seen.covariance[0, :m, :m])), np.diag(curvature)[:m]
-    return bool((said < -ROUNDING * (after - said)).any())
+    return bool((said < -ROUNDING_TOLERANCE * (after - said)).any())
 
 
 def _is_covariance(state: State, settings: Settings) -> bool:

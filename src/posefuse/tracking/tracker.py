@@ -7,9 +7,16 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import DetectionsError
-from posefuse.kernels.tracking.articulated import USED, State, predict_people, update_people
-from posefuse.kernels.tracking.counts import believe_most_labels, label_keypoints, note_matches, note_off
+from posefuse.kernels.tracking.frame_statistics import (
+    assign_labels,
+    clear_majority_swaps,
+    record_matches,
+    update_gated_time,
+)
 from posefuse.kernels.tracking.matching import match_views
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
 from posefuse.model.track_events import Event
@@ -135,10 +142,10 @@ class ArticulatedTracker:
         self._let_leap(frame, rows, found, before, dt_s)
         lost = np.array([track.state == TrackState.LOST for track in self.tracks], dtype=bool)
         hold_back(rows, found.gain, lost, s.options)
-        believe_most_labels(rows, found.swapped)
+        clear_majority_swaps(rows, found.swapped)
         frame = joined_pieces(frame, rows, found, s)
         labels = self.labels = self._labels(rows, found.swapped)
-        note_matches(
+        record_matches(
             rows, found.swapped, found.swap_odds, frozen(frame.track_ids, np.int64), dt_s, self.lately.alone_s,
             self.lately.swapped, self.lately.ids,
         )  # fmt: skip
@@ -222,7 +229,7 @@ class ArticulatedTracker:
     def _set_limbs_anew(self, frame: Frame, rows: np.ndarray, uses: Uses, dt_s: float) -> None:
         """Limbs that most views have seen elsewhere for some time are where those show them, and as good as unknown."""
         gated, off_s = uses.gated, self.lately.off_s
-        if note_off(uses.used, gated, dt_s, off_s) < self.settings.options.limb_anew_s:
+        if update_gated_time(uses.used, gated, dt_s, off_s) < self.settings.options.limb_anew_s:
             return
         for p in np.flatnonzero(off_s.max(axis=1) >= self.settings.options.limb_anew_s):
             k = int(off_s[p].argmax())
@@ -287,7 +294,7 @@ class ArticulatedTracker:
         """Which of a detection's keypoints is the body's, shape (track, view, keypoint)."""
         s = self.settings
         labels = np.empty((*rows.shape, len(s.skeleton)), dtype=np.int64)
-        label_keypoints(rows, swapped, s.group_of, s.skeleton.mirror, labels)
+        assign_labels(rows, swapped, s.group_of, s.skeleton.mirror, labels)
         return labels
 
     def _live_on(self, frame: Frame, rows: np.ndarray, used: np.ndarray, dt_s: float) -> None:

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from posefuse.kernels.cameras.linearize import linearise
+from posefuse.kernels.cameras.linearize import linearize
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import Swaps, SwapState
@@ -98,7 +98,7 @@ class Observed:
         keypoints, frames, views, _ = self.pixels.shape
         n = keypoints * frames
         residuals, jacobians = np.empty((n, views, 2)), np.empty((n, views, 2, 3))
-        linearise(
+        linearize(
             *self.rig.packed, paths_m.reshape(n, 3), self.pixels.reshape(n, views, 2), residuals, jacobians
         )  # fmt: skip
         return residuals.reshape(self.pixels.shape), jacobians.reshape(*self.pixels.shape, 3)

@@ -13,16 +13,18 @@ import numpy as np
 from scipy.ndimage import binary_opening, uniform_filter1d
 
 from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
-from posefuse.kernels.trajectory.terms import (
+from posefuse.kernels.trajectory.bone_terms import (
+    add_bone_gradient,
     add_to_diagonal,
-    assemble,
-    direct_bones,
-    pass_messages,
-    pull_bones,
-    renew_errors,
-    solve_jointly,
-    square_differences,
-    weigh,
+    bone_directions,
+    propagate_bone_information,
+    solve_with_bones,
+)
+from posefuse.kernels.trajectory.observation_terms import (
+    assemble_system,
+    squared_differences,
+    weigh_observations,
+    whiten_errors,
 )
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
@@ -175,7 +177,7 @@ class Solver:
         """All rounds."""
         paths = Paths.begin(self.observed, self.smoothness, self.options)
         scale = self.scale(law)
-        for number in range(_TRUSTING + self.options.rounds):
+        for number in range(_TRUSTING + self.options.iterations):
             paths = self.round(paths, law, scale, trusting=number < _TRUSTING, least=self._least(law))
         return paths
 
@@ -214,7 +216,7 @@ class Solver:
         )
         moved = paths.paths_m + self._shortened(steps)
         squares, known = np.empty(stiffness.shape), np.empty(stiffness.shape)
-        square_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
+        squared_differences(self.smoothness.differences, stiffness, moved, covariance, squares, known)
         lively = self._liveliness(squares * paths.lively, known)
         own = covariance[:, :, 0].copy()
         lasting = self._lasting(own, seen, law)
@@ -256,13 +258,13 @@ class Solver:
         weights = np.empty(observed.sigma_px.shape)
         keypoints, frames, views = observed.sigma_px.shape
         n = keypoints * frames
-        weigh(
+        weigh_observations(
             residuals.reshape(n, views, 2),
             jacobians.reshape(n, views, 2, 3),
             observed.sigma_px.reshape(n, views),
             covariance_m2.reshape(n, 3, 3),
-            strict * options.full_sigma,
-            strict * options.none_sigma,
+            strict * options.full_weight_sigma,
+            strict * options.zero_weight_sigma,
             weights.reshape(n, views),
         )
         return weights
@@ -283,7 +285,7 @@ class Solver:
         seen = np.empty((keypoints, frames, 3, 3))
         known = np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf)
         ridge = _RIDGE / known + 1e-12
-        assemble(
+        assemble_system(
             residuals,
             jacobians,
             sigma_px,
@@ -341,7 +343,7 @@ class Solver:
             residuals = self._passing(residuals, left > 0.0)
         squares, counts = np.empty(left.shape), np.empty(left.shape)
         sigma = law.spread * self.usually
-        renew_errors(residuals, sigma, left, self._kept(law.correlation_s), squares, counts)
+        whiten_errors(residuals, sigma, left, self._kept(law.correlation_s), squares, counts)
         window = 2 * round(0.5 * _ERRORS_S / self.observed.step_s) + 1
         total = uniform_filter1d(left * squares, window, axis=1, mode="nearest") * window
         return total, uniform_filter1d(left * counts, window, axis=1, mode="nearest") * window
@@ -406,15 +408,15 @@ class Solver:
         keypoints, frames, _ = paths_m.shape
         directions, excess = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
         # A bone of unknown length pulls at nothing; what is not a number would pull at everything.
-        direct_bones(ends, np.nan_to_num(length_m), paths_m, directions, excess)
+        bone_directions(ends, np.nan_to_num(length_m), paths_m, directions, excess)
         told = np.empty_like(seen)
-        pass_messages(ends, order, directions, tightness, seen, told, np.empty((len(order), 3, 3)))
+        propagate_bone_information(ends, order, directions, tightness, seen, told, np.empty((len(order), 3, 3)))
         add_to_diagonal(told, band)
-        pull_bones(ends, directions, tightness, excess, pull)
+        add_bone_gradient(ends, directions, tightness, excess, pull)
         lower, inverse = np.empty((keypoints, frames, REACH, 3, 3)), np.empty((keypoints, frames, 3, 3))
         factor_paths(band, lower, inverse, np.empty(keypoints))
         steps, covariance = np.empty_like(pull), np.empty_like(band)
-        solve_jointly(
+        solve_with_bones(
             band, told, lower, inverse, ends, directions, tightness, pull, _MOST_STEPS, _TOLERANCE, steps
         )  # fmt: skip
         invert_paths(lower, inverse, covariance)
@@ -435,11 +437,11 @@ class Solver:
         return steps_m * np.minimum(1.0, self.farthest_m / np.maximum(length, 1e-300))
 
     def _liveliness(self, squares: np.ndarray, known: np.ndarray) -> np.ndarray:
-        if self.options.burst_s <= 0.0 or not squares.shape[1]:
+        if self.options.density_window_s <= 0.0 or not squares.shape[1]:
             return np.ones_like(squares)
         step_s = self.observed.step_s
-        window = 2 * round(0.5 * self.options.burst_s / step_s) + 1
-        return self.smoothness.local(squares, known, window, self.options.calm / step_s)
+        window = 2 * round(0.5 * self.options.density_window_s / step_s) + 1
+        return self.smoothness.local(squares, known, window, self.options.density_prior_s / step_s)
 
 
 def usual_variance(seen: np.ndarray, weights: np.ndarray) -> np.ndarray:

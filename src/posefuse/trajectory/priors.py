@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln, hyp2f1
 
-from posefuse.arrays import Rebuilt, frozen
+from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import DetectionsError
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.skeleton.skeletons import Skeleton
@@ -49,7 +49,7 @@ _SHORTEST_MARGIN_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Laws(Rebuilt):
+class Laws(PickledByFields):
     """What holds for a whole recording.
 
     Attributes:
@@ -257,7 +257,7 @@ class _Sums:
     def add(self, observed: Observed, bones: Bones, options: TrajectoryOptions, law: Law) -> None:
         """A part more."""
         smoothness = Smoothness.of(options.prior, observed.time_s)
-        solver = Solver(observed, smoothness, Bones.none(), replace(options, burst_s=0.0))
+        solver = Solver(observed, smoothness, Bones.none(), replace(options, density_window_s=0.0))
         paths, density, known, errors = fit_density(solver, law)
         if law.correlation_s > 0.0:
             # What lasts may be motion or error. Taken for motion it costs little, taken for error the motion is gone.
@@ -327,8 +327,8 @@ class _Sums:
         count = np.maximum(self._count, 1.0)
         mean = self._length / count
         variance = self._square / count - mean**2 - self._noise / count
-        most = np.where(rigid, options.rigid_bone_share * mean, np.inf)
-        sd = np.clip(np.sqrt(np.maximum(variance, 0.0)), options.least_bone_share * mean, most)
+        most = np.where(rigid, options.max_rigid_bone_variation * mean, np.inf)
+        sd = np.clip(np.sqrt(np.maximum(variance, 0.0)), options.min_bone_variation * mean, most)
         tells &= options.bones & (mean > 0.0)
         return np.where(tells, mean, np.nan), np.where(tells, sd, np.inf)
 

@@ -1,1 +1,1 @@
-"""From 2D detections of known people to 3D points: one file a method, chosen by name."""
+"""Triangulate keypoints from several views; one module per method, and a table of them."""

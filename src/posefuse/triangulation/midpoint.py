@@ -1,7 +1,7 @@
-"""Where the viewing rays come closest to each other, in metres instead of pixels.
+"""Triangulate the point closest to all viewing rays, in meters instead of pixels, without outlier rejection.
 
-Source: Slabaugh, Schafer & Livingston 2001, "Optimal Ray Intersection For Computing 3D Points From N-View
-Correspondences". Weighted by confidence where ``confidence_exponent`` says so.
+Source: Slabaugh, Schafer and Livingston 2001, "Optimal Ray Intersection For Computing 3D Points From N-View
+Correspondences". Rays are weighted by confidence according to ``confidence_exponent``.
 """
 
 import numpy as np
@@ -11,50 +11,41 @@ from posefuse.kernels.cameras.rays import intersect_rays
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
+from posefuse.triangulation.method import Method
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, rows_by_person_frame
-
-DEFAULT_MIN_VIEWS = 2
 
 
 def solve(
     rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
 ) -> Layer:
-    """Triangulate every keypoint of every person in a range of frames.
+    """Triangulate every keypoint; see :class:`posefuse.triangulation.method.Solve`.
 
-    Args:
-        rig: the cameras, in the order of the detections' views.
-        detections: in memory.
-        tracks: whose detection is whose, of the same frames.
-        noise: the standard deviation of a detection; its exponent weighs the views.
-        options: ``min_views`` must be set.
-
-    Returns:
-        The measured layer. Its covariance is that of the maximum-likelihood point, which is a little smaller.
+    The covariance is that of the maximum-likelihood point, which is slightly smaller.
     """
     layer = simple.solve(rig, detections, tracks, noise, options)
     flat = FlatLayer.of(layer)
     chosen = np.flatnonzero(flat.status < PointStatus.NOT_SEEN)
     used = flat.view_status[chosen] == ViewStatus.USED
     observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, chosen)
-    trust = np.where(np.isfinite(observations.confidence), observations.confidence, 1.0)
-    points = closest(rig, observations.pixels, np.where(used, trust ** (2.0 * noise.exponent), 0.0))
-    found = np.asarray(np.isfinite(points).all(axis=-1))
-    there = chosen[found]
+    confidence = np.where(np.isfinite(observations.confidence), observations.confidence, 1.0)
+    points = intersect(rig, observations.pixels, np.where(used, confidence ** (2.0 * noise.exponent), 0.0))
+    finite = np.asarray(np.isfinite(points).all(axis=-1))
+    solved = chosen[finite]
     flat.replace(
-        there, points[found], flat.covariance_m2[there], used[found], observations[found].errors_px(points[found])
+        solved, points[finite], flat.covariance_m2[solved], used[finite], observations[finite].errors_px(points[finite])
     )
-    flat.remove(chosen[~found], PointStatus.DEGENERATE)
+    flat.remove(chosen[~finite], PointStatus.DEGENERATE)
     return flat.finish()
 
 
-def closest(rig: CameraRig, pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Shape (point, 3): the points nearest to the rays of ``pixels`` (point, view, 2); NaN where rays fix none."""
+def intersect(rig: CameraRig, pixels: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the points closest to the rays of pixels (point, view, 2), shape (point, 3); NaN if undetermined."""
     n, views, _ = pixels.shape
     directions = np.empty((n, views, 3))
     for v, camera in enumerate(rig.cameras):
@@ -65,3 +56,6 @@ def closest(rig: CameraRig, pixels: np.ndarray, weights: np.ndarray) -> np.ndarr
     intersect_rays(origins, directions, np.ascontiguousarray(weights, dtype=np.float64), points, covariance, status)
     points[status != kernel_codes.OK] = np.nan
     return points
+
+
+METHOD = Method("midpoint", solve, default_min_views=2)

@@ -1,4 +1,4 @@
-"""Single points as tables of observations: what methods need that try a point with some of its views left out."""
+"""Observations of single points, for methods that triangulate a point repeatedly from subsets of its views."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -7,7 +7,7 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
-from posefuse.kernels.cameras.points import triangulate_views
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -15,12 +15,12 @@ from posefuse.model.noise import NoiseModel
 
 @dataclass(frozen=True)
 class Observations:
-    """What each view saw of each of some points.
+    """Hold the observations of some points in all views.
 
     Attributes:
         rig: the cameras, in the order of the view axis.
-        noise: of the detections.
-        pixels: shape (point, view, 2), NaN where not seen.
+        noise: error model of the detections.
+        pixels: shape (point, view, 2), NaN where not detected.
         confidence: shape (point, view), NaN where the detector gives none.
     """
 
@@ -33,35 +33,35 @@ class Observations:
     def gather(
         cls, rig: CameraRig, detections: Detections, rows: np.ndarray, noise: NoiseModel, chosen: np.ndarray
     ) -> Self:
-        """The observations of chosen points.
+        """Return the observations of selected points.
 
         Args:
             rig: the cameras.
             detections: in memory.
-            rows: shape (person_frame, view): rows of the detections, negative where none.
-            noise: of the detections.
+            rows: shape (person_frame, view): rows of the detections, negative where there is none.
+            noise: error model of the detections.
             chosen: shape (point,): ``person_frame * n_keypoints + keypoint``.
         """
         person_frame, keypoint = np.divmod(chosen, len(detections.skeleton))
         row = rows[person_frame]
-        there = row >= 0
-        places = np.where(there, row, 0), np.broadcast_to(keypoint[:, None], row.shape)
-        pixels = np.where(there[..., None], np.asarray(detections.keypoints_px)[places], np.nan)
-        confidence = np.where(there, np.asarray(detections.confidence)[places], np.nan)
+        detected = row >= 0
+        indices = np.where(detected, row, 0), np.broadcast_to(keypoint[:, None], row.shape)
+        pixels = np.where(detected[..., None], np.asarray(detections.keypoints_px)[indices], np.nan)
+        confidence = np.where(detected, np.asarray(detections.confidence)[indices], np.nan)
         return cls(rig, noise, pixels, confidence)
 
     def __getitem__(self, chosen: np.ndarray) -> "Observations":
         return Observations(self.rig, self.noise, self.pixels[chosen], self.confidence[chosen])
 
-    def solve(self, kept: np.ndarray, min_views: int = 2) -> "Solved":
-        """Maximum-likelihood points from the kept views.
+    def solve(self, used: np.ndarray, min_views: int = 2) -> "SolvedPoints":
+        """Return maximum-likelihood points from the selected views.
 
         Args:
-            kept: shape (point, view), bool.
-            min_views: points with fewer are not solved.
+            used: shape (point, view), bool: views to use.
+            min_views: points with fewer views are missing.
         """
-        n, views = kept.shape
-        out = Solved(
+        n, views = used.shape
+        out = SolvedPoints(
             points_m=np.empty((n, 3)),
             covariance_m2=np.empty((n, 6)),
             status=np.empty(n, dtype=np.int8),
@@ -74,7 +74,7 @@ class Observations:
             *self.rig.packed,
             frozen(np.ascontiguousarray(self.pixels).reshape(n * views, 1, 2)),
             frozen(np.ascontiguousarray(self.confidence).reshape(n * views, 1)),
-            np.where(kept, rows, status_codes.NO_DETECTION),
+            np.where(used, rows, status_codes.NO_DETECTION),
             self.noise.scale_px,
             self.noise.exponent,
             0.0,
@@ -89,21 +89,21 @@ class Observations:
         return out
 
     def errors_px(self, points_m: np.ndarray) -> np.ndarray:
-        """Shape (point, view): distance of every observation from the projected point; NaN where there is none."""
+        """Return the reprojection error of every observation, shape (point, view), NaN where there is none."""
         return np.linalg.norm(np.moveaxis(self.rig.project(points_m), 0, -2) - self.pixels, axis=-1)
 
 
 @dataclass(frozen=True)
-class Solved:
-    """Points, as one call solved them.
+class SolvedPoints:
+    """Hold the points of one call of the solver.
 
     Attributes:
         points_m: shape (point, 3), NaN where missing.
-        covariance_m2: shape (point, 6).
-        status: shape (point,), int8, point codes.
-        view_status: shape (point, view), int8, view codes.
-        view_error_px: shape (point, view), float32, of the kept views.
-        error_px: shape (point,): mean over the used views.
+        covariance_m2: shape (point, 6): upper triangle, row by row.
+        status: shape (point,), int8: point status codes.
+        view_status: shape (point, view), int8: view status codes.
+        view_error_px: shape (point, view), float32: reprojection errors of the selected views.
+        error_px: shape (point,): mean reprojection error over the used views.
     """
 
     points_m: np.ndarray

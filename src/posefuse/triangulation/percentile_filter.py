@@ -1,7 +1,7 @@
-"""FreeMoCap's reprojection error filtering: the worst cameras are dropped until all errors are small.
+"""Triangulate with FreeMoCap's reprojection error filtering: drop the worst cameras until all errors are small.
 
-Source: FreeMoCap's documentation, "Reprojection Error Filtering" (in its program up to version 1.7). Its words are
-followed where the program differs; docs/methods.md, "percentile_filter", says where.
+Source: FreeMoCap's documentation, "Reprojection Error Filtering" (in the program up to version 1.7). Where the program
+differs, the documentation is followed; docs/methods lists the differences.
 """
 
 from collections.abc import Iterable
@@ -12,30 +12,29 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import PercentileFilterOptions, TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
+from posefuse.triangulation.method import DebugFigure, Method
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, rows_by_person_frame
 
-DEFAULT_MIN_VIEWS = 3
-
 
 def runs(rig: CameraRig, options: TriangulationOptions) -> bool:
-    """Whether anything is filtered: a threshold is known, and there are cameras to drop. Options must be settled."""
+    """Return whether a threshold is set and there are cameras to drop; the options must be resolved."""
     assert options.min_views is not None
     return options.percentile_filter.threshold_px is not None and options.min_views < len(rig)
 
 
-def settle(
+def prepare(
     rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
 ) -> tuple[TriangulationOptions, tuple[str, ...]]:
-    """Turn the percentile into an absolute error, over the whole recording.
+    """Convert the percentile to an absolute error over the whole recording.
 
     Returns:
-        The options with ``threshold_px``, and what is worth saying.
+        The options with ``threshold_px``, and notes for the user.
     """
     chosen = options.percentile_filter
     assert options.min_views is not None
@@ -46,14 +45,14 @@ def settle(
         )
     if chosen.threshold_px is not None:
         return options, ()
-    errors = []
+    errors_px = []
     for detections, tracks in pieces:
         layer = simple.solve(rig, detections, tracks, noise, options)
-        errors.append(np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED])
-    found = np.concatenate(errors)
-    if not len(found):
+        errors_px.append(np.asarray(layer.view_error_px)[np.asarray(layer.view_status) == ViewStatus.USED])
+    values_px = np.concatenate(errors_px)
+    if not len(values_px):
         return options, ()
-    threshold = float(np.percentile(found, chosen.percentile))
+    threshold = float(np.percentile(values_px, chosen.percentile))
     note = f"percentile_filter: the {chosen.percentile:g} % percentile of the errors is {threshold:.2f} px."
     return replace(options, percentile_filter=replace(chosen, threshold_px=threshold)), (note,)
 
@@ -61,17 +60,9 @@ def settle(
 def solve(
     rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
 ) -> Layer:
-    """Triangulate every keypoint of every person in a range of frames.
+    """Triangulate every keypoint; see :class:`posefuse.triangulation.method.Solve`.
 
-    Args:
-        rig: the cameras, in the order of the detections' views.
-        detections: in memory.
-        tracks: whose detection is whose, of the same frames.
-        noise: the standard deviation of a detection.
-        options: ``min_views`` must be set; without ``threshold_px`` nothing is filtered.
-
-    Returns:
-        The measured layer; points that keep a large error are missing, as outliers.
+    Points that keep a large error are missing, as outliers. Without ``threshold_px`` nothing is filtered.
     """
     assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
@@ -80,23 +71,33 @@ def solve(
         return layer
     flat = FlatLayer.of(layer)
     used = flat.view_status == ViewStatus.USED
-    off = np.flatnonzero((used & (flat.view_error_px > threshold)).any(axis=-1))
-    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, off)
-    kept, errors = used[off].copy(), np.where(used[off], flat.view_error_px[off], np.nan)
-    waiting = np.arange(len(off))
+    exceeding = np.flatnonzero((used & (flat.view_error_px > threshold)).any(axis=-1))
+    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, exceeding)
+    remaining, errors = used[exceeding].copy(), np.where(used[exceeding], flat.view_error_px[exceeding], np.nan)
+    pending = np.arange(len(exceeding))
     while True:
-        waiting = waiting[kept[waiting].sum(axis=-1) > options.min_views]
-        if not len(waiting):
+        pending = pending[remaining[pending].sum(axis=-1) > options.min_views]
+        if not len(pending):
             break
-        worst = np.nanargmax(np.where(kept[waiting], errors[waiting], -np.inf), axis=-1)
-        kept[waiting, worst] = False
-        solved = observations[waiting].solve(kept[waiting])
-        errors[waiting] = np.where(kept[waiting], solved.view_error_px, np.nan)
-        high = ~(np.nanmax(np.where(kept[waiting], errors[waiting], -np.inf), axis=-1) <= threshold)
-        good = waiting[~high]
-        all_errors = observations[good].errors_px(solved.points_m[~high])
-        flat.replace(off[good], solved.points_m[~high], solved.covariance_m2[~high], kept[good], all_errors)
-        waiting = waiting[high]
-    still = (np.where(kept, errors, -np.inf) > threshold).any(axis=-1)
-    flat.remove(off[still], PointStatus.OUTLIER)
+        worst = np.nanargmax(np.where(remaining[pending], errors[pending], -np.inf), axis=-1)
+        remaining[pending, worst] = False
+        solved = observations[pending].solve(remaining[pending])
+        errors[pending] = np.where(remaining[pending], solved.view_error_px, np.nan)
+        high = ~(np.nanmax(np.where(remaining[pending], errors[pending], -np.inf), axis=-1) <= threshold)
+        done = pending[~high]
+        all_errors = observations[done].errors_px(solved.points_m[~high])
+        flat.replace(exceeding[done], solved.points_m[~high], solved.covariance_m2[~high], remaining[done], all_errors)
+        pending = pending[high]
+    failed = (np.where(remaining, errors, -np.inf) > threshold).any(axis=-1)
+    flat.remove(exceeding[failed], PointStatus.OUTLIER)
     return flat.finish()
+
+
+METHOD = Method(
+    "percentile_filter",
+    solve,
+    default_min_views=3,
+    options=PercentileFilterOptions,
+    prepare=prepare,
+    debug_figure=DebugFigure("debug/percentile_filter.png", runs),
+)

@@ -1,28 +1,22 @@
-"""Triangulation methods by name."""
+"""Table of all triangulation methods; add a method here and in :mod:`posefuse.model.options.triangulation`."""
 
-from importlib import import_module
-from typing import Protocol
+from posefuse.triangulation import consensus, irls, midpoint, percentile_filter, ransac, simple, weighted_subsets
+from posefuse.triangulation.method import Method
 
-from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
-from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
-from posefuse.model.reconstruction import Layer
-from posefuse.model.tracks import Tracks
-
-
-class Method(Protocol):
-    """What a method's file offers."""
-
-    DEFAULT_MIN_VIEWS: int
-
-    def solve(
-        self, rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
-    ) -> Layer:
-        """Triangulate every keypoint of every person in a range of frames."""
-        ...
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        consensus.METHOD,
+        simple.METHOD,
+        weighted_subsets.METHOD,
+        percentile_filter.METHOD,
+        ransac.METHOD,
+        irls.METHOD,
+        midpoint.METHOD,
+    )
+}
 
 
-def load_method(name: str) -> Method:
-    """The method of a name that :data:`posefuse.model.options.options.METHODS` lists; each is a module of this package."""
-    return import_module(f"posefuse.triangulation.{name}")  # type: ignore[return-value]
+def find_method(name: str) -> Method:
+    """Return the method with a name that the options accept."""
+    return METHODS[name]

@@ -1,4 +1,4 @@
-"""The arrays kernels write into, and the layer they become."""
+"""Arrays that kernels write into, and their conversion to a layer."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -13,8 +13,8 @@ from posefuse.model.tracks import Tracks, TrackState
 
 
 @dataclass(frozen=True)
-class EmptyLayer:
-    """Room for the results of ``person_frame = frame * people + person``, as :class:`Layer` describes them."""
+class LayerBuffers:
+    """Hold the output arrays of ``person_frame = frame * people + person``, as :class:`Layer` describes them."""
 
     tracks: Tracks
     points_m: np.ndarray
@@ -25,8 +25,8 @@ class EmptyLayer:
     reprojection_error_px: np.ndarray
 
     @classmethod
-    def of(cls, tracks: Tracks, n_keypoints: int) -> Self:
-        """Room for all people of the tracks, nothing written yet."""
+    def allocate(cls, tracks: Tracks, n_keypoints: int) -> Self:
+        """Allocate uninitialized arrays for all people of the tracks."""
         frames, people, views = tracks.detection.shape
         n = frames * people
         return cls(
@@ -41,7 +41,7 @@ class EmptyLayer:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order in which kernels take them."""
+        """Return the arrays in the order in which kernels take them."""
         return (
             self.points_m,
             self.covariance_m2,
@@ -52,7 +52,7 @@ class EmptyLayer:
         )
 
     def finish(self) -> Layer:
-        """The layer, once everything is written: measured points; those of absent people marked so."""
+        """Return the layer of measured points; points of absent people have the status absent."""
         frames, people, _ = self.tracks.detection.shape
 
         def by_frame(array: np.ndarray) -> np.ndarray:
@@ -73,17 +73,17 @@ class EmptyLayer:
 
 
 def rows_by_person_frame(tracks: Tracks, detections: Detections) -> np.ndarray:
-    """Shape (frame * person, view), int64: rows of the detections, as kernels take them."""
+    """Return rows of the detections for the kernels, shape (frame * person, view), int64."""
     rows = tracks.rows(detections)
     return np.ascontiguousarray(rows.reshape(-1, rows.shape[-1]))
 
 
 @dataclass(frozen=True)
 class FlatLayer:
-    """A layer with its points in one row, for methods that go over some of them again.
+    """Hold a layer with all points in one axis, for methods that recompute some of them.
 
     Attributes:
-        layer: that it is of.
+        layer: the layer.
         points_m: shape (point, 3).
         covariance_m2: shape (point, 6).
         status: shape (point,).
@@ -102,7 +102,7 @@ class FlatLayer:
 
     @classmethod
     def of(cls, layer: Layer) -> Self:
-        """The layer's arrays, copied."""
+        """Copy a layer."""
 
         def flat(source: ArraySource) -> np.ndarray:
             array = np.array(source)
@@ -126,14 +126,14 @@ class FlatLayer:
         accepted: np.ndarray,
         error_px: np.ndarray,
     ) -> None:
-        """Put other coordinates in place of some.
+        """Replace some points.
 
         Args:
-            chosen: shape (some,): which points.
+            chosen: shape (some,): indices of the points.
             points_m: shape (some, 3).
             covariance_m2: shape (some, 6).
-            accepted: shape (some, view), bool: the views the points rest on.
-            error_px: shape (some, view): distances from the new points.
+            accepted: shape (some, view), bool: views that the points rest on.
+            error_px: shape (some, view): reprojection errors of the new points.
         """
         self.points_m[chosen] = points_m
         self.covariance_m2[chosen] = covariance_m2
@@ -145,7 +145,7 @@ class FlatLayer:
         self.view_status[chosen] = np.where(valid, judged, self.view_status[chosen])
 
     def remove(self, chosen: np.ndarray, status: PointStatus) -> None:
-        """Leave some points without coordinates."""
+        """Remove the coordinates of some points."""
         for array in (self.points_m, self.covariance_m2, self.reprojection_error_px, self.view_error_px):
             array[chosen] = np.nan
         self.status[chosen] = status
@@ -153,7 +153,7 @@ class FlatLayer:
         self.view_status[chosen] = np.where(valid, ViewStatus.NOT_USED, self.view_status[chosen])
 
     def finish(self) -> Layer:
-        """The layer as it is now."""
+        """Return the modified layer."""
         shape = self.layer.points_m.shape[:3]
         status = self.status.reshape(shape)
         return Layer(
@@ -167,7 +167,7 @@ class FlatLayer:
         )
 
 
-def mean_over(kept: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Shape (point,): mean of the errors (point, view) over the kept views; NaN without any."""
+def mean_over(selected: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Return the mean of errors (point, view) over selected views, shape (point,); NaN without any."""
     with np.errstate(invalid="ignore"):
-        return np.where(kept, errors, 0.0).sum(axis=-1) / kept.sum(axis=-1)
+        return np.where(selected, errors, 0.0).sum(axis=-1) / selected.sum(axis=-1)

@@ -1,6 +1,6 @@
-"""One camera: no triangulation, only its image plane (FreeMoCap's "Flatten Single Camera Data").
+"""Place the keypoints of one camera in its image plane (FreeMoCap's "Flatten Single Camera Data").
 
-The result is in pixels and no place in the world: x to the right, y downwards, as the detector gave them. With
+The result is in pixels, not in the world: x to the right, y down, as the detector gave them. With
 ``flatten_single_view`` z is 0; without, z is the detector's own depth.
 """
 
@@ -9,7 +9,7 @@ import numpy as np
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
@@ -17,10 +17,10 @@ from posefuse.triangulation.results import rows_by_person_frame
 
 
 def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions) -> Layer:
-    """The keypoints of one view as points in its image plane, in pixels.
+    """Return the keypoints of one view as points in its image plane, in pixels.
 
     Raises:
-        DetectionsError: if depth is asked for and the detector gave none.
+        DetectionsError: if depth is requested and the detector gave none.
     """
     depth = detections.depth
     if not options.flatten_single_view and depth is None:
@@ -30,24 +30,24 @@ def solve(detections: Detections, tracks: Tracks, noise: NoiseModel, options: Tr
         )
     frames, people, _ = tracks.detection.shape
     rows = rows_by_person_frame(tracks, detections)[:, 0]
-    there = rows >= 0
+    detected = rows >= 0
     shape = (len(rows), len(detections.skeleton))
     pixels = np.full((*shape, 2), np.nan)
-    trust = np.full(shape, np.nan)
-    z = np.where(there[:, None], 0.0, np.full(shape, np.nan))
-    pixels[there] = np.asarray(detections.keypoints_px)[rows[there]]
-    trust[there] = np.asarray(detections.confidence)[rows[there]]
+    confidence = np.full(shape, np.nan)
+    z = np.where(detected[:, None], 0.0, np.full(shape, np.nan))
+    pixels[detected] = np.asarray(detections.keypoints_px)[rows[detected]]
+    confidence[detected] = np.asarray(detections.confidence)[rows[detected]]
     if not options.flatten_single_view:
-        z[there] = np.asarray(depth)[rows[there]]
+        z[detected] = np.asarray(depth)[rows[detected]]
     seen = np.isfinite(pixels).all(axis=-1) & np.isfinite(z)
-    usual = np.where(np.isfinite(trust), trust, 1.0) ** noise.exponent
-    low = seen & ((trust < options.min_confidence) | (usual <= 0))
+    relative_precision = np.where(np.isfinite(confidence), confidence, 1.0) ** noise.exponent
+    low = seen & ((confidence < options.min_confidence) | (relative_precision <= 0))
     solved = seen & ~low
     points = np.where(solved[..., None], np.concatenate([pixels, z[..., None]], axis=-1), np.nan)
-    sigma = noise.scale_px[0] / np.where(solved, usual, 1.0)
+    sigma = noise.scale_px[0] / np.where(solved, relative_precision, 1.0)
     covariance = np.zeros((*shape, 6))
     covariance[..., 0] = covariance[..., 3] = sigma**2
-    # How wrong the depth is, nobody says.
+    # The detector gives no accuracy of its depth.
     covariance[..., 5] = 0.0 if options.flatten_single_view else np.nan
     covariance[~solved] = np.nan
     status = np.where(solved, PointStatus.SINGLE_VIEW, PointStatus.NOT_SEEN)

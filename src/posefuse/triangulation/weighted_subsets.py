@@ -1,7 +1,7 @@
-"""FreeMoCap's outlier rejection: a weighted mean over the points of subsets of the cameras.
+"""Triangulate by FreeMoCap's outlier rejection: a weighted mean of the points from subsets of the cameras.
 
-Source: FreeMoCap's documentation, "Reprojection Error Outlier Rejection" (in its program since version 1.8, where it
-is a check box). Its words are followed where the program differs; docs/methods.md, "weighted_subsets", says where.
+Source: FreeMoCap's documentation, "Reprojection Error Outlier Rejection" (in the program since version 1.8, as a check
+box). Where the program differs, the documentation is followed; docs/methods lists the differences.
 """
 
 from collections.abc import Iterable
@@ -13,26 +13,25 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions, WeightedSubsetsOptions
+from posefuse.model.options.triangulation import TriangulationOptions, WeightedSubsetsOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation import simple
+from posefuse.triangulation.method import Method
 from posefuse.triangulation.observations import Observations
 from posefuse.triangulation.results import FlatLayer, mean_over, rows_by_person_frame
-
-DEFAULT_MIN_VIEWS = 3
 
 _SHARPNESS = 5.0
 
 
-def settle(
+def prepare(
     rig: CameraRig, pieces: Iterable[tuple[Detections, Tracks]], noise: NoiseModel, options: TriangulationOptions
 ) -> tuple[TriangulationOptions, tuple[str, ...]]:
-    """Say where the rig leaves no camera to drop; nothing is looked at or changed.
+    """Add a note if the rig has no camera to drop; nothing else is examined or changed.
 
     Returns:
-        The options as they are, and what is worth saying.
+        The unchanged options, and notes for the user.
     """
     assert options.min_views is not None
     if options.min_views < len(rig):
@@ -46,17 +45,9 @@ def settle(
 def solve(
     rig: CameraRig, detections: Detections, tracks: Tracks, noise: NoiseModel, options: TriangulationOptions
 ) -> Layer:
-    """Triangulate every keypoint of every person in a range of frames.
+    """Triangulate every keypoint; see :class:`posefuse.triangulation.method.Solve`.
 
-    Args:
-        rig: the cameras, in the order of the detections' views.
-        detections: in memory.
-        tracks: whose detection is whose, of the same frames.
-        noise: the standard deviation of a detection.
-        options: ``min_views`` must be set.
-
-    Returns:
-        The measured layer. A view counts as used if more than half of the weight lies on subsets it is in.
+    A view has the status used if subsets with it carry more than half of the weight.
     """
     assert options.min_views is not None
     layer = simple.solve(rig, detections, tracks, noise, options)
@@ -66,57 +57,59 @@ def solve(
     units_px = error_units_px(rig, chosen)
     initial = mean_over(used, flat.view_error_px / units_px)
     with np.errstate(invalid="ignore"):
-        off = np.flatnonzero((initial > chosen.target_reprojection_error) & (used.sum(axis=-1) > options.min_views))
-    if not len(off):
+        exceeding = np.flatnonzero(
+            (initial > chosen.target_reprojection_error) & (used.sum(axis=-1) > options.min_views)
+        )
+    if not len(exceeding):
         return layer
-    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, off)
-    points, shares = ensemble(observations, used[off], units_px, options.min_views, chosen)
+    observations = Observations.gather(rig, detections, rows_by_person_frame(tracks, detections), noise, exceeding)
+    points, weights = weighted_mean(observations, used[exceeding], units_px, options.min_views, chosen)
     errors_px = observations.errors_px(points)
-    errors = mean_over(used[off], errors_px / units_px)
-    reached = shares.best < chosen.target_reprojection_error
+    errors = mean_over(used[exceeding], errors_px / units_px)
+    reached = weights.best < chosen.target_reprojection_error
     with np.errstate(invalid="ignore"):
-        better = np.isfinite(points).all(axis=-1) & (reached | (errors < initial[off]))
-    accepted = shares.kept & used[off]
+        better = np.isfinite(points).all(axis=-1) & (reached | (errors < initial[exceeding]))
+    accepted = weights.retained & used[exceeding]
     solved = observations.solve(accepted)
-    flat.replace(off[better], points[better], solved.covariance_m2[better], accepted[better], errors_px[better])
+    flat.replace(exceeding[better], points[better], solved.covariance_m2[better], accepted[better], errors_px[better])
     return flat.finish()
 
 
 @dataclass(frozen=True)
-class Shares:
-    """How the weight of an ensemble is spread.
+class EnsembleWeights:
+    """Describe how the weight of an ensemble is distributed.
 
     Attributes:
         best: shape (point,): lowest error of a subset.
-        kept: shape (point, view), bool: more than half of the weight lies on subsets with the view.
+        retained: shape (point, view), bool: subsets with the view carry more than half of the weight.
     """
 
     best: np.ndarray
-    kept: np.ndarray
+    retained: np.ndarray
 
 
-def ensemble(
+def weighted_mean(
     observations: Observations,
     used: np.ndarray,
     units_px: np.ndarray,
     min_views: int,
     options: WeightedSubsetsOptions,
-) -> tuple[np.ndarray, Shares]:
-    """The weighted mean of the points of every tested subset.
+) -> tuple[np.ndarray, EnsembleWeights]:
+    """Return the weighted mean of the points of every tested subset.
 
-    All subsets with one camera dropped, then with two, ... up to ``max_cameras_to_drop``; points of which a subset
-    reached the target take no part in the next level.
+    Subsets with one camera dropped are tested first, then with two, up to ``max_cameras_to_drop``. A point is not
+    tested further once a subset reached the target.
 
     Args:
         observations: of the points.
         used: shape (point, view), bool: valid views.
-        units_px: shape (view,): what an error of 1 is in px.
-        min_views: no subset has fewer.
-        options: target and number of cameras to drop.
+        units_px: shape (view,): size of an error of 1 in px.
+        min_views: minimum number of views of a subset.
+        options: target error and number of cameras to drop.
     """
     n, n_views = used.shape
     target = options.target_reprojection_error
-    # Weights relative to the best subset so far, so that none underflows.
+    # Weights are relative to the best subset so far, so that they do not underflow.
     best = np.full(n, np.inf)
     total = np.zeros(n)
     points = np.zeros((n, 3))
@@ -141,11 +134,14 @@ def ensemble(
             points[tested] = points[tested] * fade[:, None] + weight[:, None] * solved.points_m[there]
             shares[tested] = shares[tested] * fade[:, None] + weight[:, None] * kept
     with np.errstate(invalid="ignore"):
-        return points / total[:, None], Shares(best, shares > 0.5 * total[:, None])
+        return points / total[:, None], EnsembleWeights(best, shares > 0.5 * total[:, None])
 
 
 def error_units_px(rig: CameraRig, options: WeightedSubsetsOptions) -> np.ndarray:
-    """Shape (view,): what an error of 1 is in px: 1, or the focal length for normalised errors."""
+    """Return the size of an error of 1 in px, shape (view,): 1, or the focal length for normalized errors."""
     if options.target_unit == "px":
         return np.ones(len(rig))
     return np.array([0.5 * (camera.matrix[0, 0] + camera.matrix[1, 1]) for camera in rig.cameras])
+
+
+METHOD = Method("weighted_subsets", solve, default_min_views=3, options=WeightedSubsetsOptions, prepare=prepare)

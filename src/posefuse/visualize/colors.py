@@ -1,17 +1,17 @@
-"""Colours of people and marks, told apart by colour-blind people (Okabe and Ito)."""
+"""Colours of people and marks, told apart by color-blind people (Okabe and Ito)."""
 
-Colour = tuple[int, int, int]
+Color = tuple[int, int, int]
 
-PEOPLE: tuple[Colour, ...] = (
+PEOPLE: tuple[Color, ...] = (
     (86, 180, 233), (230, 159, 0), (0, 190, 140), (204, 121, 167), (240, 228, 66), (0, 114, 178), (213, 94, 0),
 )  # fmt: skip
-REJECTED: Colour = (255, 70, 70)
-NOBODY: Colour = (170, 170, 170)
-INK: Colour = (0, 0, 0)
-PAPER: Colour = (255, 255, 255)
-BACKGROUND: Colour = (28, 30, 34)
+REJECTED: Color = (255, 70, 70)
+UNASSIGNED: Color = (170, 170, 170)
+INK: Color = (0, 0, 0)
+PAPER: Color = (255, 255, 255)
+BACKGROUND: Color = (28, 30, 34)
 
 
-def colour_of(person: int) -> Colour:
-    """The colour of a person by their place in the result; with more than seven, colours come again."""
+def person_color(person: int) -> Color:
+    """Return the color of a person by index in the result; colors repeat after seven people."""
     return PEOPLE[person % len(PEOPLE)]

@@ -1,4 +1,4 @@
-"""Pictures of several cameras side by side."""
+"""Mosaics of the images of several cameras."""
 
 import math
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ from PIL import Image
 
 from posefuse.visualize.colors import BACKGROUND
 
-_WIDEST_PX, _HIGHEST_PX = 1920, 1440
+_MAX_WIDTH_PX, _MAX_HEIGHT_PX = 1920, 1440
 
 
 @dataclass(frozen=True)
-class Board:
-    """Where each camera's picture stands.
+class Mosaic:
+    """Layout of the images of several cameras.
 
     Attributes:
-        columns: pictures side by side.
-        rows: pictures one above the other.
-        tile_px: width and height of the room for one.
-        sizes_px: of each picture, scaled to fit its room.
+        columns: number of columns.
+        rows: number of rows.
+        tile_px: width and height of a tile.
+        sizes_px: size of each image, scaled to fit its tile.
     """
 
     columns: int
@@ -29,46 +29,47 @@ class Board:
     sizes_px: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of(cls, sizes_px: Sequence[tuple[int, int]]) -> "Board":
-        """A board for pictures of these sizes, at most 1920 x 1440 px, none made larger."""
+    def of(cls, sizes_px: Sequence[tuple[int, int]]) -> "Mosaic":
+        """Return a mosaic of at most 1920 x 1440 px for images of these sizes; images are never enlarged."""
         columns = math.ceil(math.sqrt(len(sizes_px)))
         rows = -(-len(sizes_px) // columns)
-        widest, highest = (max(size[axis] for size in sizes_px) for axis in (0, 1))
-        scale = min(1.0, _WIDEST_PX / (columns * widest), _HIGHEST_PX / (rows * highest))
-        tile = (max(2, int(widest * scale) // 2 * 2), max(2, int(highest * scale) // 2 * 2))
-        return cls(columns, rows, tile, tuple(_fitting(size, tile) for size in sizes_px))
+        width, height = (max(size[axis] for size in sizes_px) for axis in (0, 1))
+        scale = min(1.0, _MAX_WIDTH_PX / (columns * width), _MAX_HEIGHT_PX / (rows * height))
+        tile = (max(2, int(width * scale) // 2 * 2), max(2, int(height * scale) // 2 * 2))
+        return cls(columns, rows, tile, tuple(_fit(size, tile) for size in sizes_px))
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of the whole."""
+        """Width and height of the mosaic."""
         return self.columns * self.tile_px[0], self.rows * self.tile_px[1]
 
     def empty(self) -> np.ndarray:
-        """The board without pictures, shape (height, width, 3), uint8."""
+        """Return the mosaic without images, shape (height, width, 3), uint8."""
         width, height = self.size_px
         return np.full((height, width, 3), BACKGROUND, dtype=np.uint8)
 
-    def put(self, board: np.ndarray, place: int, picture: np.ndarray) -> None:
-        """Lay a picture in the middle of its room.
+    def paste(self, canvas: np.ndarray, index: int, image: np.ndarray) -> None:
+        """Copy an image to the center of its tile.
 
         Args:
-            board: shape (height, width, 3), uint8; drawn on.
-            place: of the picture.
-            picture: of the size that the board has for it.
+            canvas: shape (height, width, 3), uint8; modified in place.
+            index: index of the image.
+            image: the image, of the size ``sizes_px[index]``.
         """
-        row, column = divmod(place, self.columns)
-        (width, height), (wide, high) = self.sizes_px[place], self.tile_px
-        left, top = column * wide + (wide - width) // 2, row * high + (high - height) // 2
-        board[top : top + height, left : left + width] = picture
+        row, column = divmod(index, self.columns)
+        (width, height), (tile_width, tile_height) = self.sizes_px[index], self.tile_px
+        left = column * tile_width + (tile_width - width) // 2
+        top = row * tile_height + (tile_height - height) // 2
+        canvas[top : top + height, left : left + width] = image
 
 
-def resized(picture: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """A copy of a picture, shape (height, width, 3), uint8, at another size."""
-    if (picture.shape[1], picture.shape[0]) == size_px:
-        return picture.copy()
-    return np.array(Image.fromarray(picture).resize(size_px, Image.Resampling.BILINEAR))
+def resize_image(image: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+    """Return a resized copy of an image of shape (height, width, 3), uint8."""
+    if (image.shape[1], image.shape[0]) == size_px:
+        return image.copy()
+    return np.array(Image.fromarray(image).resize(size_px, Image.Resampling.BILINEAR))
 
 
-def _fitting(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
-    scale = min(room[0] / size[0], room[1] / size[1])
-    return max(1, min(room[0], round(size[0] * scale))), max(1, min(room[1], round(size[1] * scale)))
+def _fit(size: tuple[int, int], tile: tuple[int, int]) -> tuple[int, int]:
+    scale = min(tile[0] / size[0], tile[1] / size[1])
+    return max(1, min(tile[0], round(size[0] * scale))), max(1, min(tile[1], round(size[1] * scale)))

@@ -1,4 +1,4 @@
-"""Words on a picture, in the font that Matplotlib brings, so that they look the same on every machine."""
+"""Text on images, in the font bundled with Matplotlib, so that it looks the same on every machine."""
 
 import io
 from functools import lru_cache
@@ -8,46 +8,46 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from posefuse.visualize.canvas import shade, stamp
-from posefuse.visualize.colors import INK, Colour
+from posefuse.visualize.colors import INK, Color
 
-_SHADE = 0.6
+_BACKGROUND_OPACITY = 0.6
 
 
-def write_words(
-    image: np.ndarray, words: str, left: float, bottom: float, height_px: int, colour: Colour
+def write_text(
+    image: np.ndarray, text: str, left: float, bottom: float, height_px: int, color: Color
 ) -> tuple[int, int]:
-    """Write a line on a shaded strip, moved so that it is within the picture if it fits.
+    """Write a line of text on a shaded strip, shifted into the image if necessary.
 
     Args:
-        image: shape (height, width, 3), uint8; drawn on.
-        words: the line.
+        image: shape (height, width, 3), uint8; modified in place.
+        text: the line.
         left: column of the strip's left edge.
         bottom: row below the strip.
-        height_px: of the letters.
-        colour: red, green, blue.
+        height_px: height of the letters.
+        color: red, green, blue.
 
     Returns:
         Width and height of the strip.
     """
-    mask = _mask(words, height_px)
+    mask = _mask(text, height_px)
     pad = max(2, height_px // 4)
     width, height = mask.shape[1] + 2 * pad, mask.shape[0] + 2 * pad
     x = round(float(np.clip(left, 0, max(image.shape[1] - width, 0))))
     y = round(float(np.clip(bottom - height, 0, max(image.shape[0] - height, 0))))
-    shade(image, x, y, width, height, INK, _SHADE)
-    stamp(image, mask, x + pad, y + pad, colour)
+    shade(image, x, y, width, height, INK, _BACKGROUND_OPACITY)
+    stamp(image, mask, x + pad, y + pad, color)
     return width, height
 
 
 @lru_cache(maxsize=512)
-def _mask(words: str, height_px: int) -> np.ndarray:
-    """Shape (row, column), uint8: how much each pixel is covered by the letters."""
+def _mask(text: str, height_px: int) -> np.ndarray:
+    """Return the coverage of each pixel by the letters, shape (row, column), uint8."""
     font = _font(height_px)
     ascent, descent = font.getmetrics()
-    width = max(1, round(font.getlength(words)))
-    picture = Image.new("L", (width, ascent + descent))
-    ImageDraw.Draw(picture).text((0, 0), words, fill=255, font=font)
-    return np.asarray(picture)
+    width = max(1, round(font.getlength(text)))
+    image = Image.new("L", (width, ascent + descent))
+    ImageDraw.Draw(image).text((0, 0), text, fill=255, font=font)
+    return np.asarray(image)
 
 
 @lru_cache(maxsize=16)

@@ -279,7 +279,7 @@ class TestFindings:
     def test_people_on_their_heads(self, walker, true_points):
         rig = replace(walker.rig, up_axis="-z")
         (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
-        assert "head down" in said
+        assert "upside down" in said
         assert "--up z" in said
 
     def test_a_camera_under_the_floor(self, walker, true_points):
@@ -290,7 +290,7 @@ class TestFindings:
             walker.rig, cameras=(replace(walker.rig.cameras[0], camera_from_world=low), *walker.rig.cameras[1:])
         )
         (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
-        assert "cam_0 stands below" in said
+        assert "cam_0 is below" in said
 
     def test_nothing_is_said_where_nobody_knows_up(self, true_points, walker):
         assert floor_findings([true_points], walker.truth.skeleton, replace(ring(), up_axis=None)) == (None,)
@@ -299,10 +299,10 @@ class TestFindings:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"floor_points_m": (1.0,)}, "9 numbers"),
-        ({"origin_m": (1.0, 2.0, 3.0), "origin": "subject"}, "two things"),
+        ({"floor_points_m": (1.0,)}, "9 finite numbers"),
+        ({"origin_m": (1.0, 2.0, 3.0), "origin": "subject"}, "exclude each other"),
         ({"floor": "feat"}, "Did you mean 'feet'"),
-        ({"height_m": -1.0}, "must be positive"),
+        ({"height_m": -1.0}, "must be a finite number above 0 m"),
         ({"height_m": 1.7, "length_m": 0.4, "length_between": ("a", "b")}, "one of them"),
     ],
 )

@@ -281,14 +281,14 @@ class TestOptions:
     @pytest.mark.parametrize(
         ("wrong", "message"),
         [
-            ({"method": "best"}, "no method 'best'"),
-            ({"sigma_factor": 0.0}, "sigma_factor must be positive, got 0"),
-            ({"min_confidence": 2.0}, "min_confidence must lie between 0 and 1"),
-            ({"miss_log_odds": 1.0}, "miss_log_odds must be 0 or less"),
-            ({"min_common": 0}, "min_common must be at least 1"),
-            ({"outlier_share": 1.0}, "outlier_share must lie between 0 and 1"),
-            ({"full_sigma": 5.0}, "full_sigma positive and less than none_sigma"),
-            ({"volume_m": (0.0, 0.0, 0.0, 1.0, -1.0, 1.0)}, "each least below its greatest"),
+            ({"method": "best"}, "method must be one of groups, rpt, got 'best'"),
+            ({"sigma_factor": 0.0}, "sigma_factor must be a finite number above 0, got 0"),
+            ({"min_confidence": 2.0}, "min_confidence must be a finite number from 0 to 1"),
+            ({"miss_log_odds": 1.0}, "miss_log_odds must be a finite number of at most 0"),
+            ({"min_common": 0}, "min_common must be an integer of at least 1"),
+            ({"outlier_share": 1.0}, "outlier_share must be a finite number between 0 and 1"),
+            ({"full_weight_sigma": 5.0}, "full_weight_sigma must be below zero_weight_sigma"),
+            ({"volume_m": (0.0, 0.0, 0.0, 1.0, -1.0, 1.0)}, "each minimum below its maximum"),
         ],
     )
     def test_options_that_mean_nothing_are_refused(self, wrong, message):
@@ -296,7 +296,7 @@ class TestOptions:
             AssociationOptions(**wrong)
 
     def test_those_of_the_baseline_too(self):
-        with pytest.raises(OptionsError, match=r"rpt\.min_score must lie between 0 and 1"):
+        with pytest.raises(OptionsError, match=r"rpt\.min_score must be a finite number from 0 to 1"):
             RptOptions(min_score=1.5)
-        with pytest.raises(OptionsError, match=r"rpt\.nearest must be at least 1"):
-            RptOptions(nearest=0)
+        with pytest.raises(OptionsError, match=r"rpt\.merged_pairs must be an integer of at least 1"):
+            RptOptions(merged_pairs=0)

@@ -1,65 +1,65 @@
-"""Cameras that nobody started together: their offsets from pairs, and from all views."""
+"""Time offsets of independently started cameras, from pairs and from all views."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from posefuse.diagnostics.findings import Kind
-from posefuse.diagnostics.start_offsets import joined
+from posefuse.diagnostics.start_offsets import offsets_from_pairs
 from posefuse.errors import DetectionsError
+from posefuse.model.findings import FindingKind
 from posefuse.pipeline.diagnose import inspect_health, measure_sync
 from posefuse.synthetic.faults import Scene, healthy, plant
 
 RATE_HZ = 25.0
 
 
-def started_apart(scene: Scene, offsets: tuple[float, ...]) -> Scene:
-    """The scene with each view late by so many frames."""
+def with_offsets(scene: Scene, offsets: tuple[float, ...]) -> Scene:
+    """Return the scene with each view late by the given number of frames."""
     for view, offset in enumerate(offsets):
         scene = plant(scene, "late", (view,), offset)[0] if offset else scene
     return scene
 
 
-def test_views_are_joined_by_the_pairs_that_agree_best(rng):
-    """A pair that agrees a little at a wrong lag is not heeded while others join both views."""
+def test_offsets_from_pairs_prefer_the_best_pairs(rng):
+    """A pair with a weak minimum at a wrong lag is ignored if other pairs connect both views."""
     truth, lags = np.array([0.0, 0.4, -0.2, 0.9]), 0.1 * np.arange(-15, 16)
     costs = np.full((4, 4, len(lags)), np.inf)
     for b in range(4):
         for a in range(b):
             costs[a, b] = np.minimum(np.abs(lags - (truth[b] - truth[a])), 0.5) + 0.01 * rng.random(len(lags))
     costs[0, 3] = 0.3 + 0.2 * np.abs(lags + 1.0)
-    assert joined(costs, lags) == pytest.approx(truth, abs=1e-9)
+    assert offsets_from_pairs(costs, lags) == pytest.approx(truth, abs=1e-9)
 
 
 @pytest.mark.parametrize("offsets", [(0.0, -0.9, 1.4, 0.6, -1.5), (0.0, 21.0, -38.0, -14.0, 33.0)])
-def test_every_clock_is_measured_where_no_two_agree(offsets):
-    scene = started_apart(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), offsets)
+def test_all_offsets_are_measured_if_no_two_clocks_agree(offsets):
+    scene = with_offsets(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), offsets)
     views, sync = measure_sync(*scene.watch(), reference=scene.rig.names[0])
-    errors = [RATE_HZ * view.late_s[0] - offset for view, offset in zip(views, offsets, strict=True)]
+    errors = [RATE_HZ * view.offset_s[0] - offset for view, offset in zip(views, offsets, strict=True)]
     assert np.abs(errors).max() < 0.2
     assert set(sync.cameras) == set(scene.rig.names[1:])
 
 
-def test_cameras_out_of_step_are_not_said_to_stand_elsewhere():
-    """Offsets of all views look one by one like poses that are off."""
-    scene = started_apart(
+def test_unsynchronized_cameras_are_not_reported_as_moved():
+    """Each of several offsets alone resembles a wrong pose."""
+    scene = with_offsets(
         healthy(1002, duration_s=60.0, rate_hz=RATE_HZ, activities=("walk",)), (-1.4, -0.9, 0.0, 1.5, -0.6, 1.4)
     )
     findings = inspect_health(*scene.watch())
-    assert {finding.kind for finding in findings} == {Kind.LATE}
+    assert {finding.kind for finding in findings} == {FindingKind.TIME_OFFSET}
     assert {finding.cameras[0] for finding in findings} >= {"cam_0", "cam_3", "cam_5"}
 
 
-def test_what_nothing_had_to_be_added_to_has_a_standard_deviation():
-    scene = started_apart(healthy(2001, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 10))
-    late = [finding for finding in inspect_health(*scene.watch()) if finding.kind is Kind.LATE]
+def test_views_without_accepted_faults_have_a_standard_deviation():
+    scene = with_offsets(healthy(2001, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 10))
+    late = [finding for finding in inspect_health(*scene.watch()) if finding.kind is FindingKind.TIME_OFFSET]
     assert late
     assert all(0.0 < finding.sd < 0.3 for finding in late)
 
 
-def blind(scene: Scene, view: int, since: int = 0) -> Scene:
-    """The scene with a view that shows nothing from a frame on."""
+def without_detections(scene: Scene, view: int, since: int = 0) -> Scene:
+    """Return the scene with a view without detections from a frame on."""
 
     def hide(pixels: np.ndarray, confidence: np.ndarray, rng: object) -> tuple[np.ndarray, np.ndarray]:
         pixels[since:, view] = confidence[since:, view] = np.nan
@@ -68,49 +68,51 @@ def blind(scene: Scene, view: int, since: int = 0) -> Scene:
     return replace(scene, after=(*scene.after, hide))
 
 
-def test_who_agrees_with_nobody_is_not_joined():
+def test_view_without_agreement_keeps_offset_zero():
     lags = 0.1 * np.arange(-5, 6)
     costs = np.full((4, 4, len(lags)), np.inf)
     for a, b, late in ((0, 1, 0.2), (0, 2, 0.0), (1, 2, -0.2)):
         costs[a, b] = np.abs(lags - late)
-    assert joined(costs, lags) == pytest.approx([0.0, 0.2, 0.0, 0.0], abs=1e-9)
+    assert offsets_from_pairs(costs, lags) == pytest.approx([0.0, 0.2, 0.0, 0.0], abs=1e-9)
 
 
-def test_views_in_step_keep_their_times():
-    """Offsets are from the clock that most views share, not from a mean that one view pulls."""
-    scene = started_apart(healthy(12, cameras=4, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 2.3))
+def test_synchronized_views_keep_their_times():
+    """Offsets are relative to the clock that most views share, not to the mean over views."""
+    scene = with_offsets(healthy(12, cameras=4, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 2.3))
     views, sync = measure_sync(*scene.watch())
     assert set(sync.cameras) == {"cam_2"}
-    assert RATE_HZ * views[2].late_s[0] == pytest.approx(2.3, abs=0.2)
+    assert RATE_HZ * views[2].offset_s[0] == pytest.approx(2.3, abs=0.2)
 
 
-def test_a_view_that_shows_nothing_has_no_clock():
+def test_view_without_detections_has_no_clock():
     scene = healthy(12, cameras=5, duration_s=15.0, rate_hz=RATE_HZ, activities=("walk",))
-    views, sync = measure_sync(*blind(scene, 3).watch())
+    views, sync = measure_sync(*without_detections(scene, 3).watch())
     assert [view.camera for view in views] == ["cam_0", "cam_1", "cam_2", "cam_4"]
     assert sync.does_nothing
     with pytest.raises(DetectionsError, match="agree too little"):
-        measure_sync(*blind(scene, 3).watch(), reference="cam_3")
+        measure_sync(*without_detections(scene, 3).watch(), reference="cam_3")
 
 
-def test_a_late_view_may_go_blind():
-    scene = started_apart(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 0, 2))
-    (late,) = [f for f in inspect_health(*blind(scene, 3, 250).watch()) if f.kind is Kind.LATE]
+def test_late_view_may_lose_its_detections():
+    scene = with_offsets(healthy(12, cameras=5, duration_s=20.0, rate_hz=RATE_HZ, activities=("walk",)), (0, 0, 0, 2))
+    (late,) = [
+        f for f in inspect_health(*without_detections(scene, 3, 250).watch()) if f.kind is FindingKind.TIME_OFFSET
+    ]
     assert late.cameras == ("cam_3",)
     assert late.size == pytest.approx(2.0, abs=0.3)
 
 
-def test_frames_are_dropped_at_a_time_of_the_view_itself():
-    """Of a view 45 frames late that lacks 4 from the middle on: the times are those it says."""
+def test_dropped_frames_are_dated_by_the_timestamps_of_the_view():
+    """A view 45 frames late drops 4 frames in the middle; the result uses its own timestamps."""
     scene = healthy(12, cameras=5, duration_s=40.0, rate_hz=RATE_HZ, activities=("walk",))
     scene, _ = plant(plant(scene, "late", (2,), 45)[0], "dropped", (2,), 4)
     begins = int(np.argmax(np.diff(scene.late_s[:, 2]) > 2.0 / RATE_HZ)) + 1
     views, _ = measure_sync(*scene.watch())
     jump = views[2]
-    assert len(jump.since_s) == 2
-    assert RATE_HZ * np.diff(jump.late_s)[0] == pytest.approx(4.0, abs=0.5)
-    # To a second, in which 25 frames are.
-    assert RATE_HZ * jump.since_s[1] == pytest.approx(begins, abs=30)
-    (dropped,) = [f for f in inspect_health(*scene.watch()) if f.kind is Kind.DROPPED]
+    assert len(jump.start_s) == 2
+    assert RATE_HZ * np.diff(jump.offset_s)[0] == pytest.approx(4.0, abs=0.5)
+    # Accurate to about one second (25 frames).
+    assert RATE_HZ * jump.start_s[1] == pytest.approx(begins, abs=30)
+    (dropped,) = [f for f in inspect_health(*scene.watch()) if f.kind is FindingKind.DROPPED_FRAMES]
     assert dropped.frames is not None
     assert dropped.frames[0] == pytest.approx(begins, abs=30)

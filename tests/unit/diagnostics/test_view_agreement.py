@@ -1,4 +1,4 @@
-"""Whether calibration and keypoints belong together."""
+"""Agreement of calibration and keypoints."""
 
 from dataclasses import replace
 
@@ -16,14 +16,14 @@ from tests.scenes import body_points, ring, seen
 
 @pytest.mark.parametrize("cameras", [3, 5, 8])
 @pytest.mark.parametrize("sigma_px", [2.0, 15.0])
-def test_noise_is_no_disagreement(cameras, sigma_px, rng):
+def test_noise_is_not_reported_as_disagreement(cameras, sigma_px, rng):
     rig = ring(cameras)
     result = reconstruct(rig, seen(rig, body_points(rng, 40), rng, sigma_px))
     assert not any("do not agree" in note for note in result.provenance.notes)
 
 
 @pytest.mark.parametrize("cameras", [3, 5, 8])
-def test_views_of_other_cameras_are(cameras, rng):
+def test_wrong_camera_order_is_reported_as_disagreement(cameras, rng):
     rig = ring(cameras)
     detections = seen(rig, body_points(rng, 40), rng)
     wrong = Options(camera_order=tuple(reversed(rig.names)))
@@ -31,7 +31,7 @@ def test_views_of_other_cameras_are(cameras, rng):
         reconstruct(rig, detections, wrong)
 
 
-def test_two_cameras_in_one_place():
+def test_cameras_with_the_same_position_are_reported():
     rig = ring(4)
     assert coincidence_finding(rig) is None
     assert coincidence_finding(ring(1)) is None
@@ -41,7 +41,7 @@ def test_two_cameras_in_one_place():
     assert "'cam_0' and 'copy'" in finding
 
 
-def test_cameras_close_together_are_not_in_one_place():
+def test_close_cameras_are_not_reported():
     pose = np.eye(4)
     pose[0, 3] = -0.06
     first = ring(1).cameras[0]
@@ -49,11 +49,11 @@ def test_cameras_close_together_are_not_in_one_place():
     assert coincidence_finding(CameraRig(tuple(stereo))) is None
 
 
-def test_a_camera_that_contradicts_the_others_is_named(rng):
+def test_camera_that_contradicts_the_others_is_named(rng):
     rig = ring(5)
     detections = seen(rig, body_points(rng, 60), rng)
     pixels = np.asarray(detections.keypoints_px).reshape(60, 5, 17, 2).copy()
     pixels[:, 3] += rng.uniform(50, 200, (60, 17, 2))
     wrong = Detections.from_dense(detections.skeleton, rig.names, pixels, rate_hz=60.0)
-    with pytest.warns(PosefuseWarning, match=r"camera 'cam_3' \(100 %\) sees contradicts"):
+    with pytest.warns(PosefuseWarning, match=r"detections of camera 'cam_3' \(100 %\) contradict"):
         reconstruct(rig, wrong)

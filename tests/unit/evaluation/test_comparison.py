@@ -8,10 +8,11 @@ import pytest
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import truth_from_result
 from posefuse.evaluation.comparison import SHARES, acceleration_m_s2, method_numbers, spread_of
+from posefuse.evaluation.paired_results import people_points
 from posefuse.evaluation.people import matched_errors_mm
-from posefuse.evaluation.together import people_points
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import METHODS, Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import METHODS, TriangulationOptions
 from posefuse.pipeline.compare_methods import compare_methods
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.scenes import truth_of

@@ -61,7 +61,7 @@ def test_a_cut_deeplabcut_file_says_where(tmp_path, values):
     write_deeplabcut(file, values)
     text = file.read_text()
     file.write_text(text[: len(text) - 40])
-    with pytest.raises(FileError, match=r"line 10: .*cut short"):
+    with pytest.raises(FileError, match=r"line 10: .*truncated"):
         posefuse.read_detections(file)
 
 
@@ -101,7 +101,7 @@ def test_a_camera_whose_file_is_cut_short_does_not_go_missing(tmp_path, rng, val
         write_sleap(tmp_path / camera / "mouse.analysis.h5", rng.uniform(1, 9, (1, 5, 4, 2)), np.ones((1, 5, 4)))
     cut = tmp_path / "top" / "mouse.analysis.h5"
     cut.write_bytes(cut.read_bytes()[:1000])
-    with pytest.raises(FileError, match=r"top.*1000 bytes.*cut short"):
+    with pytest.raises(FileError, match=r"top.*1000 bytes.*truncated"):
         posefuse.read_detections(tmp_path)
     folder = tmp_path / "dlc"
     folder.mkdir()

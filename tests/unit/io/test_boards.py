@@ -1,4 +1,4 @@
-"""Corners of boards, and calibrations that say which cameras they do not hold for."""
+"""Corners of boards, and calibrations that exclude cameras."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def test_corners_of_sleap_anipose(tmp_path):
     assert read.frame_numbers.tolist() == [5, 7, 9]
     assert np.array_equal(pixels[2, 0, 1], corners[0, 2, 1])
     assert np.isnan(pixels[2, 1, 3]).all()
-    assert np.isnan(pixels[0, 0, 0]).all(), "a corner at (0, 0) was not seen"
+    assert np.isnan(pixels[0, 0, 0]).all(), "a corner at (0, 0) is missing"
     with pytest.raises(FileError, match="corners of 2 cameras"):
         read_board(tmp_path / "calibration.metadata.h5", ("a", "b", "c"))
 
@@ -45,15 +45,15 @@ def test_corners_of_caliscope(tmp_path):
     assert np.isfinite(pixels[..., 0]).sum() == 2
 
 
-def test_what_is_no_board_is_refused_with_what_to_do(tmp_path):
+def test_files_without_a_board_are_refused_with_the_option(tmp_path):
     with pytest.raises(RecordingError, match="--keypoints"):
         find_board(tmp_path)
     (tmp_path / "xy.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(FileError, match="holds no board corners"):
+    with pytest.raises(FileError, match="contains no board corners"):
         read_board(tmp_path / "xy.csv", ("a",))
 
 
-def test_a_camera_left_out_is_written_read_and_its_view_not_used(tmp_path):
+def test_an_excluded_camera_survives_a_round_trip_and_its_view_is_not_used(tmp_path):
     rig = ring(4)
     anipose.write(replace(rig.select(rig.names[:3]), left_out=("cam_3",), notes=("Refined.",)), tmp_path / "r.toml")
     back = read_cameras(tmp_path / "r.toml")

@@ -1,4 +1,4 @@
-"""Readers that no writer of the tests covers, fed broken files: errors that say so, whatever the bytes."""
+"""Broken files of formats that other tests do not write: every damage leads to a PosefuseError or a valid result."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,12 +25,12 @@ def mvor_cameras(folder: Path) -> Case:
     return folder / "camma_mvor_2018.json", lambda: read_cameras(folder / "camma_mvor_2018.json")
 
 
-def mvor_by_hand(folder: Path) -> Case:
+def mvor_annotations(folder: Path) -> Case:
     operating_room(folder)
     return folder / "camma_mvor_2018.json", lambda: read_detections(folder / "camma_mvor_2018.json")
 
 
-def mvor_detected(folder: Path) -> Case:
+def mvor_detections(folder: Path) -> Case:
     operating_room(folder)
     return folder / "openpose_kps.json", lambda: read_detections(folder / "openpose_kps.json")
 
@@ -107,8 +107,8 @@ def points_of_sleap_anipose(folder: Path) -> Case:
 def points_of_an_older_movement(folder: Path) -> Case:
     axes = ("time", "space", "keypoints", "individuals")
     names = {"time": np.arange(4) / 30, "space": list("xyz"), "keypoints": ["a", "b"], "individuals": ["id_0"]}
-    told = {"ds_type": "poses", "time_unit": "seconds", "fps": 30.0}
-    points = xarray.Dataset({"position": (axes, np.ones((4, 3, 2, 1)))}, names, told)
+    attributes = {"ds_type": "poses", "time_unit": "seconds", "fps": 30.0}
+    points = xarray.Dataset({"position": (axes, np.ones((4, 3, 2, 1)))}, names, attributes)
     points.to_netcdf(folder / "movement.nc", engine="h5netcdf")
     return folder / "movement.nc", lambda: read_points(folder / "movement.nc")
 
@@ -121,14 +121,14 @@ def points_of_deeplabcut(folder: Path) -> Case:
 
 
 CASES = (
-    mvor_cameras, mvor_by_hand, mvor_detected, arrays_of_cameras, deepfly, array, packed_arrays, freemocap_arrays,
+    mvor_cameras, mvor_annotations, mvor_detections, arrays_of_cameras, deepfly, array, packed_arrays, freemocap_arrays,
     caliscope, board_of_sleap_anipose, board_of_caliscope, times_in_a_table, times_in_arrays, points_of_sleap_anipose,
     points_of_an_older_movement, points_of_deeplabcut,
 )  # fmt: skip
 
 
 def refused(case: Callable[[Path], Case], folder: Path, cases: int) -> int:
-    """How many of so many broken files are not read; whatever else is raised is the reader's fault."""
+    """Return how many of the broken files are refused. Any other exception is an error of the reader."""
     path, read = case(folder)
     read()
     original, rng, n = path.read_bytes(), np.random.default_rng(9), 0
@@ -143,12 +143,12 @@ def refused(case: Callable[[Path], Case], folder: Path, cases: int) -> int:
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::RuntimeWarning")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
-def test_broken_files_are_errors_that_say_so(case, tmp_path):
+def test_broken_files_raise_posefuse_errors(case, tmp_path):
     assert refused(case, tmp_path, 200) > 30
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::RuntimeWarning")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
-def test_very_many_broken_files(case, tmp_path):
+def test_many_broken_files_raise_posefuse_errors(case, tmp_path):
     assert refused(case, tmp_path, 10_000) > 1500

@@ -141,7 +141,7 @@ def test_rotation_as_a_matrix(tmp_path):
 
 
 BROKEN = [
-    (lambda text: text[: len(text) // 2], FileError, ["is not TOML", "cut short"]),
+    (lambda text: text[: len(text) // 2], FileError, ["is not valid TOML", "truncated"]),
     (lambda text: text.replace("matrix =", "martix ="), FileError, ["[cam_0]", "no matrix", "martix"]),
     (
         lambda text: text.replace("rotation = [", "rotation = [0.0, "),
@@ -170,7 +170,7 @@ def test_a_broken_calibration_says_what_and_where(break_it, kind, words, tmp_pat
 @pytest.mark.parametrize(
     ("break_it", "words"),
     [
-        (lambda text: text[:-40], "not whole XML"),
+        (lambda text: text[:-40], "not complete XML"),
         (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "describes no camera"),
         (
             lambda text: text.replace('focalLengthU="', 'focalLengthU="x'),
@@ -194,7 +194,7 @@ def test_a_matrix_that_is_no_rotation(tmp_path):
 
 
 def test_what_is_no_calibration(tmp_path):
-    with pytest.raises(FileError, match=r"No calibration file at .*In .* there is: nothing|none"):
+    with pytest.raises(FileError, match=r"No calibration file at .*contains: "):
         read_cameras(tmp_path / "calibration.toml")
     with pytest.raises(FileError, match="is a folder"):
         read_cameras(tmp_path)

@@ -137,7 +137,7 @@ def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
     folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(pickle.dumps(Evil(), protocol=0))
-    with pytest.raises(FileError, match="which nothing but numbers and texts needs"):
+    with pytest.raises(FileError, match="only numbers and strings are read"):
         read_detections(folder)
 
 

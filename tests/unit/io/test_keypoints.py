@@ -99,7 +99,7 @@ class TestOpenPose:
     @pytest.mark.parametrize(
         ("content", "words"),
         [
-            ('{"people": [{"pose_keypoints_2d": [1, 2', ["is not whole JSON", "cut short"]),
+            ('{"people": [{"pose_keypoints_2d": [1, 2', ["is not whole JSON", "truncated"]),
             ('{"persons": []}', ["not an OpenPose file", "people"]),
             ('{"people": [{"pose_keypoints_2d": [1, "x", 3]}]}', ["not an OpenPose file", "pose_keypoints_2d[1]"]),
             ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', ["person 0", "holds 2 numbers"]),
@@ -261,7 +261,7 @@ class TestArrays:
         path = tmp_path / "points.npy"
         np.save(path, pixels)
         path.write_bytes(path.read_bytes()[:-100])
-        with pytest.raises(FileError, match="cut short"):
+        with pytest.raises(FileError, match="truncated"):
             read_detections(path)
 
     def test_npz_without_a_keypoint_array(self, pixels, tmp_path):

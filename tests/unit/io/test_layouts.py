@@ -1,4 +1,4 @@
-"""Whole recordings as programs lay them out: found, matched, and said of what is left."""
+"""Recordings in the folder layouts of other programs are found and matched, and other files are reported."""
 
 import json
 import pickle
@@ -25,7 +25,7 @@ VIEWS = SCENE.detections.view_names
 
 
 def predictions(folder, pattern, trials=("1",), cameras=("A", "B")):
-    """DeepLabCut's files of one body part, named by trial and camera."""
+    """Write DeepLabCut files of one body part, named by trial and camera."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = ["scorer,n,n,n", "bodyparts,paw,paw,paw", "coords,x,y,likelihood", *(f"{f},{f}.5,2,0.9" for f in range(3))]
     for trial in trials:
@@ -91,7 +91,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_layout_is_found_and_its_views_have_cameras(layout, tmp_path, capsys):
+def test_a_layout_is_found_and_its_views_match_cameras(layout, tmp_path, capsys):
     layout(tmp_path)
     found = find_recording(tmp_path)
     assert (found.calibrations[0].format, found.keypoints[0].format) == LAYOUTS[layout]
@@ -100,12 +100,12 @@ def test_a_layout_is_found_and_its_views_have_cameras(layout, tmp_path, capsys):
     assert (len(rig), chosen.n_views) == (2, 2)
     main(["inspect", str(tmp_path)])
     said = " ".join(capsys.readouterr().out.split())
-    assert f"known by: {found.keypoints[0].why}" in said
+    assert f"recognized by: {found.keypoints[0].recognized_by}" in said
     assert "2 views match 2 cameras; posefuse reconstruct can take this folder" in said
     assert "cannot be read" not in said
 
 
-def test_freemocap_s_times_are_found_and_counted_from_the_start(tmp_path, capsys):
+def test_times_of_freemocap_are_found_and_start_at_zero(tmp_path, capsys):
     freemocap(tmp_path)
     main(["inspect", str(tmp_path)])
     said = " ".join(capsys.readouterr().out.split())
@@ -116,18 +116,18 @@ def test_freemocap_s_times_are_found_and_counted_from_the_start(tmp_path, capsys
     assert "spatialXYZ.npy: 3D results" in said
 
 
-def test_what_is_not_read_is_said_with_its_reason(tmp_path):
+def test_files_that_are_not_read_are_listed_with_the_reason(tmp_path):
     opencap(tmp_path)
     for name in ("person.trc", "notes.md", "strange.json", "model.slp"):
         (tmp_path / name).touch()
-    reasons = {name: each.why for each in ignored_in(find_recording(tmp_path)) for name in each.names}
+    reasons = {name: each.reason for each in ignored_in(find_recording(tmp_path)) for name in each.names}
     assert set(reasons) == {"person.trc", "notes.md", "strange.json", "model.slp", "Videos/out.pkl"}
     assert "3D" in reasons["person.trc"]
-    assert "pickled" in reasons["Videos/out.pkl"]
+    assert "pickle" in reasons["Videos/out.pkl"]
     assert "known format" in reasons["strange.json"]
 
 
-def test_opencap_s_trials_are_recordings_and_all_of_each_is_read(tmp_path):
+def test_trials_of_opencap_are_separate_recordings(tmp_path):
     opencap_pickles(tmp_path)
     for camera in VIEWS:
         folder = tmp_path / "Videos" / camera / "OutputPkl_default"
@@ -147,17 +147,17 @@ def test_opencap_s_trials_are_recordings_and_all_of_each_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (pickle.dumps([[print]]), "asks for builtins.print"),
+        (pickle.dumps([[print]]), "refers to builtins.print"),
         (pickle.dumps({"frames": []}), "expected a list of frames"),
         (pickle.dumps([[{"preds_with_flip": [1.0]}]]), "frame 0: a person without pose_keypoints_2d"),
         (pickle.dumps([["nobody"]]), "frame 0: a person without pose_keypoints_2d"),
         (pickle.dumps([[{"pose_keypoints_2d": ["x"]}]]), "frame 0: a person without pose_keypoints_2d"),
         (pickle.dumps([[{"pose_keypoints_2d": [10**400] * 75}]]), "frame 0: a person's keypoints are not all numbers"),
-        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}] * 1000] * 10**4), "would unfold to 6000000000 bytes"),
-        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}]])[:-40], "is not a whole pickle of OpenCap's keypoints"),
+        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}] * 1000] * 10**4), "would expand to 6000000000 bytes"),
+        (pickle.dumps([[{"pose_keypoints_2d": [1.0] * 75}]])[:-40], "is not a complete pickle of OpenCap's keypoints"),
     ],
 )
-def test_pickles_that_are_not_opencap_s(content, words, tmp_path):
+def test_pickles_without_opencap_keypoints_are_refused(content, words, tmp_path):
     opencap_pickles(tmp_path)
     file = tmp_path / "Videos" / VIEWS[1] / "OutputPkl_default" / "walk" / "walk_rotated_pp.pkl"
     file.write_bytes(content)
@@ -166,7 +166,7 @@ def test_pickles_that_are_not_opencap_s(content, words, tmp_path):
     assert str(file) in str(error.value)
 
 
-def test_several_trials_of_a_folder_are_several_recordings(tmp_path):
+def test_trials_in_one_folder_are_separate_recordings(tmp_path):
     predictions(tmp_path, "fly_{trial}_Cam-{camera}_net.csv", trials=("1", "2"))
     found = [item.path.name for item in find_recording(tmp_path).keypoints]
     assert found == ["fly_1_Cam-*_net.csv", "fly_2_Cam-*_net.csv"]
@@ -178,7 +178,7 @@ def test_several_trials_of_a_folder_are_several_recordings(tmp_path):
         read_detections(tmp_path / "fly_3_*.csv")
 
 
-def test_trials_are_told_by_the_cameras_names(tmp_path):
+def test_trials_are_separated_by_camera_names(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     names = [name.removeprefix("cam_") for name in VIEWS]
     files = [tmp_path / f"{trial}-{name}.csv" for trial in ("run", "walk") for name in names]
@@ -190,13 +190,13 @@ def test_trials_are_told_by_the_cameras_names(tmp_path):
     ("view", "camera", "has"),
     [("2019-08-02-vid01-camA", "A", True), ("trial_top", "Top", True), ("trial_1", "10", False), ("camAB", "A", False)],
 )
-def test_a_camera_s_name_as_a_word_of_the_view_s(view, camera, has):
+def test_a_camera_name_is_found_as_a_word_of_the_view_name(view, camera, has):
     assert has_name(view, camera) == has
 
 
 class TestArrays:
     def test_cameras_and_points_of_one_file(self, tmp_path):
-        """Seven arrays of one rig, world to camera."""
+        """Read the arrays of one rig, world to camera."""
         rig = SCENE.rig
         content = {
             "K": np.stack([c.matrix for c in rig.cameras]), "R": np.stack([c.rotation for c in rig.cameras]),
@@ -214,29 +214,29 @@ class TestArrays:
         with pytest.raises(FileError, match=r"tvec|t should be of 2 cameras, as K is; got shape \(3, 3\)"):
             read_cameras(tmp_path / "fly.npz")
 
-    def test_points_of_no_body(self, tmp_path):
+    def test_points_without_a_skeleton(self, tmp_path):
         np.save(tmp_path / "p2d.npy", np.array([[[1.0, 2], [3, 4]], [[np.nan, np.nan], [5, 6]]]))
         found = read_detections(tmp_path / "p2d.npy")
         assert found.skeleton.keypoints == ("point",)
         np.testing.assert_array_equal(found.dense()[0][:, 0, 0], [[1, 2], [3, 4]])
 
     def test_a_bomb_is_refused(self, tmp_path, monkeypatch):
-        """Megabytes of zeros in kilobytes, with gigabytes of zeros made small."""
+        """The limit is lowered, so that megabytes of zeros stand for gigabytes."""
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 256_000)
         file = tmp_path / "bomb.npz"
         np.savez_compressed(file, keypoints=np.zeros((2, 20_000, 17, 2)))
-        with pytest.raises(FileError, match=r"would unfold to 10880128 bytes; it is not read"):
+        with pytest.raises(FileError, match=r"would expand to 10880128 bytes"):
             read_detections(file)
         assert set(read_npz(file, ())) == {"keypoints"}
 
     def test_objects_are_refused(self, tmp_path):
         np.save(tmp_path / "evil.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-        with pytest.raises(FileError, match="not a whole NumPy array file: Object arrays cannot be loaded"):
+        with pytest.raises(FileError, match="not a complete NumPy array file: Object arrays cannot be loaded"):
             read_detections(tmp_path / "evil.npy")
 
 
 def operating_room(folder):
-    """MVOR's files, made small."""
+    """Write small files in the format of MVOR."""
     pose = np.eye(4)
     pose[:3, 3] = 1000.0, 0.0, 0.0
     lens = {"focallength": [500, 510], "principalpoint": [320, 240], "imagesize": [640, 480], "skew_value": 0}
@@ -253,12 +253,12 @@ def operating_room(folder):
 
 
 class TestMvor:
-    def test_poses_lead_to_the_first_camera(self, tmp_path):
+    def test_poses_are_relative_to_the_first_camera(self, tmp_path):
         operating_room(tmp_path)
         rig = read_cameras(tmp_path / "camma_mvor_2018.json")
         np.testing.assert_allclose(rig.cameras[1].centre_m, [1.0, 0.0, 0.0])
 
-    def test_people_by_hand_and_detected(self, tmp_path):
+    def test_annotated_and_detected_people(self, tmp_path):
         operating_room(tmp_path)
         by_hand = read_detections(tmp_path / "camma_mvor_2018.json")
         assert (by_hand.view_names, by_hand.n_frames) == (("camera_1", "camera_2"), 2)
@@ -272,7 +272,7 @@ class TestMvor:
             read_detections(tmp_path / "openpose_kps.json")
 
 
-def test_frames_that_no_recording_has_are_an_error(tmp_path):
+def test_implausible_frame_numbers_are_an_error(tmp_path):
     people = [{"image_id": 10_010_000_001, "category_id": 1, "keypoints": [1.0, 2.0, 0.5] * 17, "score": 1.0}]
     (tmp_path / "a.json").write_text(json.dumps(people))
     with pytest.raises(FileError, match="frames are numbered up to 10010000001"):
@@ -283,7 +283,7 @@ def test_frames_that_no_recording_has_are_an_error(tmp_path):
     ("tracker", "third", "field"),
     [("mediapipe_", 0.5, "depth"), ("openpose_", 0.5, "confidence"), ("yolo_", np.nan, None)],
 )
-def test_the_third_channel_is_the_trackers(tracker, third, field, tmp_path):
+def test_the_third_channel_depends_on_the_tracker(tracker, third, field, tmp_path):
     freemocap(tmp_path)
     (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
     content = np.load(array)
@@ -296,7 +296,7 @@ def test_the_third_channel_is_the_trackers(tracker, third, field, tmp_path):
         assert bool(values is not None and np.isfinite(values).any()) is (name == field)
 
 
-def test_a_third_channel_that_nobody_knows_is_asked_for(tmp_path):
+def test_an_unknown_third_channel_is_an_error(tmp_path):
     freemocap(tmp_path)
     (array,) = (tmp_path / "output_data" / "raw_data").glob("*2dData*")
     array.rename(array.with_name("rtmpose_2dData_pixelXY.npy"))

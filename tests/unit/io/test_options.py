@@ -1,74 +1,131 @@
-"""Options as TOML: the template is every option, and a wrong key is an error with a suggestion."""
+"""Options as TOML: templates, project files, former names, and messages about invalid files."""
 
 import re
 import tomllib
-from dataclasses import fields, is_dataclass
 
 import pytest
 
 from posefuse.errors import FileError, OptionsError
-from posefuse.io.options import options_from_dict, options_template, options_to_toml, read_options
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.io.options import (
+    PROJECT_KEYS,
+    options_from_dict,
+    options_to_toml,
+    read_options,
+    read_project,
+    stored_options,
+)
+from posefuse.io.options_template import options_template, project_template
+from posefuse.model.options.catalog import list_options
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 
 
-def test_the_template_is_the_defaults(tmp_path):
+def test_template_holds_the_defaults(tmp_path):
     path = tmp_path / "posefuse.toml"
     path.write_text(options_template())
     assert read_options(path) == Options()
 
 
-def test_the_template_names_and_explains_every_option():
-    lines = options_template().splitlines()
-
-    def check(record, lines):
-        for field in fields(record):
-            if is_dataclass(getattr(record, field.name)):
-                start = next(i for i, line in enumerate(lines) if line.strip("[]").split(".")[-1] == field.name)
-                check(getattr(record, field.name), lines[start:])
-                continue
-            place = next(i for i, line in enumerate(lines) if line.removeprefix("# ").startswith(f"{field.name} = "))
-            assert lines[place - 1].startswith("# ")
-            assert len(lines[place - 1]) > 10
-
-    check(Options(), lines)
+@pytest.mark.parametrize("entry", list(list_options()), ids=lambda entry: entry.name)
+def test_template_explains_every_option(entry):
+    table = options_template().split(f"[{entry.table}]\n")[-1] if entry.table else options_template()
+    line = re.search(rf"(?m)^(# )?{entry.key} = ", table)
+    assert line
+    comment = table[: line.start()].rsplit("\n\n", 1)[-1].replace("\n# ", " ")
+    assert f"Valid: {entry.expected}." in comment
+    assert entry.text in comment
 
 
-def test_examples_in_the_template_are_valid():
-    text = options_template()
-    uncommented = re.sub(r"(?m)^# (\w+ = )", r"\1", text)
-    data = tomllib.loads(uncommented)
-    data.pop("exclude_camera")
-    data.pop("start_s")
-    data["align"].pop("height_m")
+@pytest.mark.parametrize("template", [options_template(), project_template()], ids=["all", "common"])
+def test_examples_in_the_templates_are_valid(template):
+    data = tomllib.loads(re.sub(r"(?m)^# (\w+ = )", r"\1", template))
+    for key in (*PROJECT_KEYS, "exclude_camera"):
+        data.pop(key, None)
+    data.get("tracker", {}).pop("known_m", None)
+    if "length_m" in data["align"]:
+        for key in ("height_m", "floor", "origin", "forward"):
+            data["align"].pop(key)
     options_from_dict(data, "template")
 
 
-def test_options_survive(tmp_path):
+def test_project_template_has_paths_and_25_options(tmp_path):
+    path = tmp_path / "posefuse.toml"
+    path.write_text(project_template())
+    options, paths = read_project(path)
+    assert options == Options()
+    assert (paths.recording, paths.output, paths.calibration) == (tmp_path / ".", tmp_path / "out", None)
+    assert 20 <= sum(entry.bounds.common for entry in list_options()) <= 30
+    assert len(project_template().splitlines()) < 150
+
+
+def test_paths_are_relative_to_the_file(tmp_path):
+    (tmp_path / "p.toml").write_text("recording = 'trial'\nkeypoints = '/data/pose'\npeople = 'one'\n")
+    options, paths = read_project(tmp_path / "p.toml")
+    assert (paths.recording, str(paths.keypoints)) == (tmp_path / "trial", "/data/pose")
+    assert options.people == "one"
+    assert read_options(tmp_path / "p.toml") == options
+    (tmp_path / "p.toml").write_text("recording = 3\n")
+    with pytest.raises(OptionsError, match=r"p\.toml: recording must be a path, got 3"):
+        read_options(tmp_path / "p.toml")
+
+
+def test_options_survive_a_round_trip(tmp_path):
     options = Options(cameras=("a", "b"), start_s=1.5, triangulation=TriangulationOptions(min_views=4))
     (tmp_path / "o.toml").write_text(options_to_toml(options))
     assert read_options(tmp_path / "o.toml") == options
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("camera = ['a']", r"o\.toml: unknown option 'camera'\. Did you mean 'cameras'"),
-        ("[triangulation]\nmin_vews = 3", r"unknown option triangulation\.'min_vews'\. Did you mean 'min_views'"),
-        ("triangulation = 3", "triangulation is a table of options, got 3"),
-        ("[triangulation]\nmin_views = 'three'", r"triangulation\.min_views: cannot be 'three'"),
-        ("rate_hz = true", "rate_hz: cannot be True"),
-        ("pick = 'biggest'", r"pick: cannot be 'biggest'\. Choose one of: largest, track-id"),
-        ("rate_hz = -1", "rate_hz must be positive"),
-        ("cameras = 'a'", "cameras: cannot be 'a'"),
+        (
+            "[triangulation]\nmin_vews = 3",
+            r"unknown option 'triangulation\.min_vews'\. Did you mean 'triang\w+\.min_views'",
+        ),
+        ("triangulation = 3", "triangulation must be a table of options, got 3"),
+        (
+            "[triangulation]\nmin_views = 'three'",
+            r"triangulation\.min_views must be an integer of at least 2, got 'three'",
+        ),
+        ("rate_hz = true", "rate_hz must be a finite number above 0 Hz, got True"),
+        ("pick = 'biggest'", r"pick must be one of largest, track-id, got 'biggest'\."),
+        ("rate_hz = -1", "rate_hz must be a finite number above 0 Hz, got -1"),
+        ("cameras = 'a'", "cameras must be a list of strings, got 'a'"),
+        ("recordings = 'a'", "Did you mean 'recording'"),
+        ("fps = 60", "Did you mean 'rate_hz'"),
+        ("[triangulation]\nlikelihood_threshold = 0.3", r"Did you mean 'triangulation\.min_confidence'"),
+        ("[trajectory]\ncalm = 0.3", r"Did you mean 'trajectory\.density_prior_s'"),
+        ("min_views = 3", r"Did you mean 'triangulation\.min_views'"),
+        ("zzz = 3", "Choose one of: people"),
     ],
 )
-def test_wrong_options_say_what_and_where(text, words, tmp_path):
+def test_invalid_options_say_what_and_where(text, message, tmp_path):
     (tmp_path / "o.toml").write_text(text)
-    with pytest.raises(OptionsError, match=words):
+    with pytest.raises(OptionsError, match=message):
         read_options(tmp_path / "o.toml")
 
 
-def test_a_file_that_is_none(tmp_path):
+def test_all_problems_of_a_file_are_reported_together(tmp_path):
+    (tmp_path / "o.toml").write_text(
+        "fps = 60\nrate_hz = -1\n[tracker]\nmax_people = 0\n[triangulation]\nmethod = 'x'\n"
+    )
+    with pytest.raises(OptionsError) as caught:
+        read_options(tmp_path / "o.toml")
+    for name in ("'fps'", "rate_hz must", "tracker.max_people must", "triangulation.method must"):
+        assert name in str(caught.value)
+
+
+def test_stored_options_may_use_former_names():
+    stored = {
+        "sync": {"cameras": ["a"], "since_s": [0.0], "late_s": [0.1], "drift_ppm": [0.0]},
+        "trajectory": {"rounds": 3},
+    }
+    options = stored_options(stored, "result")
+    assert (options.sync.offset_s, options.trajectory.iterations) == ((0.1,), 3)
+
+
+def test_missing_or_invalid_file(tmp_path):
     with pytest.raises(FileError, match="No options file at"):
         read_options(tmp_path / "o.toml")
     (tmp_path / "o.toml").write_text("[a")

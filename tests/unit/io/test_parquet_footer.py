@@ -1,4 +1,4 @@
-"""What a parquet file says of its row groups: as the library says it, and an error whatever is broken."""
+"""Row groups of parquet footers: the values that pyarrow reads, and an error for every broken footer."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.io.parquet_footer import row_groups
+from tests.broken import run_library
 
 
 def written(path: Path, rows: int = 25) -> Path:
@@ -26,19 +27,33 @@ def written(path: Path, rows: int = 25) -> Path:
     return path
 
 
-def test_it_is_what_the_library_says(tmp_path):
+def test_row_groups_equal_those_of_pyarrow(tmp_path):
     path = written(tmp_path / "table.parquet")
-    metadata, found = pq.read_metadata(path), row_groups(path)
-    assert len(found) == metadata.num_row_groups == 3
-    for g, group in enumerate(found):
-        theirs = metadata.row_group(g)
-        assert group.uncompressed_bytes == theirs.total_byte_size
-        assert len(group.columns) == theirs.num_columns
+    metadata, groups = pq.read_metadata(path), row_groups(path)
+    assert len(groups) == metadata.num_row_groups == 3
+    for g, group in enumerate(groups):
+        expected = metadata.row_group(g)
+        assert group.uncompressed_bytes == expected.total_byte_size
+        assert len(group.columns) == expected.num_columns
         for c, column in enumerate(group.columns):
-            there = theirs.column(c)
-            assert column.path == there.path_in_schema
-            assert column.physical_type == there.physical_type
-            assert (column.n_values, column.uncompressed_bytes) == (there.num_values, there.total_uncompressed_size)
+            other = expected.column(c)
+            assert column.path == other.path_in_schema
+            assert column.physical_type == other.physical_type
+            assert (column.n_values, column.uncompressed_bytes) == (other.num_values, other.total_uncompressed_size)
+
+
+def test_pyarrow_aborts_on_a_broken_column(tmp_path):
+    """One changed byte makes the type of a column unknown."""
+    path = written(tmp_path / "table.parquet")
+    content = path.read_bytes()
+    start = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
+    program = "import pyarrow.parquet as pq; pq.read_metadata(path).to_dict()"
+    # A column starts with field 1 (the type, an i32), here 6 for BYTE_ARRAY: in Thrift 0x15, zigzag 12.
+    column = content.index(b"\x15\x0c\x19", content.index(b"name", start) + 60)
+    path.write_bytes(content[: column + 1] + b"\x41" + content[column + 2 :])
+    assert run_library(program, path) < 0, "pyarrow raises an error: drop posefuse.io.parquet_footer"
+    with pytest.raises(ValueError, match="a column has the unknown type"):
+        row_groups(path)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +62,7 @@ def content(tmp_path_factory) -> bytes:
 
 
 @given(data=st.data())
-def test_a_broken_one_is_an_error(data, content, tmp_path_factory):
+def test_a_broken_footer_is_an_error(data, content, tmp_path_factory):
     broken = bytearray(content)
     length = int.from_bytes(content[-8:-4], "little")
     for _ in range(data.draw(st.integers(1, 4))):

@@ -1,4 +1,4 @@
-"""Finding a recording's parts: looked for, listed, never guessed between."""
+"""Search of a recording for calibrations and keypoints, and result folders."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ import pytest
 
 from posefuse.errors import FileError, RecordingError
 from posefuse.io.calibration import anipose
-from posefuse.io.files import alone_in, natural_key, replacing_folder
+from posefuse.io.files import exclusive_folder, natural_key, replacing_folder
 from posefuse.io.keypoints import native
 from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
 from posefuse.synthetic.options import SceneOptions
@@ -23,7 +23,7 @@ from tests.scenes import ring
 SCENE = simulate(SceneOptions(skeleton="body_25", duration_s=0.2, cameras=2))
 
 
-def test_in_the_folder(tmp_path):
+def test_files_in_the_folder_are_found(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     native.write(SCENE.detections, tmp_path / "keypoints.nc")
     found = find_recording(tmp_path)
@@ -31,7 +31,7 @@ def test_in_the_folder(tmp_path):
     assert choose_keypoints(found) == tmp_path / "keypoints.nc"
 
 
-def test_as_pose2sim_keeps_them(tmp_path):
+def test_the_layout_of_pose2sim_is_found(tmp_path):
     (tmp_path / "calibration").mkdir()
     (tmp_path / "calibration" / "Calib.qca.txt").write_text(qualisys_xml(ring(2)))
     trial = tmp_path / "trial_1"
@@ -43,7 +43,7 @@ def test_as_pose2sim_keeps_them(tmp_path):
     assert choose_keypoints(find_recording(tmp_path)) == trial / "pose"
 
 
-def test_several_are_listed_with_the_flag(tmp_path):
+def test_several_candidates_are_listed_with_their_option(tmp_path):
     write_openpose(tmp_path / "pose", SCENE.detections)
     write_openpose(tmp_path / "pose-associated", SCENE.detections)
     anipose.write(SCENE.rig, tmp_path / "old.toml")
@@ -57,43 +57,43 @@ def test_several_are_listed_with_the_flag(tmp_path):
         choose_keypoints(found)
 
 
-def test_nothing_is_said(tmp_path):
+def test_missing_input_is_an_error_with_the_option(tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "cam.mp4").touch()
     np.save(tmp_path / "lengths.npy", np.zeros((3, 4)))
     found = find_recording(tmp_path)
-    with pytest.raises(RecordingError, match="No calibrations in .*Give one: --calibration PATH"):
+    with pytest.raises(RecordingError, match="No calibrations found in .*Add --calibration PATH"):
         choose_calibration(found)
-    with pytest.raises(RecordingError, match="No sets of 2D keypoints in .*--keypoints PATH"):
+    with pytest.raises(RecordingError, match="No sets of 2D keypoints found in .*Add --keypoints PATH"):
         choose_keypoints(found)
     with pytest.raises(FileError, match="No recording at"):
         find_recording(tmp_path / "nowhere")
     (tmp_path / "notes.md").touch()
-    with pytest.raises(FileError, match="is a file, but no keypoints"):
+    with pytest.raises(FileError, match="is neither a calibration nor keypoints"):
         find_recording(tmp_path / "notes.md")
 
 
-def test_a_lone_calibration_is_one_without_keypoints(tmp_path):
+def test_a_calibration_file_alone_has_no_keypoints(tmp_path):
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     found = find_recording(tmp_path / "calibration.toml")
     assert choose_calibration(found) == tmp_path / "calibration.toml"
-    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints in .*calibration.toml\. Give one: --keypoints"):
+    with pytest.raises(RecordingError, match=r"No sets of 2D keypoints found in .*calibration.toml\. Add --keypoints"):
         choose_keypoints(found)
 
 
-def test_a_broken_file_is_no_calibration_but_others_are_found(tmp_path):
+def test_a_broken_file_is_skipped_and_others_are_found(tmp_path):
     (tmp_path / "broken.toml").write_text("[cam")
     anipose.write(SCENE.rig, tmp_path / "calibration.toml")
     assert choose_calibration(find_recording(tmp_path)).name == "calibration.toml"
 
 
-def test_a_calibration_that_cannot_be_read_is_not_called_missing(tmp_path):
+def test_a_calibration_that_cannot_be_read_is_reported_as_such(tmp_path):
     (tmp_path / "calibration.toml").write_text("[cam_0]\nname = ")
-    with pytest.raises(RecordingError, match="one calibration, which cannot be read.*calibration.toml is not TOML"):
+    with pytest.raises(RecordingError, match="which cannot be read.*calibration.toml is not valid TOML"):
         choose_calibration(find_recording(tmp_path))
 
 
-def test_names_are_counted():
+def test_names_are_sorted_by_number():
     names = ["cam_10", "cam_2", "Cam_1", "cam_a"]
     assert sorted(names, key=natural_key) == ["Cam_1", "cam_2", "cam_10", "cam_a"]
 
@@ -104,14 +104,14 @@ class TestResultFolder:
             for name, text in files.items():
                 (staging / name.replace("_", ".")).write_text(text)
 
-    def test_appears_when_whole(self, tmp_path):
+    def test_appears_when_complete(self, tmp_path):
         out = tmp_path / "out"
         with replacing_folder(out) as staging:
             (staging / "reconstruction.nc").write_text("1")
             assert not out.exists()
         assert [entry.name for entry in out.iterdir()] == ["reconstruction.nc"]
 
-    def test_goes_when_not(self, tmp_path):
+    def test_is_removed_after_an_error(self, tmp_path):
         out = tmp_path / "out"
         with pytest.raises(RuntimeError), replacing_folder(out) as staging:
             (staging / "reconstruction.nc").write_text("1")
@@ -126,7 +126,7 @@ class TestResultFolder:
         assert (out / "reconstruction.nc").read_text() == "1"
         assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
-    def test_leftovers_of_an_earlier_run_go_and_other_files_stay(self, tmp_path):
+    def test_files_of_an_earlier_run_are_removed_and_other_files_stay(self, tmp_path):
         out = tmp_path / "out"
         self.write(out, reconstruction_nc="1", person2_trc="old")
         (out / "my_notes.txt").write_text("mine")
@@ -134,20 +134,23 @@ class TestResultFolder:
         assert sorted(entry.name for entry in out.iterdir()) == ["my_notes.txt", "reconstruction.nc"]
         assert (out / "reconstruction.nc").read_text() == "2"
 
-    def test_other_peoples_folders_are_refused(self, tmp_path):
+    def test_folders_with_other_files_are_refused(self, tmp_path):
         (tmp_path / "thesis.docx").write_text("precious")
-        with pytest.raises(FileError, match=r"already holds other files \(thesis.docx\)"):
+        with pytest.raises(FileError, match=r"already contains other files \(thesis.docx\)"):
             self.write(tmp_path, reconstruction_nc="1")
-        with pytest.raises(FileError, match="is a file; give a folder"):
+        with pytest.raises(FileError, match="is a file. Give a folder"):
             self.write(tmp_path / "thesis.docx", reconstruction_nc="1")
 
 
-def test_two_runs_do_not_write_into_one_folder(tmp_path):
-    """The second is told so at once, and the first loses nothing."""
+def test_two_runs_do_not_write_to_one_folder(tmp_path):
+    """The second fails at once, and the first loses nothing."""
     out = tmp_path / "out"
     with replacing_folder(out) as staging:
         (staging / "reconstruction.nc").write_text("first")
-        with pytest.raises(FileError, match="another posefuse is writing into it"), replacing_folder(out):
+        with (
+            pytest.raises(FileError, match="another posefuse process is writing to this folder"),
+            replacing_folder(out),
+        ):
             pass
     assert (out / "reconstruction.nc").read_text() == "first"
     with replacing_folder(out) as staging:
@@ -155,8 +158,7 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path):
     assert (out / "reconstruction.nc").read_text() == "third"
 
 
-def test_files_are_held_until_they_are_in_their_places(tmp_path):
-    """And what is to be done then is done before somebody else may write."""
+def test_the_folder_is_locked_until_cleanup_is_done(tmp_path):
     out, after, seen = tmp_path / "out", contextlib.ExitStack(), []
 
     def look() -> None:
@@ -171,13 +173,13 @@ def test_files_are_held_until_they_are_in_their_places(tmp_path):
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_a_folder_that_is_gone_is_somebody_s_who_is_done(tmp_path):
+def test_a_folder_that_disappeared_is_busy(tmp_path):
     out, staging = tmp_path / "out", tmp_path / ".out.partial"
-    with pytest.raises(FileError, match="another posefuse"), alone_in(staging, out):
+    with pytest.raises(FileError, match="another posefuse"), exclusive_folder(staging, out):
         pass
 
 
-def test_a_result_goes_where_one_is(tmp_path, monkeypatch):
+def test_a_result_can_be_written_to_the_current_folder(tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path / "out")
     with replacing_folder(Path()) as staging:
@@ -187,8 +189,8 @@ def test_a_result_goes_where_one_is(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("moved", [0, 1, 2])
-def test_a_folder_whose_files_were_on_their_way_is_known_as_a_result(tmp_path, monkeypatch, moved):
-    """Also one that is known by another file than the result's own."""
+def test_a_folder_whose_move_was_interrupted_is_still_a_result(tmp_path, monkeypatch, moved):
+    """This also holds for a folder with another marker."""
     out, replace, left = tmp_path / "out", os.replace, [moved]
 
     def write(text: str) -> None:
@@ -215,7 +217,7 @@ def test_a_folder_whose_files_were_on_their_way_is_known_as_a_result(tmp_path, m
     )
 
 
-def test_what_a_killed_run_held_is_free(tmp_path):
+def test_the_lock_of_a_killed_process_is_released(tmp_path):
     out = tmp_path / "out"
     program = (
         "import os, signal, sys; from pathlib import Path; from posefuse.io.files import replacing_folder\n"

@@ -15,10 +15,8 @@ import xarray
 
 import posefuse
 from posefuse.errors import FileError, PosefuseError, ResultError
-from posefuse.io.formats import by_name
-from posefuse.io.results.read import READABLE
 from posefuse.io.results.registry import RESULTS
-from posefuse.io.results.write import ALSO, write_folder
+from posefuse.io.results.write import additional_names, write_folder
 from posefuse.model.alignment import Alignment
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
@@ -89,10 +87,17 @@ def test_the_same_result_gives_the_same_bytes(kind, people, tmp_path):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
-def test_every_format_says_what_it_lacks_and_is_listed():
-    forms = [form for form in RESULTS if form.writes]
-    assert {form.name for form in forms if form.reads} == {*READABLE, "netcdf", "trc"}
-    assert all(by_name(RESULTS, name) for name in (*ALSO, *READABLE))
+def test_points_are_tried_in_a_fixed_order_of_formats():
+    order = ["parquet", "anipose", "deeplabcut", "csv", "npz", "freemocap", "movement", "sleap", "nwb", "trc", "c3d"]
+    assert [form.name for form in RESULTS if form.read] == order
+    assert [form.name for form in RESULTS if form.reads and not form.read] == ["netcdf"]
+
+
+def test_every_written_format_has_exactly_one_writer():
+    for form in RESULTS.written():
+        writers = (form.write_layer, form.write_person, form.write_figure, form.write_result)
+        assert sum(writer is not None for writer in writers) == 1, form.name
+    assert set(additional_names()) <= {form.name for form in RESULTS.written()}
 
 
 def test_nobody_and_no_frames(people, tmp_path):
@@ -318,7 +323,7 @@ class TestFreeMoCap:
         theirs = tmp_path / "recording" / "output_data" / "mediapipe_skeleton_3d.npy"
         theirs.parent.mkdir(parents=True)
         theirs.write_bytes(b"theirs")
-        with pytest.raises(FileError, match="already holds other files"):
+        with pytest.raises(FileError, match="already contains other files"):
             posefuse.write(result, tmp_path / "recording", "freemocap")
         assert theirs.read_bytes() == b"theirs"
 
@@ -337,7 +342,7 @@ class TestFreeMoCap:
         monkeypatch.setattr("posefuse.io.files._LARGE_BYTES", 2**20)
         with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("head.npy", bytes(2**22))
-        with pytest.raises(FileError, match="would unfold to"):
+        with pytest.raises(FileError, match="would expand to"):
             posefuse.read_points(tmp_path / "a.npz")
 
 

@@ -19,8 +19,9 @@ from posefuse.io.results import netcdf, trc
 from posefuse.io.results.axes import y_up_from_world
 from posefuse.model.cameras import UP_AXES
 from posefuse.model.label_swaps import Swaps
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.scenes import body_points, ring, seen
@@ -327,7 +328,7 @@ def test_turning_puts_up_along_y(up):
 def test_unknown_formats(result, tmp_path):
     with pytest.raises(ResultError, match="No format 'bvhh'"):
         posefuse.write(result, tmp_path / "a.nc", "bvhh")
-    with pytest.raises(ResultError, match="ends in no known format. Formats: netcdf, csv, trc, c3d"):
+    with pytest.raises(ResultError, match="ends in no known format. Formats: netcdf, parquet, anipose"):
         posefuse.write(result, tmp_path / "a.xyz")
     posefuse.write(result, tmp_path / "a.xyz", "trc")
     assert trc.read(tmp_path / "a.xyz").rate_hz == 60

@@ -1,4 +1,4 @@
-"""The stream's protocol: what is written is read, and no bytes raise anything."""
+"""The stream protocol: lines survive a round trip, and no bytes raise an exception."""
 
 import json
 
@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.io.stream import Reader, Refusal, line_of
+from posefuse.io.stream import LineReader, RejectedLine, line_of
 from posefuse.model.view_message import SeenView
 from tests.laws import examples
 
 CAMERAS = ("left", "right\n", "mitte ü")
-READER = Reader(CAMERAS, 3, 4)
+READER = LineReader(CAMERAS, 3, 4)
 GOOD = {"camera": "left", "time_s": 0.5, "people": [{"keypoints": [[1, 2, 0.5], [3.5, 4], None], "track_id": 7}]}
 
 
-def refused(**changes: object) -> Refusal:
+def refused(**changes: object) -> RejectedLine:
     found = READER.read(json.dumps(GOOD | changes).encode())
-    assert isinstance(found, Refusal)
+    assert isinstance(found, RejectedLine)
     return found
 
 
@@ -26,7 +26,7 @@ def person(*keypoints: object, **more: object) -> list[dict[str, object]]:
     return [{"keypoints": list(keypoints), **more}]
 
 
-def test_a_line_by_hand():
+def test_a_hand_written_line_is_read():
     seen = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
     assert isinstance(seen, SeenView)
     assert (seen.view, seen.time_s, seen.track_ids.tolist()) == (0, 0.5, [7])
@@ -35,13 +35,13 @@ def test_a_line_by_hand():
     np.testing.assert_array_equal(seen.confidence, [[0.5, nan, nan]])
 
 
-def test_nobody_is_somebody_who_was_looked_for():
+def test_a_line_without_people_is_read():
     seen = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
     assert isinstance(seen, SeenView)
     assert seen.keypoints_px.shape == (0, 3, 2)
 
 
-def test_half_a_place_is_none():
+def test_one_coordinate_alone_is_missing():
     seen = READER.read(json.dumps(GOOD | {"people": person([1, None, 0.9], [None, None, None], [1, 2, None])}).encode())
     assert isinstance(seen, SeenView)
     assert np.isnan(seen.keypoints_px[0, :2]).all()
@@ -49,12 +49,12 @@ def test_half_a_place_is_none():
 
 
 @pytest.mark.parametrize(
-    ("changes", "fault", "said"),
+    ("changes", "fault", "words"),
     [
         ({"camera": "lft"}, "unknown camera", "Did you mean 'left'?"),
         ({"camera": 3}, "wrong shape", "Expected `str`, got `int` - at `$.camera`"),
         ({"time_s": "now"}, "wrong shape", "Expected `float`"),
-        ({"time_s": 1.7e12}, "impossible number", "in seconds"),
+        ({"time_s": 1.7e12}, "impossible number", "expected seconds"),
         ({"people": [{}]}, "wrong shape", "missing required field `keypoints`"),
         (
             {"people": person([1, 2], [3, 4])},
@@ -70,28 +70,28 @@ def test_half_a_place_is_none():
         ({"people": person(None, None, None) * 5}, "too many people", "at most 4"),
     ],
 )
-def test_what_is_wrong_is_said(changes, fault, said):
+def test_a_rejected_line_states_the_fault_and_reason(changes, fault, words):
     found = refused(**changes)
     assert found.fault == fault
-    assert said in found.why
+    assert words in found.reason
 
 
 @pytest.mark.parametrize(
     "line", [b"", b"null", b"[]", b"{", b"\xff\xfe", b"[" * 100_000, b'{"camera": NaN}', b"1e999", b"\x00"]
 )
-def test_bytes_that_are_no_message(line):
-    assert isinstance(READER.read(line), Refusal)
+def test_arbitrary_bytes_are_rejected(line):
+    assert isinstance(READER.read(line), RejectedLine)
 
 
-def test_nan_gets_a_hint():
+def test_nan_is_rejected_with_a_hint():
     found = READER.read(b'{"camera": "left", "time_s": NaN, "people": []}')
-    assert isinstance(found, Refusal)
-    assert "null" in found.why
+    assert isinstance(found, RejectedLine)
+    assert "null" in found.reason
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 4))
 @examples(60)
-def test_what_is_written_is_read(seed, people):
+def test_lines_survive_a_round_trip(seed, people):
     rng = np.random.default_rng(seed)
     pixels = rng.normal(size=(people, 3, 2)) * 10.0 ** rng.integers(-9, 5)
     confidence = rng.random((people, 3))

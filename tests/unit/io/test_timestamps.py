@@ -1,4 +1,4 @@
-"""When views took their frames: read from tables and folders, and what reconstruct makes of it."""
+"""Timestamps of views: tables and folders, and their use by reconstruct."""
 
 import re
 from dataclasses import replace
@@ -37,9 +37,9 @@ def table(path, header="camera,frame,time_s", rows=(("a", 0, 0.0), ("a", 1, 0.1)
 def test_a_table(header, factor, tmp_path):
     rows = [("b", 1, 0.12 * factor), ("b", 0, 0.02 * factor), ("a", 0, 0.0), ("a", 1, 0.1 * factor)]
     found = read_timestamps(table(tmp_path / "times.csv", header, rows))
-    assert sorted(found.of_view) == ["a", "b"]
-    assert found.of_view["b"].frames.tolist() == [0, 1]
-    np.testing.assert_allclose(found.of_view["b"].time_s, [0.02, 0.12])
+    assert sorted(found.by_view) == ["a", "b"]
+    assert found.by_view["b"].frames.tolist() == [0, 1]
+    np.testing.assert_allclose(found.by_view["b"].time_s, [0.02, 0.12])
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("seconds", 1), ("milliseconds", 1e3), ("nanoseconds", 1e9)])
@@ -50,12 +50,12 @@ def test_a_folder_of_arrays(unit, factor, tmp_path):
         np.save(folder / f"{name}_timestamps.npy", factor * np.arange(5) / 30)
     assert find([tmp_path]) == (folder.resolve(),)
     found = read_timestamps(folder)
-    assert list(found.of_view) == ["Camera_0_synchronized", "Camera_1_synchronized"]
-    np.testing.assert_allclose(found.of_view["Camera_0_synchronized"].time_s, np.arange(5) / 30)
+    assert list(found.by_view) == ["Camera_0_synchronized", "Camera_1_synchronized"]
+    np.testing.assert_allclose(found.by_view["Camera_0_synchronized"].time_s, np.arange(5) / 30)
     assert unit in found.notes[0]
 
 
-def test_tables_of_other_things_are_none(tmp_path):
+def test_other_tables_are_not_timestamps(tmp_path):
     for header in ("frame,time_s,person,keypoint,x_m,y_m", "sync_index,port,frame_time,point_id,img_loc_x", "a,b"):
         assert not matches(table(tmp_path / "other.csv", header))
     assert matches(table(tmp_path / "times.csv"))
@@ -65,20 +65,20 @@ def test_tables_of_other_things_are_none(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "words"),
     [
-        ([("a", 0, 0.0), ("a", 0, 0.1)], "has frame 0 of a twice"),
-        ([("a", 0, "soon")], "line 2: expected a whole frame number and a time, got 'a,0,soon'"),
-        ([("a", 0.5, 1.0)], "line 2: expected a whole frame number"),
-        ([], "ends in its header"),
+        ([("a", 0, 0.0), ("a", 0, 0.1)], "contains frame 0 of a twice"),
+        ([("a", 0, "soon")], "line 2: expected an integer frame number and a time, got 'a,0,soon'"),
+        ([("a", 0.5, 1.0)], "line 2: expected an integer frame number"),
+        ([], "contains no times, only a header"),
     ],
 )
-def test_what_a_table_cannot_hold(rows, words, tmp_path):
+def test_invalid_tables_are_refused(rows, words, tmp_path):
     with pytest.raises(FileError, match=words):
         read_timestamps(table(tmp_path / "times.csv", rows=rows))
-    with pytest.raises(FileError, match=r"expected the columns camera, frame, time_s"):
+    with pytest.raises(FileError, match=r"expected the columns camera, frame and time_s"):
         read_timestamps(table(tmp_path / "other.csv", "camera,frame"))
 
 
-def test_broken_timestamps_are_errors_that_say_so(tmp_path):
+def test_broken_timestamps_raise_posefuse_errors(tmp_path):
     rng = np.random.default_rng(3)
     rows = [(view, f, f / 30) for view in "ab" for f in range(20)]
     path = table(tmp_path / "times.csv", rows=rows)
@@ -103,7 +103,7 @@ def two_views(n: int = 4) -> Detections:
     return SCENE.detections.frames(0, n).views(SCENE.detections.view_names[:2])
 
 
-def test_times_go_to_the_views_they_are_of(tmp_path):
+def test_times_are_matched_to_views_by_name(tmp_path):
     names = two_views().view_names
     rows = [(name.upper(), f, 10 * v + f) for v, name in enumerate((*names, "another")) for f in range(4)]
     found = with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", rows=rows)))
@@ -119,7 +119,7 @@ def test_times_go_to_the_views_they_are_of(tmp_path):
         with_timestamps(two_views(), read_timestamps(table(tmp_path / "times.csv", "camera,time_s", unnumbered)))
 
 
-def test_views_of_their_own_rates():
+def test_views_can_have_their_own_rates():
     first, second = two_views().view_names
     timeless = replace(two_views(12), time_s=np.full((12, 2), np.nan), rate_hz=None)
     found = on_one_line(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
@@ -131,7 +131,7 @@ def test_views_of_their_own_rates():
         on_one_line(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
 
 
-def test_unequal_lengths_without_times_are_said():
+def test_unequal_lengths_without_times_are_reported():
     cut = two_views(12)
     recorded = np.array(cut.recorded)
     recorded[9:, 1] = False
@@ -143,13 +143,13 @@ def test_unequal_lengths_without_times_are_said():
         track_ids=cut.track_ids[keep],
     )  # fmt: skip
     first, second = cut.view_names
-    said = on_one_line(shorter, Request()).notes[-1]
-    assert re.search(rf"unequal numbers of frames \({first} 12, {second} 9\)", said)
+    note = on_one_line(shorter, Request()).notes[-1]
+    assert re.search(rf"unequal numbers of frames \({first} 12, {second} 9\)", note)
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """Three views at 60 Hz; then the second at 30 Hz, from its 5th frame on, counted anew; and the times of both."""
+    """Write three views at 60 Hz, and a copy whose second view is at 30 Hz, starts late and is numbered from 0."""
     folder = tmp_path_factory.mktemp("recording")
     anipose.write(SCENE.rig, folder / "calibration.toml")
     detections = SCENE.detections
@@ -169,14 +169,14 @@ def recording(tmp_path_factory):
 
 
 def reconstructed(recording, name, **options):
-    """As the command reads and reconstructs it."""
+    """Read and reconstruct a recording like the command does."""
     options = Options(solve="frame", noise_scale_px=4.0, pairs="labels", **options)
     inputs = open_recording(recording / name, RecordingInputs(recording / "calibration.toml"), options)
     return reconstruct(inputs.rig, inputs.detections, options)
 
 
-def test_a_recording_of_mixed_rates_is_that_of_the_frames_it_has(recording):
-    """A view at half the rate, whose file begins later: the points are those of the whole recording's frames."""
+def test_mixed_rates_give_the_points_of_the_common_frames(recording):
+    """The second view has half the rate and starts later."""
     whole = reconstructed(recording, "whole", rate_hz=60.0)
     mixed = reconstructed(recording, "mixed")
     assert mixed.rate_hz == 30
@@ -190,8 +190,8 @@ def test_a_recording_of_mixed_rates_is_that_of_the_frames_it_has(recording):
     np.testing.assert_allclose(np.asarray(mixed.layers["measured"].points_m)[5:], everywhere, atol=1e-12)
 
 
-def test_numbers_that_agree_with_times_are_left_alone(tmp_path):
-    """A view that has every other frame, as numbered: nothing is thrown away, and the rate is that of the frames."""
+def test_frame_numbers_that_agree_with_times_are_kept(tmp_path):
+    """One view has every other frame. No frame is dropped, and the rate is that of the frame numbers."""
     first, second = two_views().view_names
     some = two_views(12)
     recorded = np.array(some.recorded)
@@ -210,7 +210,7 @@ def test_numbers_that_agree_with_times_are_left_alone(tmp_path):
     assert found.notes[-1] == "Times are those of times.csv."
 
 
-def test_several_timestamps_are_not_chosen_between(recording, capsys):
+def test_several_timestamps_are_an_error(recording, capsys):
     other = table(recording / "mixed" / "other.csv")
     with pytest.raises(RecordingError, match=r"has 2 sets of timestamps. Choose one:\s+--timestamps .*other.csv"):
         choose_timestamps(recording / "mixed", recording / "mixed" / "pose")
@@ -222,7 +222,7 @@ def test_several_timestamps_are_not_chosen_between(recording, capsys):
     assert not (recording / "out").exists()
 
 
-def test_what_files_say_of_times_counts_before_what_lies_beside_them(tmp_path):
+def test_times_in_the_keypoint_file_take_precedence_over_nearby_timestamps(tmp_path):
     native.write(two_views(), tmp_path / "keypoints.nc")
     stamps = read_timestamps(table(tmp_path / "times.csv"))
     found = on_one_line(read_detections(tmp_path / "keypoints.nc"), Request(nearby=stamps))

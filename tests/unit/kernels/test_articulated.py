@@ -5,8 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.linear_algebra import rotations, symmetric
-from posefuse.kernels.tracking import articulated, bodies
-from posefuse.kernels.tracking.articulated import Body, Law, State
+from posefuse.kernels.tracking import body_kinematics, update
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import UNOBSERVED, USED, Body, State
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.synthetic.rigs import build_rig
@@ -16,9 +18,9 @@ TREE = shipped_skeleton("halpe_26").tree
 assert TREE is not None
 WHERE = TREE.packed[:6]
 
-locate = from_python(bodies.locate)
-differentiate = from_python(bodies.differentiate)
-move = from_python(bodies.move)
+locate = from_python(body_kinematics.locate_nodes)
+differentiate = from_python(body_kinematics.node_jacobian)
+move = from_python(body_kinematics.apply_increment)
 
 
 def body_of(tree: Tree) -> Body:
@@ -71,7 +73,7 @@ def test_turning_about_a_bone_moves_nothing(rng):
 
 
 def test_small_turns_go_there_and_back(rng):
-    turn, between = from_python(rotations.turn), from_python(rotations.turn_between)
+    turn, between = from_python(rotations.rotate), from_python(rotations.rotation_between)
     for _ in range(20):
         start = Rotation.random(rng=rng).as_matrix()
         by = rng.normal(size=3)
@@ -85,7 +87,7 @@ def test_small_turns_go_there_and_back(rng):
 @pytest.mark.parametrize("n", [1, 7, 40])
 def test_systems_are_solved_and_inverted(n, rng):
     factor, invert, solve = (
-        from_python(each) for each in (symmetric.factor, symmetric.invert, symmetric.solve_factored)
+        from_python(each) for each in (symmetric.cholesky, symmetric.invert, symmetric.cholesky_solve)
     )
     half, units = rng.normal(size=(n, n + 2)), np.geomspace(1e-4, 1e4, n)
     matrix, vector = units[:, None] * (half @ half.T) * units, rng.normal(size=n) * units
@@ -137,7 +139,7 @@ def test_prediction_is_the_linear_formula(rng):
     before = (state.root[0], state.turns[0], state.bones[0], state.shape[0])
     there = moved_points(TREE, before, change)
     velocity = fade * state.velocity[0]
-    articulated.predict_people(np.array([dt]), decay, power, np.full(n, np.inf), walk, state)
+    predict_people(np.array([dt]), decay, power, np.full(n, np.inf), walk, state)
     np.testing.assert_allclose(state.covariance[0], expected, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(state.velocity[0], velocity)
     np.testing.assert_allclose(points_of(TREE, *(each[0] for each in state[:4])), there, atol=1e-12)
@@ -156,11 +158,11 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
     prior = state.covariance[0].copy()
     predicted = seen_by(rig, points_of(TREE, *before)[TREE.keypoint_nodes])
     pixels = predicted + 0.1 * rng.normal(size=predicted.shape)
-    law = Law(np.full(4, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
+    law = ErrorModel(np.full(4, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 4, 1))
     use = np.empty((1, 4, keypoints), dtype=np.int64)
     moved, surprise = np.empty(1), np.empty(1)
-    articulated.update_people(
+    update.update_people(
         rig.packed[0],
         body_of(TREE),
         law,
@@ -175,7 +177,7 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
         moved,
         surprise,
     )
-    assert (use == articulated.USED).all()
+    assert (use == USED).all()
     jacobian = np.zeros((pixels.size, 2 * n + h))
     for c in range(n + h):
         step = np.zeros(n + h)
@@ -207,10 +209,10 @@ def test_limits_pull_back_where_they_are_overstepped(rng):
     state.turns[0, 1] = Rotation.from_euler("z", 100, degrees=True).as_matrix()
     before = tuple(each.copy() for each in state)
     keypoints = len(TREE.keypoint_nodes)
-    law = Law(np.full(1, 2.0), 0.0, 0.0, 3.0, 50.0, 0.05, 0.0)
+    law = ErrorModel(np.full(1, 2.0), 0.0, 0.0, 3.0, 50.0, 0.05, 0.0)
     rig = build_rig(n_cameras=1)
     for _ in range(3):
-        articulated.update_people(
+        update.update_people(
             rig.packed[0], body_of(TREE), law, np.ones(1), 5, np.full((1, 1), -1), np.zeros((1, 1, keypoints), int),
             np.empty((0, keypoints, 2)), np.empty((0, keypoints)), state, np.empty((1, 1, keypoints), np.int64),
             np.empty(1), np.empty(1),
@@ -231,19 +233,19 @@ def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
     state.covariance[0, 5, 5] = -1.0
     use = np.zeros((1, 2, keypoints), dtype=np.int64)
     moved, surprise = np.zeros(1), np.zeros(1)
-    law = Law(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
+    law = ErrorModel(np.full(2, 2.0), 0.0, 0.0, 1e9, 1e9, 1e9, 0.0)
     labels = np.tile(np.arange(keypoints), (1, 2, 1))
-    articulated.update_people(
+    update.update_people(
         rig.packed[0], body_of(TREE), law, np.ones(1), 3, np.arange(2)[None], labels, np.zeros((2, keypoints, 2)),
         np.ones((2, keypoints)), state, use, moved, surprise,
     )  # fmt: skip
-    assert (use == articulated.UNSEEN).all()
+    assert (use == UNOBSERVED).all()
     assert np.isnan([moved[0], surprise[0], *state.root[0]]).all()
 
 
 @pytest.mark.parametrize("m", [1, 3, 4, 7, 28])
 def test_products_are_those_of_matrices(m, rng):
-    multiply, subtract = (from_python(each) for each in (symmetric.multiply, symmetric.subtract_products))
+    multiply, subtract = (from_python(each) for each in (symmetric.multiply, symmetric.subtract_symmetric_product))
     left, right, out = rng.normal(size=(m + 2, m + 1)), rng.normal(size=(m + 1, m + 1)), np.empty((m, m + 1))
     multiply(left, 2, right, m, m, out)
     np.testing.assert_allclose(out[:, :m], left[2:, :m] @ right[:m, :m], atol=1e-12)

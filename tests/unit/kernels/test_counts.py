@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import GATED, UNSEEN, USED
-from posefuse.kernels.tracking.counts import (
-    add_identities,
-    believe_most_labels,
-    foretell_views,
-    label_keypoints,
-    note_matches,
-    note_off,
-    weigh_views,
+from posefuse.kernels.tracking.frame_statistics import (
+    accumulate_view_support,
+    add_identity_scores,
+    assign_labels,
+    clear_majority_swaps,
+    predict_visibility,
+    record_matches,
+    update_gated_time,
 )
+from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
 from posefuse.tracking.body_states import Uses
 
 SEEDS = range(5)
@@ -21,7 +21,7 @@ SEEDS = range(5)
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_became_of_keypoints(seed):
-    use = np.random.default_rng(seed).choice([USED, GATED, UNSEEN], size=(3, 4, 7))
+    use = np.random.default_rng(seed).choice([USED, GATED, UNOBSERVED], size=(3, 4, 7))
     uses = Uses.of(use)
     np.testing.assert_array_equal(uses.of_view, (use == USED).sum(axis=2))
     np.testing.assert_array_equal(uses.used, (use == USED).sum(axis=1))
@@ -36,7 +36,7 @@ def test_who_should_be_seen(seed):
     pixels[rng.random((3, 4, 7)) < 0.3] = np.nan
     sizes, chosen = np.tile([100.0, 80.0], (4, 1)), np.array([0, 2, 3, 6])
     expected, middles = np.empty((3, 4), dtype=bool), np.empty((3, 3))
-    foretell_views(points, pixels, sizes, chosen, 0.5, expected, middles)
+    predict_visibility(points, pixels, sizes, chosen, 0.5, expected, middles)
     inside = ((pixels[:, :, chosen] >= 0.0) & (pixels[:, :, chosen] < sizes[:, None])).all(axis=-1)
     np.testing.assert_array_equal(expected, inside.mean(axis=2) >= 0.5)
     there = np.isfinite(points[:, chosen])
@@ -48,7 +48,7 @@ def test_half_of_the_core_is_enough_and_the_far_edge_is_outside():
     pixels = np.array([[[[0.0, 0.0], [100.0, 0.0]], [[-0.1, 0.0], [0.0, 80.0]]]])
     expected, middles = np.empty((1, 2), dtype=bool), np.empty((1, 3))
     sizes, chosen = np.tile([100.0, 80.0], (2, 1)), np.arange(2)
-    foretell_views(np.full((1, 2, 3), np.nan), pixels, sizes, chosen, 0.5, expected, middles)
+    predict_visibility(np.full((1, 2, 3), np.nan), pixels, sizes, chosen, 0.5, expected, middles)
     assert expected.tolist() == [[True, False]]
     assert middles.tolist() == [[0.0, 0.0, 0.0]]
 
@@ -60,7 +60,7 @@ def test_how_well_views_fit(seed):
     free, before, dt_s, fade = rng.integers(0, 3, 4), rng.random((3, 4)), 0.04, 0.9
     after = before.copy()
     due = np.empty(4, dtype=np.int64)
-    weigh_views(supported, expected, free, fade, dt_s, *after, due)
+    accumulate_view_support(supported, expected, free, fade, dt_s, *after, due)
     sure = expected & (supported.sum(axis=1, keepdims=True) - supported >= 2)
     np.testing.assert_array_equal(due, sure.sum(axis=0))
     missed = (sure & ~supported).sum(axis=0)
@@ -77,7 +77,7 @@ def test_what_the_last_matches_were_like(seed):
     rows[0] = [-1, 3, -1, -1]
     was, known, before = rng.random((5, 4, 2)), rng.integers(-1, 9, (5, 4)), alone_s.copy()
     was_then, ids_then = was.copy(), known.copy()
-    note_matches(rows, swapped, odds, frozen(ids, np.int64), 0.04, alone_s, was, known)
+    record_matches(rows, swapped, odds, frozen(ids, np.int64), 0.04, alone_s, was, known)
     there = rows >= 0
     probable = 1.0 / (1.0 + np.exp(-np.where(swapped != 0, odds, -np.abs(odds))))
     np.testing.assert_array_equal(known, np.where(there, ids[rows], ids_then))
@@ -90,7 +90,7 @@ def test_for_how_long_keypoints_are_seen_elsewhere(seed):
     rng = np.random.default_rng(seed)
     used, gated, off_s = rng.integers(0, 4, (3, 7)), rng.integers(0, 4, (3, 7)), rng.random((3, 7))
     expected = np.where((gated >= 2) & (gated > used), off_s + 0.1, 0.0)
-    assert note_off(used, gated, 0.1, off_s) == expected.max()
+    assert update_gated_time(used, gated, 0.1, off_s) == expected.max()
     np.testing.assert_array_equal(off_s, expected)
 
 
@@ -102,11 +102,11 @@ def test_labels_of_detections(seed):
     turned = lambda: (swapped[np.arange(5)[:, None], rows] != 0) & (rows >= 0)[..., None]  # noqa: E731
     most = 2 * turned().sum(axis=1) >= np.maximum((rows >= 0).sum(axis=1), 1)[:, None]
     expected = swapped * ~most[:, None]
-    believe_most_labels(rows, swapped)
+    clear_majority_swaps(rows, swapped)
     np.testing.assert_array_equal(swapped, expected)
     group_of, mirror = np.array([-1, 0, 0, 1, 1]), np.array([0, 2, 1, 4, 3])
     labels = np.empty((5, 4, 5), dtype=np.int64)
-    label_keypoints(rows, swapped, frozen(group_of, np.int64), frozen(mirror, np.int64), labels)
+    assign_labels(rows, swapped, frozen(group_of, np.int64), frozen(mirror, np.int64), labels)
     exchanged = turned()[:, :, group_of] & (group_of >= 0)
     np.testing.assert_array_equal(labels, np.where(exchanged, mirror, np.arange(5)))
 
@@ -117,6 +117,6 @@ def test_what_identities_are_worth(seed):
     ids, view, track_ids = rng.integers(-1, 3, (4, 3)), rng.integers(0, 3, 7), rng.integers(-1, 3, 7)
     scores, explained = rng.normal(size=(4, 7)), np.empty(7, dtype=bool)
     expected = scores + 1.5 * ((ids[:, view] == track_ids) & (track_ids >= 0))
-    add_identities(ids, view, frozen(track_ids, np.int64), 1.5, 0.5, scores, explained)
+    add_identity_scores(ids, view, frozen(track_ids, np.int64), 1.5, 0.5, scores, explained)
     np.testing.assert_allclose(scores, expected)
     np.testing.assert_array_equal(explained, (expected > 0.5).any(axis=0))

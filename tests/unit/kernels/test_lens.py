@@ -14,7 +14,7 @@ from tests.scenes import LENSES, MATRIX, camera_with
 
 distort = from_python(kernels.distort)
 project_jacobian = from_python(kernels.project_jacobian)
-undistort_normalised = from_python(kernels.undistort_normalised)
+undistort_normalised = from_python(kernels.undistort_normalized)
 rows_block = from_python(rows_step)
 
 pytestmark = pytest.mark.no_jit

@@ -4,10 +4,10 @@ import numba
 import numpy as np
 import pytest
 
-from posefuse.kernels.jit import kernel, step
+from posefuse.kernels.jit import kernel, subroutine
 
 
-@step
+@subroutine
 def _third(values, k):
     return values[k] / 3.0 + values[k - 1]
 

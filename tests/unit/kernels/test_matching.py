@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from posefuse.kernels.tracking.matching import evidence, match_views
+from posefuse.kernels.tracking.matching import keypoint_log_odds, match_views
 from tests.kernels import from_python
 from tests.laws import examples
 
@@ -41,7 +41,7 @@ def test_matching_gains_as_much_as_can_be(people, first, second, seed):
 
 @pytest.mark.parametrize("nu", [0.5, 2.5, 1e6])
 def test_what_is_far_off_says_the_least_and_everything_else_the_logarithm(nu):
-    of_residual = from_python(evidence)
+    of_residual = from_python(keypoint_log_odds)
     uu, uv, vv, area, least = 9.0, 2.0, 16.0, 4e4, -3.0
     determinant = uu * vv - uv * uv
     found, told = [], []

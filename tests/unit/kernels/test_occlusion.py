@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.kernels.synthetic.occlusion import hide_behind_capsules
+from posefuse.kernels.synthetic.occlusion import mark_occluded
 from tests.laws import examples
 
 EYE = np.zeros(3)
@@ -15,7 +15,7 @@ def hides(point, start, end, radius, *, owner=-1, margin_m=0.05):
     points = np.asarray(point, dtype=float).reshape(1, 1, 1, 3)
     hidden = np.zeros((1, 1, 1), dtype=bool)
     axis = [np.asarray(end_of, dtype=float).reshape(1, 1, 3) for end_of in (start, end)]
-    hide_behind_capsules(EYE, points, *axis, np.array([radius]), np.array([owner]), margin_m, hidden)
+    mark_occluded(EYE, points, *axis, np.array([radius]), np.array([owner]), margin_m, hidden)
     return bool(hidden[0, 0, 0])
 
 

@@ -24,7 +24,7 @@ def test_a_block_takes_its_cheapest_sequence(seed):
     members = costs_of[3]
     best, sequence = naive.cheapest(*costs_of)
     out = np.zeros((3, 4), dtype=bool)
-    orientation.decide_block(*costs_of, np.zeros(8), np.empty((3, 8), dtype=np.int64), out)
+    orientation.find_orientations(*costs_of, np.zeros(8), np.empty((3, 8), dtype=np.int64), out)
     assert naive.cost_of(out[:, members].astype(int), *costs_of) == pytest.approx(best)
     np.testing.assert_array_equal(out[:, members], sequence)
     assert not out[:, 1].any()
@@ -35,11 +35,11 @@ def test_a_sequence_may_be_decided_in_pieces(seed):
     costs_of = block(np.random.default_rng(seed), frames=6)
     arrays, fixed = costs_of[:3], costs_of[3:]
     whole, pieces = np.zeros(8), np.zeros(8)
-    orientation.decide_block(*costs_of, whole, np.empty((6, 8), dtype=np.int64), np.zeros((6, 4), dtype=bool))
+    orientation.find_orientations(*costs_of, whole, np.empty((6, 8), dtype=np.int64), np.zeros((6, 4), dtype=bool))
     for part in (slice(0, 2), slice(2, 6)):
         n = part.stop - part.start
         out, origin = np.zeros((n, 4), dtype=bool), np.empty((n, 8), dtype=np.int64)
-        orientation.decide_block(*(array[part] for array in arrays), *fixed, pieces, origin, out)
+        orientation.find_orientations(*(array[part] for array in arrays), *fixed, pieces, origin, out)
     np.testing.assert_allclose(pieces, whole)
 
 
@@ -49,7 +49,7 @@ def test_swaps_of_a_view(seed):
     odds, time_s = rng.normal(0, 3, (9, 2)), np.cumsum(rng.uniform(0.02, 0.2, 9))
     share, rate = np.array([0.2, 0.4]), np.array([2.0, 9.0])
     out = np.empty((9, 2), dtype=np.int8)
-    orientation.swap_states(odds, time_s, share, rate, np.empty((9, 2), dtype=np.int64), out)
+    orientation.find_swap_states(odds, time_s, share, rate, np.empty((9, 2), dtype=np.int64), out)
     for v in range(2):
         np.testing.assert_array_equal(out[:, v], naive.cheapest_swaps(odds[:, v], time_s, share[v], rate[v]))
 
@@ -76,7 +76,7 @@ def test_costs_over_time(rng):
     )  # fmt: skip
     out, time_s = np.empty((frames, pairs, 2, 2)), np.array([5.0, 5.04])
     frame = points, covariance, odds, time_s
-    orientation.all_time_costs(*frame, memory, (turn, turn), (share, rate, weight), np.empty((2, 6)), out)
+    orientation.temporal_costs(*frame, memory, (turn, turn), (share, rate, weight), np.empty((2, 6)), out)
     for p in range(pairs):
         first, second = np.zeros((2, 2)), np.zeros((2, 2))
         for v in range(views):
@@ -107,7 +107,7 @@ def test_one_point_of_a_pair_tells_by_where_it_was(rng):
     views = np.array([0.2]), np.array([2.0]), np.ones((1, 1))
     out, time_s = np.empty((2, 1, 2, 2)), np.array([0.0, 0.03])
     frames = points, covariance, np.zeros((2, 1, 1)), time_s
-    orientation.all_time_costs(*frames, memory, (np.ones(1), np.ones(1)), views, np.empty((2, 6)), out)
+    orientation.temporal_costs(*frames, memory, (np.ones(1), np.ones(1)), views, np.empty((2, 6)), out)
     assert out[1, 0, 0, 1] < -4.0
     assert out[1, 0, 0, 1] == out[1, 0, 1, 0]
 
@@ -139,5 +139,5 @@ def test_links(rng):
 def test_links_to_other_blocks():
     field, link_cost = np.zeros((1, 3)), np.array([[2.0, 5.0]])
     links, flipped, out = np.array([[0, 1], [1, 2]]), np.array([[False, True, False]]), np.empty((1, 3))
-    orientation.add_across(field, link_cost, links, np.array([0, 1]), flipped, np.array([True, True, False]), out)
+    orientation.add_cross_links(field, link_cost, links, np.array([0, 1]), flipped, np.array([True, True, False]), out)
     np.testing.assert_array_equal(out, [[-2.0, 2.0, -5.0]])

@@ -8,13 +8,15 @@ import pytest
 from posefuse.kernels import status_codes
 from posefuse.kernels.cameras import points
 from posefuse.kernels.cameras.observation_rows import BLOCK
+from posefuse.kernels.linear_algebra import symmetric_3x3
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.cameras import CameraRig
 from tests.kernels import from_python
 from tests.reference import points as naive
 from tests.scenes import LENSES, body_points, build_rig, camera_with, ring
 
-solve_symmetric = from_python(points.solve_symmetric)
-invert_symmetric = from_python(points.invert_symmetric)
+solve_symmetric = from_python(symmetric_3x3.solve_symmetric)
+invert_symmetric = from_python(symmetric_3x3.invert_symmetric)
 judge_geometry = from_python(points.judge_geometry)
 
 pytestmark = pytest.mark.no_jit
@@ -42,7 +44,7 @@ def triangulate(
         "view_errors": np.empty((n, keypoints, views), dtype=np.float32),
         "mean_errors": np.empty((n, keypoints)),
     }
-    points.triangulate_views(
+    triangulate_views(
         *rig.packed,
         np.ascontiguousarray(pixels.reshape(-1, keypoints, 2)),
         np.ascontiguousarray(trust.reshape(-1, keypoints)),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.kinematics.segment_lengths import measured_lengths, told_of_lengths
 from posefuse.model.noise import NoiseModel

@@ -419,12 +419,12 @@ class TestLayout:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"facing": "north"}, "expected \\+x, -x"),
+        ({"facing": "north"}, "must be \\+x, -x"),
         ({"facing": "0,0,0"}, "three numbers"),
         ({"swap_share": 0.5}, "between 0 and 0.5, got 0.5"),
-        ({"dwell_s": 0.0}, "dwell_s must be positive"),
-        ({"rounds": 0}, "rounds must be at least 1"),
-        ({"memory": 3}, "at least learn_every"),
+        ({"swap_duration_s": 0.0}, "swap_duration_s must be a finite number above 0"),
+        ({"iterations": 0}, "iterations must be an integer of at least 1"),
+        ({"memory": 0}, "memory must be an integer of at least 1"),
     ],
 )
 def test_impossible_choices_are_refused(options, words):

@@ -11,13 +11,14 @@ from posefuse.errors import OptionsError
 from posefuse.left_right.pairs import enumerated, population_search
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
-from posefuse.model.options.options import ConsensusOptions, Options
+from posefuse.model.options.options import Options
 from posefuse.model.options.pairs import PairOptions, SdsOptions
+from posefuse.model.options.triangulation import ConsensusOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from tests.reference.pairs import cheapest
 
-FULL, NONE = ConsensusOptions().full_sigma ** 2, ConsensusOptions().none_sigma ** 2
+FULL, NONE = ConsensusOptions().full_weight_sigma ** 2, ConsensusOptions().zero_weight_sigma ** 2
 FAULTS = {"outlier": 0.1, "missing": 0.1}
 # Steps end at a hundredth of a standard error, which is some 15 mm here.
 CLOSE_M = 1e-3
@@ -222,7 +223,7 @@ def test_evidence_names_the_swapped_views():
 def test_the_frame_before_decides_between_explanations():
     data = scene(900, 4, walk=True, outlier=0.15, missing=0.15, seed=5)
     alone = solved(data, enumerated.solve)
-    helped = solved(data, enumerated.solve, PairOptions(prior_m=0.05))
+    helped = solved(data, enumerated.solve, PairOptions(motion_sd_m=0.05))
 
     def wrong(result: SolvedPairs) -> int:
         points = result.points_m[:, 0]
@@ -245,13 +246,13 @@ def test_weights_of_sds_are_options():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Options(**{"pairs": "enumerated"}), "pairs: no 'enumerated'"),
-        (lambda: PairOptions(prior_m=0.0), "pair_search.prior_m must be positive"),
-        (lambda: PairOptions(seed=-1), "pair_search.seed must be 0 or more"),
-        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be 0 or more"),
-        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be positive"),
-        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be at least 2"),
-        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be at least 1"),
+        (lambda: Options(**{"pairs": "enumerated"}), "pairs must be one of enumerate, sds, labels, got 'enumerated'"),
+        (lambda: PairOptions(motion_sd_m=0.0), "pair_search.motion_sd_m must be a number above 0"),
+        (lambda: PairOptions(seed=-1), "pair_search.seed must be an integer of at least 0"),
+        (lambda: SdsOptions(ray_weight=-1.0), "pair_search.sds.ray_weight must be a finite number of at least 0"),
+        (lambda: SdsOptions(jitter_mm=0.0), "pair_search.sds.jitter_mm must be a finite number above 0"),
+        (lambda: SdsOptions(agents=1), "pair_search.sds.agents must be an integer of at least 2"),
+        (lambda: SdsOptions(max_iterations=0), "pair_search.sds.max_iterations must be an integer of at least 1"),
     ],
 )
 def test_options_say_what_is_wrong(make, message):

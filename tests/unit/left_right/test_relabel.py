@@ -14,7 +14,8 @@ from posefuse.left_right.pairs.label_likelihood import robust_evidence
 from posefuse.model.detections import Detections
 from posefuse.model.label_swaps import SwapState
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.measured_layer import reconstruct_chunks
@@ -128,7 +129,7 @@ def test_a_stretch_that_explains_nothing_better_is_taken_back(scene):
     options = TriangulationOptions(min_views=2)
     noise, tracks = NoiseModel(np.full(4, CLEAN.sigma_px)), tracks_of(scene.detections)
     pairs, chain_of = scene.detections.skeleton.pair_indices, np.zeros(len(scene.detections.skeleton.pairs))
-    solve = relabel.load_method("consensus").solve
+    solve = relabel.find_method("consensus").solve
     wrong = np.zeros((scene.detections.n_frames, 1, len(pairs), 4), dtype=bool)
     wrong[10:20, :, :, 2] = True
     believed = solve(scene.rig, scene.detections, tracks, noise, options)

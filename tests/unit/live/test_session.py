@@ -10,8 +10,9 @@ import pytest
 from posefuse.errors import OptionsError, PosefuseWarning
 from posefuse.io.stream import encoded, lines_of
 from posefuse.live.session import Session
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.stream import StreamOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 

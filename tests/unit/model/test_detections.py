@@ -144,12 +144,12 @@ def test_infinities_are_refused_with_their_place(rng):
     row = int(whole.offsets[3 * 3 + 1])
     frame, view = whole.place_of_row(row)
     keypoints[row, 2, 1] = np.inf
-    with pytest.raises(DetectionsError, match=f"view '{view}', frame {frame}, holds an infinite"):
+    with pytest.raises(DetectionsError, match=f"view '{view}', frame {frame}, contains an infinite"):
         replace(whole, keypoints_px=keypoints)
 
 
 def test_views_without_the_frame_have_no_people(rng):
     whole = ragged(rng)
     recorded = np.zeros((6, 3), dtype=bool)
-    with pytest.raises(DetectionsError, match="did not record"):
+    with pytest.raises(DetectionsError, match="not recorded"):
         replace(whole, recorded=recorded)

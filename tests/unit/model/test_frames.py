@@ -31,7 +31,7 @@ def test_people_of_each_view_are_put_in_rows(rng):
 
 
 def test_views_must_have_the_same_keypoints(rng):
-    with pytest.raises(DetectionsError, match="differ in how many keypoints"):
+    with pytest.raises(DetectionsError, match="differ in the number of keypoints"):
         Frame.of_people([np.zeros((1, 5, 2)), np.zeros((1, 4, 2))], [np.ones((1, 5)), np.ones((1, 4))], 0.0)
 
 
@@ -59,7 +59,7 @@ def test_a_view_without_this_frame_is_not_recorded(rng):
 def test_a_frame_without_time_or_views_says_what_to_give(rng):
     with pytest.raises(DetectionsError, match=r"Frame 7 has no time.*time_s in seconds"):
         Frame.of_people([np.zeros((1, 5, 2))], [np.ones((1, 5))], number=7)
-    with pytest.raises(DetectionsError, match=r"has no view.*an array of keypoints for each camera"):
+    with pytest.raises(DetectionsError, match=r"has no view.*one array of keypoints per camera"):
         Frame.of_people([], [], 0.0)
-    with pytest.raises(DetectionsError, match=r"one for each of the 2 views; got shape \(3,\)"):
+    with pytest.raises(DetectionsError, match=r"one per view \(2\); got shape \(3,\)"):
         Frame.of_people([None, None], time_s=[0.0, 0.1, 0.2])

@@ -8,7 +8,9 @@ from benchmarks.walking import walk
 
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import NoiseOptions, Options, TriangulationOptions
+from posefuse.model.options.noise import NoiseOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.calibrate_noise import calibrate_noise
@@ -143,5 +145,5 @@ def test_a_calibrated_noise_is_used_by_camera_name(rng):
     assert (found.origin, found.spread, found.nu) == ("calibrated", 1.5, 3.0)
     with pytest.raises(OptionsError, match="no scale for cam_3"):
         reconstruct(rig, detections, Options(noise=NoiseOptions(("cam_0", "cam_1", "cam_2"), (1.0, 1.0, 1.0))))
-    with pytest.raises(OptionsError, match="expected 2, got 1"):
+    with pytest.raises(OptionsError, match=r"one number per camera in noise\.cameras \(2\), got 1"):
         NoiseOptions(("cam_0", "cam_1"), (1.0,))

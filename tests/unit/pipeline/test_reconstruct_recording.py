@@ -12,8 +12,8 @@ from posefuse.cli.simulate import write_scene
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
 from posefuse.io.files import PARTS
 from posefuse.model.detections import Detections
-from posefuse.model.findings import Kind
-from posefuse.model.options.options import TriangulationOptions
+from posefuse.model.findings import FindingKind
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.pipeline import reconstruct_recording as recipe
 
 FRAMES_OFF = 3
@@ -45,7 +45,7 @@ def recording(scene, tmp_path):
 
 def test_python_reports_views_three_frames_apart(scene, shifted_view):
     result = posefuse.reconstruct(scene.rig, shifted_view, Options(solve="frame"))
-    assert [(finding.kind, finding.cameras) for finding in result.findings] == [(Kind.LATE, ("cam_2",))]
+    assert [(finding.kind, finding.cameras) for finding in result.findings] == [(FindingKind.TIME_OFFSET, ("cam_2",))]
     assert abs(result.findings[0].size) == pytest.approx(FRAMES_OFF, abs=0.5)
     assert posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame")).findings == ()
 
@@ -114,7 +114,7 @@ def test_the_outcome_names_every_file(recording, tmp_path):
 
 
 def test_unknown_formats_and_missing_rates_are_refused_before_any_work(scene, tmp_path):
-    with pytest.raises(OptionsError, match="no such format"):
+    with pytest.raises(OptionsError, match="no additional format"):
         posefuse.reconstruct_recording(tmp_path, tmp_path / "out", also=("xyz",))
     folder = tmp_path / "recording"
     folder.mkdir()

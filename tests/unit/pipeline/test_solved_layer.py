@@ -9,8 +9,9 @@ import pytest
 import posefuse
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.concatenate import concatenate_ranges
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import ButterworthOptions, PostprocessOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
 from posefuse.model.tracks import TrackState
@@ -163,7 +164,7 @@ def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, 
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
-    assert result.options.solve == "trajectory"
+    assert result.resolved.solve == "trajectory"
     assert (np.asarray(solved.source) == Source.TRAJECTORY).mean() > 0.9
     truth = np.asarray(scene.truth.best_layer()[1].points_m)
     errors = [

@@ -273,10 +273,10 @@ def test_no_times_is_an_error_that_says_what_to_do():
     ("change", "says"),
     [
         ({"smooth": ("butter",)}, "Did you mean 'butterworth'"),
-        ({"smooth": "kalman"}, "a tuple of filters"),
-        ({"fill": "cubic"}, "no 'cubic'"),
-        ({"max_gap_s": 0.0}, "max_gap_s must be positive"),
-        ({"drop_beyond_px": -1.0}, "drop_beyond_px must be positive"),
+        ({"smooth": "kalman"}, "a list of choices from hampel"),
+        ({"fill": "cubic"}, "must be one of none, linear, pchip, smoother, got 'cubic'"),
+        ({"max_gap_s": 0.0}, "max_gap_s must be a finite number above 0 s"),
+        ({"drop_beyond_px": -1.0}, "drop_beyond_px must be a finite number above 0 px"),
         ({"smooth": ("median", "median")}, "twice"),
     ],
 )

@@ -82,14 +82,14 @@ def test_views_are_marked_where_their_points_were_moved(sync):
         interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0],
     )
     known = np.isfinite(after)
-    marked = sync.retimed(("a", "b"), step.time_s, 1.0 / RATE)
+    marked = sync.time_shifted(("a", "b"), step.time_s, 1.0 / RATE)
     assert (marked[known] == (before != after)[known]).all()
 
 
 def test_rows_of_one_view_hold_from_their_time_on():
     sync = SyncOptions(("b", "b"), (0.0, 1.0), (0.0, 0.12), (0.0, 0.0))
-    assert sync.late("b", np.array([-1.0, 0.5, 1.0, 2.0])) == pytest.approx([0.0, 0.0, 0.12, 0.12])
-    assert (sync.late("a", np.zeros(3)) == 0.0).all()
+    assert sync.offset_at("b", np.array([-1.0, 0.5, 1.0, 2.0])) == pytest.approx([0.0, 0.0, 0.12, 0.12])
+    assert (sync.offset_at("a", np.zeros(3)) == 0.0).all()
 
 
 def test_files_of_offsets_come_back(tmp_path):

@@ -7,7 +7,8 @@ import pytest
 
 from posefuse.errors import DetectionsError
 from posefuse.io.keypoints import native
-from posefuse.model.options.options import Options, TriangulationOptions
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.pipeline.reconstruct import triangulate
 from posefuse.preprocess.weights import weighted
 from posefuse.skeleton.skeletons import find_skeleton

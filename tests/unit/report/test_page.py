@@ -1,4 +1,4 @@
-"""The page in a browser: it loads, plays, jumps, prints."""
+"""The report page in a browser: loading, playback, navigation, printing."""
 
 import re
 import shutil
@@ -22,7 +22,7 @@ def browser():
         pytest.skip("no chromium, chromium-browser or google-chrome on PATH to open the report in")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     with playwright.sync_playwright() as driver:
-        # Containers' users may lack what the sandbox takes; the page is our own.
+        # Containers may lack the privileges that the sandbox requires.
         opened = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
         yield opened
         opened.close()
@@ -30,7 +30,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    """The report of two people, with names that would like to run."""
+    """Report of two people with names that contain HTML."""
     result = followed(crowd(people=2, seconds=4.0))
     first, *others = result.rig.cameras
     rig = replace(result.rig, cameras=(replace(first, name=HOSTILE), *others))
@@ -41,20 +41,20 @@ def file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(browser, file):
-    """The page and what went wrong in it: errors, warnings, calls to a network."""
+    """The page and a list of its problems: errors, warnings, network requests."""
     page = browser.new_page(viewport={"width": 1280, "height": 900})
-    wrong: list[str] = []
-    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda request: wrong.append(request.url) if not request.url.startswith("file:") else None)
+    problems: list[str] = []
+    page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: problems.append(request.url) if not request.url.startswith("file:") else None)
     page.goto(file.as_uri())
     page.wait_for_function("document.querySelector('#gaps .cursor') && document.querySelector('#canvas').width > 300")
-    return page, wrong
+    return page, problems
 
 
 @pytest.fixture
 def page(opened):
-    """The page at its first frame, as it opens."""
+    """The page at its first frame in the free view."""
     page, _ = opened
     page.select_option("#view", "-1")
     page.locator("#canvas").focus()
@@ -64,7 +64,7 @@ def page(opened):
 
 
 def drawn(page) -> int:
-    """What is on the canvas, as a number, once the next frame is drawn."""
+    """Return a hash of the canvas after the next frame is drawn."""
     text = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(canvas.toDataURL()))))"
     return hash(page.evaluate(text))
 
@@ -73,22 +73,22 @@ def frame_of(page) -> int:
     return int(page.get_attribute("#scene", "data-frame"))
 
 
-def test_it_loads_without_errors_and_nothing_hostile_ran(opened):
-    page, wrong = opened
+def test_page_loads_without_errors_and_runs_no_injected_script(opened):
+    page, problems = opened
     drawn(page)
-    assert wrong == []
+    assert problems == []
     assert page.evaluate("window.ran") is None
     assert page.locator("#heat thead th").nth(1).inner_text() == HOSTILE
 
 
-def test_scrubbing_moves_the_people(page):
+def test_scrubbing_changes_the_frame(page):
     before = drawn(page)
     page.evaluate("scrub.value = 30; scrub.dispatchEvent(new Event('input'))")
     assert frame_of(page) == 30
     assert drawn(page) != before
 
 
-def test_playing_moves_the_people_and_the_space_bar_stops(page):
+def test_space_bar_plays_and_pauses(page):
     before = drawn(page)
     page.keyboard.press("Space")
     page.wait_for_function("Number(document.getElementById('scene').dataset.frame) >= 2", timeout=10_000)
@@ -99,28 +99,28 @@ def test_playing_moves_the_people_and_the_space_bar_stops(page):
     assert frame_of(page) == at
 
 
-def test_keys_step_turn_and_look_through_cameras(page):
+def test_keys_step_rotate_and_select_cameras(page):
     page.keyboard.press("ArrowRight")
     assert frame_of(page) == 1
     page.keyboard.press("Shift+ArrowRight")
     assert frame_of(page) == 26
-    looks = [drawn(page)]
+    images = [drawn(page)]
     for key in ("d", "u", "b", "c"):
         page.keyboard.press(key)
-        looks.append(drawn(page))
-    assert len(set(looks)) == len(looks)
+        images.append(drawn(page))
+    assert len(set(images)) == len(images)
     assert page.locator("#view").input_value() == "0"
     page.keyboard.press("u")
     page.keyboard.press("b")
 
 
 @pytest.mark.parametrize("quantity", ["error", "missing"])
-def test_a_cell_jumps_to_its_worst_frame_and_escape_leads_back(page, quantity):
+def test_cell_jumps_to_its_worst_frame_and_escape_returns(page, quantity):
     page.select_option("#quantity", quantity)
     cell = page.locator("#heat td[data-keypoint='3'][data-view='2']")
     cell.click()
-    said = page.locator("#worst button").first.inner_text()
-    assert f"frame {frame_of(page)}," in said
+    label = page.locator("#worst button").first.inner_text()
+    assert f"frame {frame_of(page)}," in label
     assert page.locator("#view").input_value() == "2"
     page.keyboard.press("Escape")
     assert page.evaluate("document.activeElement.dataset.keypoint") == "3"
@@ -129,7 +129,7 @@ def test_a_cell_jumps_to_its_worst_frame_and_escape_leads_back(page, quantity):
     assert f"frame {frame_of(page)}," in page.locator("#worst button").first.inner_text()
 
 
-def test_a_camera_sees_what_the_rig_projects(page, file):
+def test_camera_view_matches_the_projection(page, file):
     result = followed(crowd(people=2, seconds=4.0))
     camera = result.rig.cameras[1]
     points = np.asarray(result.layers["model"].points_m)[10, 0]
@@ -143,7 +143,7 @@ def test_a_camera_sees_what_the_rig_projects(page, file):
     at_x = box["x"] + (box["width"] - scale * camera.size_px[0]) / 2 + scale * (x + 0.5)
     at_y = box["y"] + (box["height"] - scale * camera.size_px[1]) / 2 + scale * (y + 0.5)
     page.mouse.move(at_x, at_y)
-    tip = page.locator("#tip").inner_text()
+    tip = page.locator("#tooltip").inner_text()
     shown = [float(text) for text in re.findall(r"-?\d+\.\d+", tip)]
     found = np.abs(points - np.array(shown)).max(axis=-1)
     assert "person_1" in tip
@@ -152,7 +152,7 @@ def test_a_camera_sees_what_the_rig_projects(page, file):
     assert scale * np.linalg.norm(pixels - (x, y)) < 1.0
 
 
-def test_it_prints_its_tables_without_its_controls(page):
+def test_print_style_shows_tables_and_hides_controls(page):
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.locator("table.numbers").is_visible()
@@ -161,7 +161,7 @@ def test_it_prints_its_tables_without_its_controls(page):
     page.emulate_media(media="screen")
 
 
-def test_a_telephone_in_the_dark_needs_no_scrolling_sideways(page):
+def test_narrow_dark_screen_needs_no_horizontal_scrolling(page):
     light = drawn(page)
     page.emulate_media(color_scheme="dark")
     page.set_viewport_size({"width": 390, "height": 800})
@@ -171,12 +171,12 @@ def test_a_telephone_in_the_dark_needs_no_scrolling_sideways(page):
     page.emulate_media(color_scheme="light")
 
 
-def test_charts_lead_to_frames(page):
+def test_chart_clicks_show_frames(page):
     page.evaluate("document.getElementById('time-error').emit('plotly_click', {points: [{x: 2.0}]})")
     assert frame_of(page) == 50
 
 
-def test_a_person_is_followed(page):
+def test_view_follows_a_person(page):
     page.evaluate("scrub.value = 20; scrub.dispatchEvent(new Event('input'))")
     before = drawn(page)
     page.locator("#canvas").focus()

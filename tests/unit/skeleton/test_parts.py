@@ -5,7 +5,7 @@ import pytest
 
 from posefuse.errors import SkeletonError
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.skeleton.parts import Part, parse_parts
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
@@ -13,7 +13,7 @@ from posefuse.skeleton.tree_tables import parse_tree
 from posefuse.skeleton.trees import HINGE, Tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 WHOLE = shipped_skeleton("coco_wholebody_133")
 assert WHOLE.tree is not None
 BODY: Tree = WHOLE.tree
@@ -133,9 +133,9 @@ def test_parts_come_back_from_a_file_as_they_went():
 
 
 def test_a_part_that_is_not_there_is_named():
-    with pytest.raises(SkeletonError, match=r"No body 'wing'.*hand"):
+    with pytest.raises(SkeletonError, match=r"No shared body 'wing'.*hand"):
         parse_parts({"parts": ["wing"]}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
-    with pytest.raises(SkeletonError, match="tree.parts is a list of names"):
+    with pytest.raises(SkeletonError, match="tree.parts must be a list of names"):
         parse_parts({"parts": "hand"}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
     beside = 'name = "a"\nkeypoints = ["b", "c"]\n[tree]\nparts = ["hand"]\n[tree.segments]\nt = {}\n'
     assert parse_skeleton(beside + '[tree.points]\nb = ["t", 0.1, 0.0, 0.0]\n', "a.toml").parts == ()

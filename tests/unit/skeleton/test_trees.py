@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.skeleton.skeletons import parse_skeleton, shipped_skeleton, shipped_skeletons
 from posefuse.skeleton.tree_tables import parse_tree, shared_body
 from posefuse.skeleton.trees import ADULT_M, CONE, HINGE, TWIST, Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 
 KEYPOINTS = ["nose", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"]
 PARTNER = {"left_hip": "right_hip", "left_knee": "right_knee", "left_ankle": "right_ankle"}
@@ -168,24 +168,27 @@ def test_size_says_what_lengths_in_options_are():
     ("changes", "message"),
     [
         ({"segmants": {}}, "tree has no table 'segmants'. Did you mean 'segments'?"),
-        ({"spread": -0.1}, "tree.spread is a positive number, got -0.1"),
-        ({"size_m": "large"}, "tree.size_m is a positive number, got 'large'"),
-        ({"segments": {}}, "tree has no segments; it needs one or more, and the first is the root"),
-        ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis is {}, it is the root"),
-        ({"segments": {"pelvis": {}, "head": {}}}, 'tree.segments.head is { at = "the point that it turns about" }'),
+        ({"spread": -0.1}, "tree.spread must be a positive number, got -0.1"),
+        ({"size_m": "large"}, "tree.size_m must be a positive number, got 'large'"),
+        ({"segments": {}}, "tree has no segments; at least one is needed, and the first is the root"),
+        ({"segments": {"pelvis": {"at": "neck"}}}, "tree.segments.pelvis must be {}, because it is the root"),
+        (
+            {"segments": {"pelvis": {}, "head": {}}},
+            'tree.segments.head must be { at = "the point about which it rotates" }',
+        ),
         ({"segments": {"pelvis": {}, "left_foot": {"at": "left_ankle"}}}, "'left_foot' but no 'right_foot': name both"),
-        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose is [segment or point, forward, left, up]"),
+        ({"points": {"nose": ["head", 0.1, 0.0]}}, "tree.points.nose must be [segment or point, forward, left, up]"),
         ({"points": {"nose": ["haed", 0.1, 0.0, 0.1]}}, "no segment 'haed'. Did you mean 'head'?"),
-        ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee is [point, length] or"),
-        ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee is"),
-        ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "tree.hinges.left_ankle is [segment, [forward, left, up]]"),
-        ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "no such end. Did you mean 'left_ankle'?"),
-        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends in 'left_hip'"),
-        ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee is [segment, [forward, left, up], degrees]"),
-        ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists names 'hat', which is no such end"),
+        ({"bones": {"left_knee": ["left_hip", -0.4]}}, "tree.bones.left_knee must be [point, length] or"),
+        ({"bones": {"left_knee": ["left_hip", 0.4, [0, 0, 0]]}}, "tree.bones.left_knee must be"),
+        ({"hinges": {"left_ankle": ["pelvis", [0, 1]]}}, "left_ankle must be [segment, [forward, left, up]]"),
+        ({"hinges": {"left_ankel": ["pelvis", [0, 1, 0]]}}, "not such an end. Did you mean 'left_ankle'?"),
+        ({"hinges": {"left_knee": ["pelvis", [0, 1, 0]]}}, "no bone ends at 'left_hip'"),
+        ({"cones": {"left_knee": ["pelvis", [0, 1, 0]]}}, "left_knee must be [segment, [forward, left, up], degrees]"),
+        ({"twists": {"hat": ["pelvis", [0, 1, 0], 9]}}, "tree.twists contains 'hat', which is not such an end"),
         ({"twists": {"head": ["palvis", [0, 1, 0], 9]}}, "no segment 'palvis'. Did you mean 'pelvis'?"),
-        ({"bones": {"nose": ["neck", 0.1]}}, "'nose' stands twice"),
-        ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree hang on what is not there"),
+        ({"bones": {"nose": ["neck", 0.1]}}, "'nose' is defined twice"),
+        ({"bones": {"left_knee": ["left_hop", 0.4]}}, "points left_knee of the tree have unknown parents"),
     ],
 )  # fmt: skip
 def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
@@ -201,9 +204,9 @@ def test_errors_say_what_is_wrong_and_what_there_is(changes, message):
 
 
 def test_a_shared_body_must_exist():
-    with pytest.raises(SkeletonError, match=r"No body 'humna' to take a tree from. Did you mean 'human'"):
+    with pytest.raises(SkeletonError, match=r"No shared body 'humna'. Did you mean 'human'"):
         shared_body("humna")
-    with pytest.raises(SkeletonError, match="tree is a table or the name of a shared body, got 3"):
+    with pytest.raises(SkeletonError, match="tree must be a table or the name of a shared body, got 3"):
         parse_skeleton('name = "thing"\nkeypoints = ["a"]\ntree = 3', "thing.toml")
 
 
@@ -239,7 +242,7 @@ def test_a_tree_of_which_only_the_size_is_known():
     assert tree is not None
     assert (tree.size_m, tree.nodes[0].name, tree.n_pose) == (0.02, "middle", 7)
     assert parse_skeleton(text, "worm.toml").tree is None
-    with pytest.raises(SkeletonError, match="no edges to be its bones"):
+    with pytest.raises(SkeletonError, match="no edges that could be its bones"):
         parse_skeleton('name = "dots"\nkeypoints = ["a", "b"]\n[tree]\nsize_m = 1.0', "dots.toml")
-    with pytest.raises(SkeletonError, match="tree.size_m is a positive number, got 0"):
+    with pytest.raises(SkeletonError, match="tree.size_m must be a positive number, got 0"):
         parse_skeleton(f"{text}[tree]\nsize_m = 0", "worm.toml")

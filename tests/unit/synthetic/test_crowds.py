@@ -378,15 +378,15 @@ class TestSceneOptions:
     @pytest.mark.parametrize(
         ("change", "words"),
         [
-            ({"scenario": "dance"}, "No scenario 'dance'"),
-            ({"people": 0}, "1 to 30 people, got 0"),
+            ({"scenario": "dance"}, "scenario must be one of crowd.* got 'dance'"),
+            ({"people": 0}, "from 1 to 30, got 0"),
             ({"scenario": "hug", "people": 3}, "hug has 2 people, got 3"),
             ({"scenario": "leave", "people": 1}, "2 to 30 people"),
             ({"scenario": "hug", "duration_s": 5.0}, "at least 16 s"),
-            ({"cameras": 1}, "2 to 32 cameras"),
-            ({"rate_hz": 0.0}, "rate_hz must be positive"),
+            ({"cameras": 1}, "from 2 to 32, got 1"),
+            ({"rate_hz": 0.0}, "rate_hz must be a finite number above 0 Hz"),
             ({"statures_m": (1.7,)}, "one for each of 4 people, got 1"),
-            ({"statures_m": (1.7, 1.7, 1.7, 17.0)}, "between 0.5 and 2.5 m"),
+            ({"statures_m": (1.7, 1.7, 1.7, 17.0)}, "from 0.5 to 2.5 m"),
             ({"detector": DetectorOptions(max_offset_s=0.1)}, "one clock"),
         ],
     )

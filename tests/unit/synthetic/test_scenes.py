@@ -97,7 +97,7 @@ class TestMotion:
         np.testing.assert_allclose(person.positions(figure, times[chosen]), positions[chosen], atol=1e-4)
 
     def test_unknown_activities(self):
-        with pytest.raises(OptionsError, match="No activity 'dance'"):
+        with pytest.raises(OptionsError, match="got the element 'dance'"):
             SceneOptions(activities=("dance",))  # type: ignore[arg-type]
 
     def test_creatures_have_constant_bones_too(self, tmp_path):

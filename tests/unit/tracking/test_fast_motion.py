@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions

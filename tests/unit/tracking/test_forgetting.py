@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError
-from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import PartOptions, TrackerOptions
@@ -68,7 +69,7 @@ def test_inside_is_where_two_views_overlap(x_m, inside):
     track, body = somebody(settings, TrackState.LOST)
     body.root[0, 0] = x_m
     sight = Sight.room(1, len(RIG), len(SKELETON))
-    foresee_people(settings.cameras, settings.body, body, *sight.arrays)
+    project_people(settings.cameras, settings.body, body, *sight.arrays)
     note_inside([track], sight, 5.0, settings)
     assert (track.inside_s == 5.0) == inside
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import DetectionsError
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking import history as history_module
 from posefuse.tracking.body_states import chosen, joined, nobody

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import aim, bones_shown
 from posefuse.tracking.body_states import Sight
 from posefuse.tracking.state_initiation import begin
@@ -51,5 +52,5 @@ def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
         each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
     state = begin(seen, settings)[0]
     sight = Sight.room(1, 0, len(SKELETON))
-    foresee_people(settings.cameras[:0], settings.body, state, *sight.arrays)
+    project_people(settings.cameras[:0], settings.body, state, *sight.arrays)
     np.testing.assert_allclose(sight.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import foresee_people
+from posefuse.kernels.tracking.projection import project_people
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
@@ -32,7 +32,7 @@ def standing(tracker: ArticulatedTracker) -> Sight:
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
     body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     sight = Sight.room(1, len(RIG), len(SKELETON))
-    foresee_people(tracker.settings.cameras, tracker.settings.body, body, *sight.arrays)
+    project_people(tracker.settings.cameras, tracker.settings.body, body, *sight.arrays)
     return sight
 
 

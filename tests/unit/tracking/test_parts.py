@@ -9,7 +9,7 @@ import pytest
 
 from posefuse.arrays import frozen
 from posefuse.biomechanics.tables import angles_of
-from posefuse.kernels.tracking.anchors import tell_anchors
+from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
@@ -176,7 +176,7 @@ def test_anchors_are_told_as_kalman_says(rng):
     place, noise = state.root + 0.1, np.diag([0.01, 0.02, 0.03])
     packed = noise[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]][None]
     nothing = np.full((1, 3, 3), np.nan)
-    tell_anchors(place, packed, nothing, np.zeros((1, 6)), np.empty((6, size)), np.empty(size), state)
+    update_from_anchors(place, packed, nothing, np.zeros((1, 6)), np.empty((6, size)), np.empty(size), state)
     seen = np.eye(size)[:3]
     gain = before.covariance[0] @ seen.T @ np.linalg.inv(seen @ before.covariance[0] @ seen.T + noise)
     expected = (np.eye(size) - gain @ seen) @ before.covariance[0]
@@ -195,7 +195,7 @@ def test_a_turn_that_is_surely_known_is_taken(rng):
     size = state.covariance.shape[1]
     turn = state.turns[0, 0] @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     sure = np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]]) * 1e-12
-    tell_anchors(np.full((1, 3), np.nan), sure, turn[None], sure, np.empty((6, size)), np.empty(size), state)
+    update_from_anchors(np.full((1, 3), np.nan), sure, turn[None], sure, np.empty((6, size)), np.empty(size), state)
     np.testing.assert_allclose(state.turns[0, 0], turn, atol=1e-6)
 
 

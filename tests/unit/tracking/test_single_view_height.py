@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import State, foresee_people
-from posefuse.kernels.tracking.postures import find_lowest
+from posefuse.kernels.tracking.posture_statistics import lowest_point
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.cameras import UpAxis, up_vector
@@ -47,7 +48,7 @@ def somebody(settings: Settings, seed: int) -> State:
 
 def sight_of(state: State, settings: Settings) -> Sight:
     sight = Sight.room(len(state.root), 0, len(settings.skeleton))
-    foresee_people(settings.cameras[:0], settings.body, state, *sight.arrays)
+    project_people(settings.cameras[:0], settings.body, state, *sight.arrays)
     return sight
 
 
@@ -94,7 +95,7 @@ def test_nothing_is_learnt_nor_told_where_nobody_knows_which_way_is_up(settings:
 
 def test_the_lowest_point_goes_with_the_pose_as_differences_say(settings: Settings):
     state, up, row = somebody(settings, 3), np.array([0.0, 0.0, 1.0]), np.empty(settings.tree.n_pose)
-    assert find_lowest(settings.body, state, up, row) == pytest.approx(lowest_m(state, settings))
+    assert lowest_point(settings.body, state, up, row) == pytest.approx(lowest_m(state, settings))
     for c in range(settings.tree.n_pose):
         change = np.zeros((1, state.covariance.shape[1]))
         change[0, c] = 1e-6

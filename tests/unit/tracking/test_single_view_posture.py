@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.options.options import Options

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import add_information, apply_changes, compare_states
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import OptionsError
-from posefuse.kernels.tracking.articulated import State, predict_people
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.kernels.tracking.articulated import State, foresee_people
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
@@ -36,7 +37,7 @@ def standing(
     body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
     sight = Sight.room(1, len(RIG), len(SKELETON))
-    foresee_people(settings.cameras, settings.body, body, *sight.arrays)
+    project_people(settings.cameras, settings.body, body, *sight.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Evidence(

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.errors import SkeletonError
-from posefuse.kernels.tracking import bodies
+from posefuse.kernels.tracking import body_kinematics
 from posefuse.kinematics.initial_pose import pose_from_points
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import Options
@@ -23,7 +23,7 @@ from posefuse.synthetic.rigs import build_rig
 from posefuse.tracking.unknown_bodies import measured_tree
 from tests.kernels import from_python
 
-locate = from_python(bodies.locate)
+locate = from_python(body_kinematics.locate_nodes)
 
 MOUSE = """
 name = "mouse"

@@ -8,8 +8,8 @@ from posefuse.association.one_subject import SingleSubject
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.trajectory import TrajectoryOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.observed import Measured

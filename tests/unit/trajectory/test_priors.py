@@ -53,7 +53,7 @@ def test_rigid_bones_vary_no_more_than_reason_has_it():
     truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
     given = measured(truth)
     soft = learn([given], ARM, TrajectoryOptions())
-    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(rigid_bone_share=0.02))
+    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02))
     assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
     assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
     assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]
@@ -149,15 +149,15 @@ def test_nothing_to_learn_from_is_an_error():
     [
         ("prior", "snap"),
         ("density", 0.0),
-        ("burst_s", -1.0),
-        ("calm", 0.0),
-        ("least_bone_share", -0.1),
-        ("rigid_bone_share", 0.001),
+        ("density_window_s", -1.0),
+        ("density_prior_s", 0.0),
+        ("min_bone_variation", -0.1),
+        ("max_rigid_bone_variation", 0.001),
         ("correlation_s", -1.0),
         ("max_gap_s", np.inf),
         ("max_sd_share", 0.0),
-        ("full_sigma", 6.0),
-        ("rounds", 0),
+        ("full_weight_sigma", 6.0),
+        ("iterations", 0),
     ],
 )
 def test_options_that_make_no_sense_are_named(name, value):

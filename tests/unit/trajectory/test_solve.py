@@ -29,7 +29,7 @@ from tests.unit.trajectory.problems import (
 )
 
 FRAMES = 240
-PLAIN = TrajectoryOptions(burst_s=0.0, full_sigma=50.0, none_sigma=100.0, max_sd_share=10.0)
+PLAIN = TrajectoryOptions(density_window_s=0.0, full_weight_sigma=50.0, zero_weight_sigma=100.0, max_sd_share=10.0)
 
 
 def laws_of(density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3) -> Laws:
@@ -264,7 +264,7 @@ def test_motion_that_no_path_has_counts_in_covariances():
     rng = np.random.default_rng(5)
     smooth = swinging(600)
     truth = smooth + 0.004 * rng.standard_normal(smooth.shape)
-    layer = solved(measured(truth), options=TrajectoryOptions(bones=False, burst_s=0.0, density=50.0))
+    layer = solved(measured(truth), options=TrajectoryOptions(bones=False, density_window_s=0.0, density=50.0))
     offset = np.asarray(layer.points_m)[:, 0] - truth
     squared = np.einsum(
         "fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(np.asarray(layer.covariance_m2))[:, 0]), offset

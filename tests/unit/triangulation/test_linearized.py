@@ -1,4 +1,4 @@
-"""Points made linear, and the mixture of right and wrong observations on them."""
+"""Linearized points, and the mixture of inliers and outliers estimated from them."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SIGMA_PX = 2.0
 
 
 def observed(rng, lens="pinhole", views=5, n=300):
-    """Points and what views see of them, with noise."""
+    """Return noisy observations and the true points."""
     rig = ring(views, lens)
     truth = body_points(rng, n, 1)[:, 0]
     pixels = np.moveaxis(rig.project(truth), 0, 1)
@@ -23,7 +23,7 @@ def observed(rng, lens="pinhole", views=5, n=300):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_jacobians_are_the_differences(lens, rng):
+def test_jacobians_match_finite_differences(lens, rng):
     observations, truth = observed(rng, lens, n=20)
     linear = LinearPoints.at(observations, truth)
     step = 1e-5
@@ -33,33 +33,33 @@ def test_jacobians_are_the_differences(lens, rng):
         np.testing.assert_allclose(linear.jacobians[..., i], change / (2 * step), rtol=1e-5, atol=1e-3)
 
 
-def test_missing_observations_say_nothing(rng):
+def test_missing_observations_are_ignored(rng):
     observations, truth = observed(rng, n=5)
     observations.pixels[2, 1] = np.nan
     fit = LinearPoints.at(observations, truth).fit(np.full((5, 5), SIGMA_PX))
     assert not fit.used[2, 1]
-    assert fit.freedom[2] == 5.0
-    assert fit.freedom[0] == 7.0
+    assert fit.degrees_of_freedom[2] == 5.0
+    assert fit.degrees_of_freedom[0] == 7.0
 
 
-def test_fits_are_those_of_the_kernel(rng):
-    """Linear about the truth or about the solution: the same residuals, as the solver finds them."""
+def test_fits_match_the_solver(rng):
+    """Linearized about the truth or about the solution, residuals are those of the solver."""
     observations, truth = observed(rng)
-    kept = rng.random((300, 5)) < 0.8
-    kept[:, :2] = True
-    solved = observations.solve(kept)
-    fit = LinearPoints.at(observations, truth).fit(np.where(kept, SIGMA_PX, np.inf))
-    there = LinearPoints.at(observations, solved.points_m).residuals_px / SIGMA_PX
-    np.testing.assert_allclose(fit.residuals[kept], there[kept], atol=0.02)
+    used = rng.random((300, 5)) < 0.8
+    used[:, :2] = True
+    solved = observations.solve(used)
+    fit = LinearPoints.at(observations, truth).fit(np.where(used, SIGMA_PX, np.inf))
+    expected = LinearPoints.at(observations, solved.points_m).residuals_px / SIGMA_PX
+    np.testing.assert_allclose(fit.residuals[used], expected[used], atol=0.02)
     np.testing.assert_allclose(np.trace(fit.shares, axis1=-2, axis2=-1).sum(axis=1), 3.0, rtol=1e-6)
 
 
-def test_leaving_out_is_fitting_without(rng):
+def test_leave_one_out_equals_a_fit_without_the_view(rng):
     observations, truth = observed(rng, n=50)
     linear = LinearPoints.at(observations, truth)
     sigma = np.full((50, 5), SIGMA_PX)
     fit = linear.fit(sigma)
-    left_out, inverse = fit.left_out()
+    left_out, inverse = fit.leave_one_out()
     gain = np.einsum("nva,nvab,nvb->nv", left_out, inverse, left_out)
     sigma[:, 3] = np.inf
     without = linear.fit(sigma)
@@ -67,8 +67,8 @@ def test_leaving_out_is_fitting_without(rng):
 
 
 @pytest.mark.parametrize("size_px", [0.0, 8.0, 10.0, 20.0, 100.0])
-def test_noise_of_right_observations_is_found_beside_wrong_ones(size_px, rng):
-    """One observation of five is off by so much at every point, none of them being rejected."""
+def test_noise_of_inliers_is_estimated_despite_outliers(size_px, rng):
+    """One observation of five is off by ``size_px`` at every point."""
     observations, truth = observed(rng, n=1500)
     view, angle = rng.integers(0, 5, 1500), rng.uniform(0, 2 * np.pi, 1500)
     observations.pixels[np.arange(1500), view] += size_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -81,15 +81,15 @@ def test_noise_of_right_observations_is_found_beside_wrong_ones(size_px, rng):
         assert found.all_inliers.mean() > 0.95
 
 
-def test_scale_follows_the_units(rng):
+def test_scale_is_relative_to_sigma(rng):
     observations, truth = observed(rng)
     linear = LinearPoints.at(observations, truth)
     one, other = (fit_mixture(linear.fit(np.full((300, 5), sigma))).scale for sigma in (1.0, 4.0))
     assert one == pytest.approx(4.0 * other, rel=0.01)
 
 
-def test_pairs_are_followed_within_their_piece():
-    """By the next frame where that tells, too, by themselves where it does not, or is of another piece."""
+def test_pairs_stay_within_their_piece():
+    """A pair joins a point with the next frame if that is informative and in the same piece."""
     telling = np.ones((6, 1, 2), dtype=bool)
     telling[1, 0, 0] = False
     pairs = choose_pairs(telling, (0, 4), 100).reshape(-1, 2).tolist()
@@ -99,7 +99,7 @@ def test_pairs_are_followed_within_their_piece():
     assert choose_pairs(np.zeros((3, 1, 2), dtype=bool), (0, 1), 5).tolist() == []
 
 
-def test_points_without_views_have_no_residuals(rng):
+def test_points_without_views_have_zero_residuals(rng):
     observations, truth = observed(rng, n=4)
     sigma = np.full((4, 5), SIGMA_PX)
     sigma[1] = np.inf

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from posefuse.io.calibration.building import Found, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
@@ -29,3 +30,13 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         for i, c in enumerate(dict_list(data, "cameras"), 1)
     ]
     return build_rig(path, found, unit, "m")
+
+
+FORMAT = CalibrationFormat(
+    name="acinoset",
+    files="*.json with camera_resolution",
+    conventions="meters; fisheye; world to camera; up axis unknown: --up",
+    recognized_by="JSON with camera_resolution",
+    matches=matches,
+    read=read,
+)

@@ -12,6 +12,7 @@ from typing import Any
 import tomli_w
 
 from posefuse.errors import FileError, choices, suggestion
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import (
     METRES,
     camera_from_table,
@@ -24,9 +25,6 @@ from posefuse.io.calibration.tables import (
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis
 from posefuse.model.options.options import LengthUnit
-
-ENDINGS = (".toml",)
-"""What the names of files written here end in."""
 
 
 def matches(path: Path) -> bool:
@@ -89,3 +87,15 @@ def write(rig: CameraRig, path: Path) -> None:
     data["metadata"] |= told(rig)
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")
+
+
+FORMAT = CalibrationFormat(
+    name="anipose",
+    files="*.toml, tables cam_0, cam_1, ... (also FreeMoCap)",
+    conventions=("the board's unit, often mm: --length-unit; up axis unknown: --up; world to camera; Rodrigues vector"),
+    recognized_by="TOML with tables cam_0, cam_1, ... of name, matrix, rotation",
+    matches=matches,
+    read=read,
+    write=write,
+    endings=(".toml",),
+)

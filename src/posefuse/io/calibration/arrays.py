@@ -11,6 +11,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import read_npz
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -53,3 +54,13 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         size = arrays["size"][v].tolist() if "size" in arrays else None
         found.append(Found(names[v], arrays["K"][v], arrays["R"][v], place[v], lens, size))
     return build_rig(path, found, unit, None)
+
+
+FORMAT = CalibrationFormat(
+    name="arrays",
+    files="*.npz with K, R, t (or tvec), dist (also DeepFly3D)",
+    conventions="world to camera; --length-unit; up axis unknown: --up",
+    recognized_by="arrays K, R, t in an .npz",
+    matches=matches,
+    read=read,
+)

@@ -6,6 +6,7 @@ Metres, world to camera; images are taken as undistorted where no ``distCoeff`` 
 from pathlib import Path
 
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, json_matches, read_json
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -37,3 +38,13 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
             Found(name, camera.get("K"), rows[:, :3], rows[:, 3:], camera.get("distCoeff", ()), camera.get("imgSize"))
         )
     return build_rig(path, found, unit, "m")
+
+
+FORMAT = CalibrationFormat(
+    name="association4d",
+    files="calibration.json of 4D Association",
+    conventions="meters; world to camera; up axis unknown: --up",
+    recognized_by="JSON of cameras with K, RT, imgSize",
+    matches=matches,
+    read=read,
+)

@@ -9,6 +9,7 @@ from typing import Any
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key, read_toml
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -60,3 +61,13 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         for number, table in used.items()
     ]  # fmt: skip
     return build_rig(path, found, unit, "m", notes=notes)
+
+
+FORMAT = CalibrationFormat(
+    name="caliscope",
+    files="config.toml, camera_array.toml",
+    conventions="meters; world to camera; Rodrigues vector or matrix; up axis unknown: --up",
+    recognized_by="tables of cameras with port or cam_id, in one TOML file",
+    matches=matches,
+    read=read,
+)

@@ -10,6 +10,7 @@ from typing import Any
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.storage import YAML_SUFFIXES, read_storage
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
@@ -61,3 +62,13 @@ def _camera(path: Path, name: str, entries: dict[str, Any]) -> Found:
     sides = [entries[key] for key in (f"W_{name}", f"H_{name}") if key in entries]
     size = sides if len(sides) == 2 else None
     return Found(name, entries[f"K_{name}"], rotation, entries[f"T_{name}"], distortion, size)
+
+
+FORMAT = CalibrationFormat(
+    name="easymocap",
+    files="intri.yml and extri.yml, or their folder",
+    conventions="meters; world to camera; up axis unknown: --up",
+    recognized_by="intri.yml beside extri.yml",
+    matches=matches,
+    read=read,
+)

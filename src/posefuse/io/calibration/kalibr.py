@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, as_numbers, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.storage import read_yaml, yaml_matches
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
@@ -86,3 +87,13 @@ def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> F
     distortion = () if lens == "none" else table.get("distortion_coeffs", ())
     fisheye = lens == "equidistant"
     return Found(name, matrix, pose[:3, :3], pose[:3, 3], distortion, table.get("resolution"), fisheye=fisheye)
+
+
+FORMAT = CalibrationFormat(
+    name="kalibr",
+    files="camchain*.yaml",
+    conventions="meters; relative to the first camera or the IMU; up axis unknown: --up",
+    recognized_by="YAML of cam0, cam1, ... with camera_model",
+    matches=matches,
+    read=read,
+)

@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.matlab import read_mat, variable_names
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -52,3 +53,13 @@ def _camera(path: Path, name: str, entry: Any) -> Found:
     k1, k2, k3 = np.concatenate([radial, np.zeros(3)])[:3]
     p1, p2 = np.concatenate([tangential, np.zeros(2)])[:2]
     return Found(name, matrix, rotation, translation, (k1, k2, p1, p2, k3))
+
+
+FORMAT = CalibrationFormat(
+    name="label3d",
+    files="*.mat with params (also DANNCE)",
+    conventions="mm; K and R transposed; up axis unknown: --up",
+    recognized_by="MATLAB variable params",
+    matches=matches,
+    read=read,
+)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -61,3 +62,13 @@ def _camera(file: Path) -> Found:
         )
     pose = values[11:27].reshape(4, 4)
     return Found(file.name.partition(".")[0], values[2:11], pose[:3, :3], pose[:3, 3], values[27:], tuple(values[:2]))
+
+
+FORMAT = CalibrationFormat(
+    name="mc_dev",
+    files="*.calib, one per camera, or their folder",
+    conventions="mm; world to camera; 32 numbers; up axis unknown: --up",
+    recognized_by="*.calib of 32 numbers",
+    matches=matches,
+    read=read,
+)

@@ -10,6 +10,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
@@ -57,3 +58,15 @@ def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> Found:
     skew = as_numbers(lens.get("skew_value", 0.0), f"{where}: skew_value").sum()
     matrix = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return Found(name, matrix, rotation, -rotation @ first_from_camera[:3, 3], (), size.tolist())
+
+
+FORMAT = CalibrationFormat(
+    name="mvor",
+    files="camma_mvor_2018.json",
+    conventions=(
+        "mm; camera to first camera; rectified images, the stored distortion is not used; up axis unknown: --up"
+    ),
+    recognized_by="JSON with cameras_info.camParams",
+    matches=matches,
+    read=read,
+)

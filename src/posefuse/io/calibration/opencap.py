@@ -15,8 +15,9 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
-from posefuse.io.pickles import must_be_small
+from posefuse.io.pickles import check_memo
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
@@ -121,9 +122,19 @@ def _load(file: Path) -> dict[str, Any]:
     try:
         if file.stat().st_size > LARGEST_BYTES:
             raise ValueError("it is too large for one")
-        data = _Numbers(io.BytesIO(must_be_small(file.read_bytes()))).load()
+        data = _Numbers(io.BytesIO(check_memo(file.read_bytes()))).load()
     except Exception as error:  # a broken pickle raises whatever its bytes lead to
         raise FileError(f"{file} is not read as a camera's pickle: {str(error)[:120]}.") from None
     if not isinstance(data, dict):
         raise FileError(f"{file}: expected a dict of a camera's numbers, got {type(data).__name__}.")
     return {key: value.numbers if isinstance(value, _Array) else value for key, value in data.items()}
+
+
+FORMAT = CalibrationFormat(
+    name="opencap",
+    files="*/cameraIntrinsicsExtrinsics.pickle, or their folder",
+    conventions="mm; world to camera; up axis unknown: --up; pickled code is never executed",
+    recognized_by="cameraIntrinsicsExtrinsics.pickle in one folder per camera",
+    matches=matches,
+    read=read,
+)

@@ -19,6 +19,7 @@ import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
 from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.storage import YAML_SUFFIXES, read_storage
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
@@ -188,3 +189,13 @@ def _size(lower: dict[str, Any]) -> tuple[float, float] | None:
 def _name(file: Path) -> str:
     stem = _ENDING.sub("", _PREFIX.sub("", file.stem))
     return stem or file.stem
+
+
+FORMAT = CalibrationFormat(
+    name="opencv",
+    files="*.yml, *.yaml, *.xml, one or two per camera, or their folder (also JARVIS)",
+    conventions="the board's unit: --length-unit; world to camera; up axis unknown: --up",
+    recognized_by="OpenCV FileStorage matrices, one or two files per camera",
+    matches=matches,
+    read=read,
+)

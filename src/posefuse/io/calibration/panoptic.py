@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from posefuse.io.calibration.building import Found, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
@@ -25,3 +26,13 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         for i, c in enumerate(dict_list(read_json(path), "cameras"))
     ]
     return build_rig(path, found, unit, "cm", "-y")
+
+
+FORMAT = CalibrationFormat(
+    name="panoptic",
+    files="calibration_*.json",
+    conventions="cm, -y up; world to camera",
+    recognized_by="JSON of cameras with K, R, t, distCoef",
+    matches=matches,
+    read=read,
+)

@@ -10,6 +10,7 @@ from typing import Any
 
 from posefuse.errors import FileError, choices
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, build_rig
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.parquet_files import check_parquet
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -91,3 +92,13 @@ def _flat(values: Any) -> Any:
     if not isinstance(values, list):
         return values
     return [number for value in values for number in (_flat(value) if isinstance(value, list) else [value])]
+
+
+FORMAT = CalibrationFormat(
+    name="parameter_table",
+    files="camera_params.parquet",
+    conventions="meters; R T or rvec, world to camera; up axis unknown: --up",
+    recognized_by="parquet columns R, T or rvec",
+    matches=matches,
+    read=read,
+)

@@ -11,13 +11,11 @@ from typing import Any
 import tomli_w
 
 from posefuse.errors import FileError
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, table_from_camera, texts, told
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options.options import LengthUnit
-
-ENDINGS = (".toml",)
-"""What the names of files written here end in."""
 
 
 def matches(path: Path) -> bool:
@@ -73,3 +71,15 @@ def _four(camera: Camera) -> list[float]:
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN) or any(coefficients[4:]):
         raise FileError(f"pose2sim's format holds k1 k2 p1 p2, and the lens of camera {camera.name!r} has others")
     return coefficients[:4]
+
+
+FORMAT = CalibrationFormat(
+    name="pose2sim",
+    files="*.toml, one table per camera",
+    conventions="meters, z up; world to camera; Rodrigues vector; distortion as written",
+    recognized_by="TOML with one table per camera, named after it",
+    matches=matches,
+    read=read,
+    write=write,
+    file_endings=(".toml",),
+)

@@ -11,6 +11,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -91,3 +92,13 @@ def take_apart(projection: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarr
     matrix = upper / upper[2, 2]
     matrix[np.tril_indices(3, -1)] = 0.0
     return matrix, rotation, translation
+
+
+FORMAT = CalibrationFormat(
+    name="projections",
+    files="*.npy (camera, 3, 4), or P_*.txt",
+    conventions="P = K [R | t]; no lens distortion; --length-unit; up axis unknown: --up",
+    recognized_by="matrices of 3 x 4 numbers",
+    matches=matches,
+    read=read,
+)

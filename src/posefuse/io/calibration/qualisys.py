@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import BEYOND_REASON, METRES
 from posefuse.io.files import parse_xml, read_text, replacing
 from posefuse.model.cameras import Camera, CameraRig, LensModel
@@ -31,9 +32,6 @@ _CAMERA_AXES = np.diag([1.0, -1.0, -1.0])
 _NOT_IN_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 _SAID = ("note", "left_out")
-
-ENDINGS = (".qca.txt", ".qca.xml")
-"""What the names of files written here end in."""
 
 
 def matches(path: Path) -> bool:
@@ -183,3 +181,15 @@ def _add_camera(cameras: ElementTree.Element, camera: Camera) -> None:
 
 def _attributes(values: dict[str, str | float]) -> dict[str, str]:
     return {key: value if isinstance(value, str) else repr(float(value)) for key, value in values.items()}
+
+
+FORMAT = CalibrationFormat(
+    name="qualisys",
+    files="*.qca.txt",
+    conventions="mm, z up; intrinsics in 1/64 px; camera to world",
+    recognized_by="XML of cameras with fov_video and transform",
+    matches=matches,
+    read=read,
+    write=write,
+    endings=(".qca.txt", ".qca.xml"),
+)

@@ -4,18 +4,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.files import must_exist
-from posefuse.io.formats import Format
 from posefuse.model.cameras import CameraRig, UpAxis
 from posefuse.model.options.options import LengthUnit
 
 
-def find_format(path: Path) -> Format | None:
+def find_format(path: Path) -> CalibrationFormat | None:
     """The format a calibration file (or folder of a file a camera) is in, or None where it is none."""
     for form in CALIBRATIONS:
         try:
-            if form.load().matches(path):
+            if form.matches(path):
                 return form
         except FileError:
             continue
@@ -46,8 +46,8 @@ def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up:
     if form is None:
         # A file that claims to be TOML or XML but is not deserves that message, not "unknown format".
         for candidate in CALIBRATIONS:
-            candidate.load().matches(path)
+            candidate.matches(path)
         known = choices(f"{form.name} ({form.files})" for form in CALIBRATIONS)
         raise FileError(f"{path} is no calibration in a known format. Known: {known}.")
-    rig = form.load().read(path, length_unit)
+    rig = form.read(path, length_unit)
     return rig if up is None else replace(rig, up_axis=up)

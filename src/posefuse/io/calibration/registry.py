@@ -1,158 +1,33 @@
-"""The formats of calibrations: adding one is a file and a line here."""
+"""The calibration formats, in the order in which their readers are tried.
 
-from posefuse.io.formats import Format
+To add a format, add a module that defines ``FORMAT`` and its name here. Readers that accept less come first.
+"""
 
-CALIBRATIONS = (
-    Format(
+from posefuse.io.calibration.format import CalibrationFormat
+from posefuse.io.formats import FormatRegistry
+
+CALIBRATIONS = FormatRegistry(
+    CalibrationFormat,
+    "posefuse.io.calibration",
+    (
         "caliscope",
-        "posefuse.io.calibration.caliscope",
-        reads=True,
-        writes=False,
-        files="config.toml, camera_array.toml",
-        conventions="metres, world to camera; Rodrigues vector or matrix; up unknown: --up",
-    ),
-    Format(
         "pose2sim",
-        "posefuse.io.calibration.pose2sim",
-        reads=True,
-        writes=True,
-        files="*.toml, a table a camera",
-        conventions="metres, z up, world to camera, Rodrigues vector; distortion as written",
-    ),
-    Format(
         "anipose",
-        "posefuse.io.calibration.anipose",
-        reads=True,
-        writes=True,
-        files="*.toml, tables cam_0, cam_1, ... (also FreeMoCap)",
-        conventions="the board's unit, often mm: --length-unit; up unknown: --up; world to camera, Rodrigues vector",
-    ),
-    Format(
         "qualisys",
-        "posefuse.io.calibration.qualisys",
-        reads=True,
-        writes=True,
-        files="*.qca.txt",
-        conventions="mm, z up; intrinsics in 1/64 px; camera to world",
-    ),
-    Format(
         "vicon",
-        "posefuse.io.calibration.vicon",
-        reads=True,
-        writes=False,
-        files="*.xcp",
-        conventions="mm, z up; quaternion world to camera; k1 k2 k3; video cameras only",
-    ),
-    Format(
         "easymocap",
-        "posefuse.io.calibration.easymocap",
-        reads=True,
-        writes=False,
-        files="intri.yml and extri.yml, or their folder",
-        conventions="metres, world to camera; up unknown: --up",
-    ),
-    Format(
         "opencap",
-        "posefuse.io.calibration.opencap",
-        reads=True,
-        writes=False,
-        files="*/cameraIntrinsicsExtrinsics.pickle, or their folder",
-        conventions="mm, world to camera; up unknown: --up; nothing in it is run",
-    ),
-    Format(
         "mc_dev",
-        "posefuse.io.calibration.mc_dev",
-        reads=True,
-        writes=False,
-        files="*.calib, one a camera, or their folder",
-        conventions="mm, world to camera; 32 numbers; up unknown: --up",
-    ),
-    Format(
         "panoptic",
-        "posefuse.io.calibration.panoptic",
-        reads=True,
-        writes=False,
-        files="calibration_*.json",
-        conventions="cm, -y up, world to camera",
-    ),
-    Format(
         "acinoset",
-        "posefuse.io.calibration.acinoset",
-        reads=True,
-        writes=False,
-        files="*.json with camera_resolution",
-        conventions="metres, fisheye, world to camera; up unknown: --up",
-    ),
-    Format(
         "scene",
-        "posefuse.io.calibration.scene",
-        reads=True,
-        writes=False,
-        files="scene.json",
-        conventions="metres; extrinsic_format says which way; up unknown: --up",
-    ),
-    Format(
         "association4d",
-        "posefuse.io.calibration.association4d",
-        reads=True,
-        writes=False,
-        files="calibration.json of 4D Association",
-        conventions="metres, world to camera; up unknown: --up",
-    ),
-    Format(
         "kalibr",
-        "posefuse.io.calibration.kalibr",
-        reads=True,
-        writes=False,
-        files="camchain*.yaml",
-        conventions="metres, from the first camera or the IMU; up unknown: --up",
-    ),
-    Format(
         "label3d",
-        "posefuse.io.calibration.label3d",
-        reads=True,
-        writes=False,
-        files="*.mat with params (also DANNCE)",
-        conventions="mm, K and R transposed; up unknown: --up",
-    ),
-    Format(
         "parameter_table",
-        "posefuse.io.calibration.parameter_table",
-        reads=True,
-        writes=False,
-        files="camera_params.parquet",
-        conventions="metres, R T or rvec world to camera; up unknown: --up",
-    ),
-    Format(
         "mvor",
-        "posefuse.io.calibration.mvor",
-        reads=True,
-        writes=False,
-        files="camma_mvor_2018.json",
-        conventions="mm, camera to first camera; rectified images, stored distortion not used; up unknown: --up",
-    ),
-    Format(
         "arrays",
-        "posefuse.io.calibration.arrays",
-        reads=True,
-        writes=False,
-        files="*.npz with K, R, t (or tvec), dist (also DeepFly3D)",
-        conventions="world to camera; --length-unit; up unknown: --up",
-    ),
-    Format(
         "opencv",
-        "posefuse.io.calibration.opencv",
-        reads=True,
-        writes=False,
-        files="*.yml, *.yaml, *.xml, one or two a camera, or their folder (also JARVIS)",
-        conventions="the board's unit: --length-unit; world to camera; up unknown: --up",
-    ),
-    Format(
         "projections",
-        "posefuse.io.calibration.projections",
-        reads=True,
-        writes=False,
-        files="*.npy (camera, 3, 4), or P_*.txt",
-        conventions="P = K [R | t]; no lens distortion; --length-unit; up unknown: --up",
     ),
 )

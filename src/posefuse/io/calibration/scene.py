@@ -14,6 +14,7 @@ import numpy as np
 
 from posefuse.errors import FileError, suggestion
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig, rotation_from_vector
 from posefuse.model.options.options import LengthUnit
 
@@ -60,3 +61,13 @@ def _camera(path: Path, place: int, camera: dict[str, Any], usual: Any) -> Found
         size,
         fisheye=camera.get("type") == "fisheye",
     )
+
+
+FORMAT = CalibrationFormat(
+    name="scene",
+    files="scene.json",
+    conventions="meters; extrinsic_format states the direction; up axis unknown: --up",
+    recognized_by="JSON of a scene with extrinsics",
+    matches=matches,
+    read=read,
+)

@@ -13,6 +13,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import parse_xml
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -80,3 +81,13 @@ def _rotation(path: Path, name: str, quaternion: np.ndarray) -> np.ndarray:
     if not np.linalg.norm(quaternion) > 0.0:
         raise FileError(f"{path}, camera {name!r}: ORIENTATION is no rotation: {quaternion.tolist()}.")
     return Rotation.from_quat(quaternion).as_matrix()
+
+
+FORMAT = CalibrationFormat(
+    name="vicon",
+    files="*.xcp",
+    conventions="mm, z up; quaternion world to camera; k1 k2 k3; video cameras only",
+    recognized_by="XML of cameras with key frames",
+    matches=matches,
+    read=read,
+)

@@ -3,24 +3,26 @@
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
+from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.read import find_format
 from posefuse.io.calibration.registry import CALIBRATIONS
-from posefuse.io.formats import Format, by_name
 from posefuse.model.cameras import CameraRig
 
 _USUAL = "anipose"
 
 
-def write_as(form: Format, rig: CameraRig, path: Path) -> None:
+def write_as(form: CalibrationFormat, rig: CameraRig, path: Path) -> None:
     """Write a rig in a format.
 
     Raises:
         FileError: if the file would not be known by its name, or the format cannot hold the rig.
     """
-    endings = form.load().ENDINGS
+    if form.write is None:
+        raise FileError(f"Calibrations are not written in {form.name}'s format.")
+    endings = form.file_endings
     if not path.name.endswith(endings):
         raise FileError(f"{path}: names of {form.name}'s files end in {choices(endings)}; name it so.")
-    form.load().write(rig, path)
+    form.write(rig, path)
 
 
 def must_be_named(path: Path, original: Path) -> None:
@@ -29,14 +31,14 @@ def must_be_named(path: Path, original: Path) -> None:
     Raises:
         FileError: if it ends neither as Anipose's files do, nor as those of the original's format, if that is written.
     """
-    endings = [ending for form in _formats(original) for ending in form.load().ENDINGS]
+    endings = [ending for form in _formats(original) for ending in form.file_endings]
     if not path.name.endswith(tuple(endings)):
         raise FileError(f"{path}: end the name of the calibration to write in {choices(dict.fromkeys(endings))}.")
 
 
-def _formats(original: Path) -> list[Format]:
+def _formats(original: Path) -> list[CalibrationFormat]:
     """The original's format, if it is written, and Anipose's."""
-    form, usual = find_format(original), by_name(CALIBRATIONS, _USUAL)
+    form, usual = find_format(original), CALIBRATIONS.find(_USUAL)
     assert usual is not None
     return [usual] if form is None or not form.writes or form.name == _USUAL else [form, usual]
 

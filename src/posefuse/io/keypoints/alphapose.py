@@ -10,6 +10,7 @@ import msgspec
 
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -66,3 +67,14 @@ def _read_view(file: Path, name: str) -> ViewColumns:
 def _track(person: _Person) -> int:
     given = person.idx[0] if isinstance(person.idx, list) and person.idx else person.idx
     return int(given) if isinstance(given, (int, float)) and 0 <= given < 2**40 else -1
+
+
+FORMAT = KeypointFormat(
+    name="alphapose",
+    files="one alphapose-results.json per camera",
+    conventions="px; x y score; frames without people are absent; no frame rate: --rate-hz",
+    recognized_by="JSON list with keypoints, and a file name as image_id",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

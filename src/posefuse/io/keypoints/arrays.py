@@ -13,6 +13,7 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, FileError, choices
 from posefuse.io.files import read_npy, read_npz
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -128,3 +129,16 @@ def _load(path: Path) -> dict[str, Any]:
     if path.suffix == ".npy":
         return {"keypoints": read_npy(path)}
     return read_npz(path, read_npz(path, ()))
+
+
+FORMAT = KeypointFormat(
+    name="arrays",
+    files="*.npy, *.npz",
+    conventions=(
+        "px; [camera, frame, keypoint, 2 or 3]: --third-channel; no camera names: --camera-order;"
+        " no frame rate: --rate-hz"
+    ),
+    recognized_by="NumPy array with axes camera, frame, keypoint",
+    matches=matches,
+    read=read,
+)

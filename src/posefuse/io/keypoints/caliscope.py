@@ -16,6 +16,7 @@ import numpy as np
 from posefuse.errors import FileError, choices
 from posefuse.io.files import reading
 from posefuse.io.keypoints.columns import ViewColumns, assemble, counted_from_start
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import find_skeleton
@@ -89,7 +90,7 @@ def _read_table(file: Path) -> np.ndarray:
             if values is None:
                 raise FileError(
                     f"{file}, line {number}: expected {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), whole ones for "
-                    f"{', '.join((*_COLUMNS, _OBJECT)[i] for i in _WHOLE)}, got {','.join(row)!r}. Was it cut short?"
+                    f"{', '.join((*_COLUMNS, _OBJECT)[i] for i in _WHOLE)}, got {','.join(row)!r}. Is the file truncated?"
                 )
             table.append(values)
     if not table:
@@ -133,3 +134,16 @@ def _rate_hz(table: np.ndarray) -> float | None:
     steps, times = np.diff(first[place, 0]), np.diff(first[place, 3])
     known = (steps == 1) & (times > 0)
     return round(float(1.0 / np.median(times[known])), 3) if known.any() else None
+
+
+FORMAT = KeypointFormat(
+    name="caliscope",
+    files="xy_*.csv",
+    conventions=(
+        "px; one row per point, all cameras in one file; one person with MediaPipe's body; times; no confidence"
+    ),
+    recognized_by="columns sync_index, port (cam_id), frame_time, point_id, img_loc_x, img_loc_y",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -14,6 +14,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns, whole
 from posefuse.io.keypoints.request import Request
@@ -138,3 +139,14 @@ def _skeletons(content: _Annotations) -> list[Skeleton]:
     inside = range(1, len(names) + 1)
     edges = [(names[a - 1], names[b - 1]) for a, b in category.skeleton if a in inside and b in inside and a != b]
     return [skeleton_of("coco", names, edges)]
+
+
+FORMAT = KeypointFormat(
+    name="coco",
+    files="one *.json of results or annotations per camera",
+    conventions="px; x y score or visibility; no frame rate: --rate-hz",
+    recognized_by="JSON with image_id or images, and keypoints",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -11,6 +11,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import read_npz
 from posefuse.io.keypoints.arrays import from_array
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -44,3 +45,13 @@ def read(path: Path, request: Request) -> Detections:
     skeleton = request.skeleton or shipped_skeleton("fly_38")
     asked = Request(skeleton, request.rate_hz, request.third_channel, request.progress)
     return from_array(path, points, [str(v) for v in range(len(points))], request.rate_hz, asked)
+
+
+FORMAT = KeypointFormat(
+    name="deepfly",
+    files="*.npz with points2d_px (camera, frame, 38, 2)",
+    conventions="px; 0 0 is missing; skeleton fly_38; cameras by position; no frame rate: --rate-hz",
+    recognized_by="array points2d of (camera, frame, 38, 2) in an .npz",
+    matches=matches,
+    read=read,
+)

@@ -25,6 +25,7 @@ from posefuse.io.files import files_at
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.camera_files import is_damaged
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.people import last_number
 from posefuse.io.keypoints.request import Request
@@ -187,12 +188,12 @@ def _read_csv(file: Path) -> _Table:
     header = len(_header(file))
     wanted = _MANY if header == len(_MANY) else _HEADER
     if [row[0].strip() if row else "" for row in rows[:header]] != wanted or len(rows) <= header:
-        raise FileError(f"{file} holds no frames: it ends in its header. Was it cut short?")
+        raise FileError(f"{file} holds no frames: it ends in its header. Is the file truncated?")
     named = [row[1:] for row in rows[1:header]]
     width = len(named[0])
     for place, row in enumerate(rows[1:], start=2):
         if len(row) != width + 1:
-            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {width + 1}. Was it cut short?")
+            raise FileError(f"{file}, line {place}: {len(row)} columns, expected {width + 1}. Is the file truncated?")
     individuals = named[0] if header == len(_MANY) else [""] * width
     columns = list(zip(individuals, named[-2], named[-1], strict=True))
     try:
@@ -217,7 +218,9 @@ def _number(text: str, file: Path) -> int:
 def _read_h5(file: Path) -> _Table:
     key = _h5_table(file)
     if key is None:
-        raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
+        raise FileError(
+            f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Is the file truncated?"
+        )
     with open_hdf5(file, "table of DeepLabCut's") as content:
         group: Any = content[key]
         if "table" not in group:
@@ -245,3 +248,14 @@ def _from_frame(file: Path, frame: Frame) -> _Table:
     many = len(frame.columns[0]) == len(_MANY)
     columns = [(column[1] if many else "", column[-2], column[-1]) for column in frame.columns]
     return _Table(columns, np.asarray(frame.index, dtype=np.int64), frame.values)
+
+
+FORMAT = KeypointFormat(
+    name="deeplabcut",
+    files="a folder of *.csv or *.h5, one per camera, of one animal or several (also EKS)",
+    conventions="px; x y likelihood; cameras by the part in which file names differ; no frame rate: --rate-hz",
+    recognized_by="header rows scorer, (individuals,) bodyparts, coords",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -143,7 +143,7 @@ def _look_through(file: Path, name: str, views: list[str], columns: dict[str, st
             parts.append((_frames(file, table[columns["frame"]]), _seconds(table, columns), people,
                           _cameras(file, table, name, views, columns)))  # fmt: skip
     if not parts:
-        raise FileError(f"{file} has no rows. Was it cut short?")
+        raise FileError(f"{file} has no rows. Is the file truncated?")
     frame, time_s, people, camera = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _Table(frame, time_s if "time" in columns else None, camera, people, np.cumsum(counts), n_keypoints)
 

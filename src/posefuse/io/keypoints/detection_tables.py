@@ -26,9 +26,10 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import FileError, choices
-from posefuse.io.files import file_name, natural_key, reading, replacing_folder
+from posefuse.io.files import checked_file_name, natural_key, reading, replacing_folder
 from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
 from posefuse.io.keypoints.detection_rows import Index, NumberRows, TrackRows, index_files, reordered
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.parquet_metadata import About, about_of, column_names, metadata_of
 from posefuse.io.keypoints.request import Request, asked_of
@@ -113,7 +114,7 @@ def _columns_of(files: Sequence[Path]) -> dict[str, str]:
         if set(column_names(file)) != there:
             raise FileError(
                 f"{file} has the columns {choices(column_names(file))}, {files[0].name} has {choices(sorted(there))}. "
-                "Was it cut short?"
+                "Is the file truncated?"
             )
     named = {kind: next((name for name in names if name in there), None) for kind, names in _NAMES.items()}
     return {kind: name for kind, name in named.items() if name is not None}
@@ -204,7 +205,7 @@ def write_pieces(pieces: Iterable[Detections], path: Path) -> None:
 
     pieces = iter(pieces)
     first = next(pieces)
-    files = [f"{file_name(name)}.parquet" for name in first.view_names]
+    files = [f"{checked_file_name(name)}.parquet" for name in first.view_names]
     told = metadata_of(first)
     with replacing_folder(path, marker=files[0], owned=("*.parquet",)) as staging, contextlib.ExitStack() as opened:
         schemas = [_table(first.frames(0, 0), v).replace_schema_metadata(told).schema for v in range(len(files))]
@@ -252,3 +253,14 @@ def _table(detections: Detections, view: int) -> Any:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the folder cannot hold: nothing."""
     return ()
+
+
+FORMAT = KeypointFormat(
+    name="detection_tables",
+    files="a folder of *.parquet, one per camera, with frame_index, kps, kps_scores",
+    conventions="px; one row per camera and frame; frames without people are kept; read in ranges of frames",
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.openpose import camera_folders, first_bytes, frame_files
 from posefuse.io.keypoints.people import Person, decode, detections_of, last_number, view_columns
 from posefuse.io.keypoints.request import Request
@@ -50,3 +51,13 @@ def read(path: Path, request: Request) -> Detections:
         views.append(view_columns(folder.name, recorded, people, str(folder)))
     request.progress.finish()
     return detections_of(path, views, request)
+
+
+FORMAT = KeypointFormat(
+    name="easymocap",
+    files="annots: one folder per camera, one *.json per frame (also ViTPose)",
+    conventions="px; x y confidence, 0 0 is missing; no frame rate: --rate-hz",
+    recognized_by='one folder per camera with numbered JSON files that hold "annots"',
+    matches=matches,
+    read=read,
+)

@@ -12,6 +12,7 @@ import numpy as np
 from posefuse.errors import FileError, choices
 from posefuse.io.files import read_npy
 from posefuse.io.keypoints.arrays import from_array
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import ThirdChannel
@@ -60,3 +61,16 @@ def view_names(path: Path) -> list[str]:
     folder = path / "synchronized_videos"
     videos = [entry for entry in folder.iterdir() if entry.suffix.lower() in _VIDEOS] if folder.is_dir() else []
     return [video.stem for video in sorted(videos, key=lambda video: video.name.lower())]
+
+
+FORMAT = KeypointFormat(
+    name="freemocap",
+    files="a recording folder with output_data/raw_data/*2dData*.npy",
+    conventions=(
+        "px; [camera, frame, keypoint, 3], the third channel is depth; cameras in the order of the video names"
+    ),
+    recognized_by="output_data/raw_data/*2dData*.npy",
+    matches=matches,
+    read=read,
+    input_files=arrays_in,
+)

@@ -12,6 +12,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.people import Person, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.io.matlab import read_mat, variable_names
@@ -66,3 +67,13 @@ def _with_skeleton(request: Request, views: list[ViewColumns]) -> Request:
     if request.skeleton is not None or len(fitting) != 1:
         return request
     return Request(fitting[0], request.rate_hz, request.third_channel, request.progress)
+
+
+FORMAT = KeypointFormat(
+    name="label3d",
+    files="*.mat with labelData (also DANNCE)",
+    conventions="px, as in the calibration of the file; manual labels of one animal; no frame rate: --rate-hz",
+    recognized_by="MATLAB variable labelData",
+    matches=matches,
+    read=read,
+)

@@ -25,6 +25,7 @@ from posefuse.errors import FileError
 from posefuse.io.keypoints import mediapipe_csv
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.mediapipe_csv import Landmarks
 from posefuse.io.keypoints.names import view_names
 from posefuse.io.keypoints.people import beginning, decode, whole
@@ -233,3 +234,13 @@ def _filled(points: np.ndarray | None, part: _Part, where: str) -> np.ndarray:
     if len(points) != part.count:
         raise FileError(f"{where}: {len(points)} landmarks of a {part.name}, expected {part.count}.")
     return points
+
+
+FORMAT = KeypointFormat(
+    name="mediapipe",
+    files="one *.json or *.csv of landmarks per camera",
+    conventions="fractions of the image size (--image-size if the file does not state it) or px; depth in px",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

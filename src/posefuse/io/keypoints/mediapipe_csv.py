@@ -78,10 +78,12 @@ def read(file: Path) -> Landmarks:
         raise FileError(f"{file} is not a CSV file in UTF-8: {error}.") from None
     header = [word.strip().lower() for word in header]
     if not rows:
-        raise FileError(f"{file} holds no frames. Was it cut short?")
+        raise FileError(f"{file} holds no frames. Is the file truncated?")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
-            raise FileError(f"{file}, line {number}: {len(row)} columns, expected {len(header)}. Was it cut short?")
+            raise FileError(
+                f"{file}, line {number}: {len(row)} columns, expected {len(header)}. Is the file truncated?"
+            )
     return _long_rows(file, header, rows) if set(_LONG) <= set(header) else _wide_rows(file, header, rows)
 
 

@@ -14,6 +14,7 @@ import msgspec
 
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
 from posefuse.io.keypoints.request import Request
@@ -113,3 +114,14 @@ def _view(file: Path, name: str, frames: Sequence[_Frame]) -> ViewColumns:
 def _track(instance: _Instance) -> int:
     given = [number for number in (instance.track_id, instance.instance_id) if number is not None]
     return given[0] if given and abs(given[0]) < 2**40 else -1
+
+
+FORMAT = KeypointFormat(
+    name="mmpose",
+    files="one *.json with instances per camera (also RTMPose, rtmlib)",
+    conventions="px; frame numbers as stored, from 1 or 0; no frame rate: --rate-hz",
+    recognized_by='JSON with the "instances" of each frame',
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
@@ -119,3 +120,13 @@ def _with_skeleton(request: Request, detected: bool, data: _Data) -> Request:
         edges = [(names[a - 1], names[b - 1]) for a, b in data.categories[0].skeleton if max(a, b) <= len(names)]
         skeleton = skeleton_of("mvor", names, edges)
     return Request(skeleton, request.rate_hz, request.third_channel, request.progress)
+
+
+FORMAT = KeypointFormat(
+    name="mvor",
+    files="openpose_kps.json beside camma_mvor_2018.json, or camma_mvor_2018.json alone",
+    conventions=("px; frames are triplets of images 75 s apart; annotations have person ids; no frame rate: --rate-hz"),
+    recognized_by="JSON with multiview_images, or coco_keypoints",
+    matches=matches,
+    read=read,
+)

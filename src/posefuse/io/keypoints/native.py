@@ -7,6 +7,7 @@ import numpy as np
 
 from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.request import Request, asked_of
 from posefuse.io.netcdf import (
     StoredArray,
@@ -105,3 +106,16 @@ def write(detections: Detections, path: Path) -> None:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the file cannot hold: nothing."""
     return ()
+
+
+FORMAT = KeypointFormat(
+    name="posefuse",
+    files="keypoints.nc",
+    conventions="px; netCDF-4; any number of people; times, confidences and skeleton; lossless",
+    recognized_by="netCDF-4 with posefuse's keypoint marker",
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+    endings=(".nc",),
+)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_unfold, natural_key, reading
+from posefuse.io.files import check_unpacked_size, natural_key, reading
 from posefuse.io.keypoints.columns import ViewColumns
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.people import Person, detections_of, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.io.pickles import load_plain
@@ -83,7 +84,7 @@ def _view(file: Path) -> ViewColumns:
     if not isinstance(frames, list) or not all(isinstance(frame, list) for frame in frames):
         raise FileError(f"{file}: expected a list of frames, each a list of people.")
     # A pickle may name one person any number of times.
-    must_unfold(file, _PERSON_BYTES * sum(map(len, frames)))
+    check_unpacked_size(file, _PERSON_BYTES * sum(map(len, frames)))
     people = [_person(file, f, one) for f, frame in enumerate(frames) for one in frame]
     return view_columns(file.parents[2].name, range(len(frames)), people, str(file))
 
@@ -96,3 +97,17 @@ def _person(file: Path, frame: int, person: Any) -> Person:
             f"file? OpenCap reads those that end in {_ENDING} and have OpenPose's keypoints."
         )
     return Person(frame, values)
+
+
+FORMAT = KeypointFormat(
+    name="opencap",
+    files="Videos/<camera>/OutputPkl*/<trial>/*_pp.pkl, or the folder of the cameras",
+    conventions=(
+        "px; x y confidence of BODY_25, 0 0 0 is missing; pickled code is never executed; no frame rate: --rate-hz"
+    ),
+    recognized_by="OutputPkl*/<trial>/*_pp.pkl in one folder per camera",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+    trials_in=trials_in,
+)

@@ -24,6 +24,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.infer_skeleton import guess_skeleton
 from posefuse.io.keypoints.openpose_parts import (
     BODY,
@@ -290,7 +291,7 @@ def _decode(folder: Path, name: str, data: bytes) -> _Frame:
         try:
             return msgspec.convert(json.loads(data), _Frame)
         except (json.JSONDecodeError, UnicodeDecodeError):
-            raise FileError(f"{file} is not whole JSON ({len(data)} bytes): {error}. Was it cut short?") from None
+            raise FileError(f"{file} is not whole JSON ({len(data)} bytes): {error}. Is the file truncated?") from None
         except msgspec.ValidationError as invalid:
             raise FileError(f"{file} is not an OpenPose file: {invalid}.") from None
 
@@ -323,3 +324,15 @@ def write(detections: Detections, path: Path) -> None:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the files cannot hold."""
     return openpose_writing.lost(detections)
+
+
+FORMAT = KeypointFormat(
+    name="openpose",
+    files=("one folder per camera, one *.json per frame (also Pose2Sim, and AlphaPose in the OpenPose layout)"),
+    conventions=("px; x y confidence, 0 0 0 is missing; hands and faces beside BODY_25; no frame rate: --rate-hz"),
+    recognized_by='one folder per camera with numbered JSON files that hold "people"',
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+)

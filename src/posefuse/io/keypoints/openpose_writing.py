@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import file_name, replacing_folder
+from posefuse.io.files import checked_file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
@@ -24,7 +24,7 @@ def write(detections: Detections, path: Path) -> None:
     """
     if len(detections.frame_numbers) and detections.frame_numbers[0] < 0:
         raise FileError(f"OpenPose's files are numbered from 0; the recording begins at {detections.frame_numbers[0]}.")
-    names = [file_name(name) for name in detections.view_names]
+    names = [checked_file_name(name) for name in detections.view_names]
     with replacing_folder(path, marker=_MARKER, owned=(_MARKER, "*/*_keypoints.json")) as staging:
         (staging / _MARKER).write_text(_ABOUT, "utf-8")
         for name in names:

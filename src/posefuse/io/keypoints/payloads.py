@@ -27,6 +27,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import natural_key
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.lines import (
     Cells,
     Record,
@@ -122,7 +123,7 @@ class _Found:
 def _records(file: Path, number: int) -> Iterator[tuple[Record, Mapping[str, Any], str]]:
     """The records of a file, one after another, each with where it is."""
     if not file.stat().st_size:
-        raise FileError(f"{file} is empty. Was it cut short?")
+        raise FileError(f"{file} is empty. Is the file truncated?")
     if file.suffix == ".json":
         content, at = file.read_bytes(), 0
         for i, raw in enumerate(decode(file, list[msgspec.Raw])):
@@ -144,7 +145,7 @@ def _content(record: bytes, where: str) -> Mapping[str, Any]:
     try:
         row = msgspec.json.decode(record, type=dict[str, Any])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{where} is no whole record: {error}. Was it cut short?") from None
+        raise FileError(f"{where} is no whole record: {error}. Is the file truncated?") from None
     return {**row, **row["payload"]} if isinstance(row.get("payload"), dict) else row
 
 
@@ -265,3 +266,13 @@ def _period_s(seconds: np.ndarray, camera: np.ndarray) -> float:
     steps = np.concatenate([np.diff(np.sort(seconds[camera == view])) for view in np.unique(camera)])
     steps = steps[steps > 0.0]
     return float(np.median(steps)) if len(steps) else 1.0
+
+
+FORMAT = KeypointFormat(
+    name="payloads",
+    files="*.jsonl or *.json of records, one per camera and time (ParaJumping, cvmmap)",
+    conventions="px; x y confidence; the number of keypoints selects the skeleton; frames by number or by time",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -211,7 +211,9 @@ def decode(file: Path, kind: Any) -> Any:
     except msgspec.ValidationError as error:
         raise FileError(f"{file} is not of the format it seems to be: {error}.") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{file} is not whole JSON ({file.stat().st_size} bytes): {error}. Was it cut short?") from None
+        raise FileError(
+            f"{file} is not whole JSON ({file.stat().st_size} bytes): {error}. Is the file truncated?"
+        ) from None
     except OSError as error:
         raise FileError(f"{file} cannot be read: {error.strerror}.") from None
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
-from posefuse.io.formats import Format
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import on_one_line
@@ -12,9 +12,9 @@ from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
-def find_format(path: Path) -> Format | None:
+def find_format(path: Path) -> KeypointFormat | None:
     """The format that a file or folder of keypoints is in, or None where it is none."""
-    return next((form for form in KEYPOINTS if form.load().matches(path)), None)
+    return next((form for form in KEYPOINTS if form.matches(path)), None)
 
 
 def read_keypoints(path: Path, request: Request) -> Detections:
@@ -29,7 +29,7 @@ def read_keypoints(path: Path, request: Request) -> Detections:
     if form is None:
         known = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
         raise FileError(f"{path} holds no keypoints in a known format. Known: {known}.")
-    return on_one_line(form.load().read(path, request), request)
+    return on_one_line(form.read(path, request), request)
 
 
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:

@@ -24,6 +24,7 @@ import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import replacing
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.lines import (
     CONFIDENCE,
     DEPTH,
@@ -120,7 +121,7 @@ def _head(path: Path, line: bytes) -> _Head | None:
     try:
         head = _read_head.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{path}, line 1 does not say what the replay is: {error}. Was it cut short?") from None
+        raise FileError(f"{path}, line 1 does not say what the replay is: {error}. Is the file truncated?") from None
     if head.replay != _VERSION:
         raise FileError(f"{path} is a replay of layout {head.replay}; this version of posefuse reads {_VERSION}.")
     return head
@@ -182,7 +183,7 @@ def _decoded(line: bytes, where: str) -> _Frame:
     except msgspec.ValidationError as error:
         raise FileError(f"{where} is no frame of a replay: {error}.") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{where} is not whole JSON: {error}. Was it cut short?") from None
+        raise FileError(f"{where} is not whole JSON: {error}. Is the file truncated?") from None
 
 
 def _note(found: _Found, frame: _Frame, record: Record, where: str) -> None:
@@ -288,3 +289,15 @@ def _detection(detections: Detections, row: int) -> dict[str, Any]:
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     """What of these detections the file cannot hold: nothing."""
     return ()
+
+
+FORMAT = KeypointFormat(
+    name="replay",
+    files="*.jsonl, one line per frame with the detections of each camera",
+    conventions="px; null is missing; frames without people are kept; lossless",
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+    endings=(".jsonl",),
+)

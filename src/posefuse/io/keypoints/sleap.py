@@ -16,6 +16,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.files import files_at, natural_key
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -53,7 +54,9 @@ def read(path: Path, request: Request) -> Detections:
     files = files_of(path)
     for file in files:
         if _is_one(file) is None:
-            raise FileError(f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Was it cut short?")
+            raise FileError(
+                f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Is the file truncated?"
+            )
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
         with open_hdf5(file, "analysis file") as content:
@@ -108,3 +111,14 @@ def _in_order(data: Any, usual: tuple[str, ...]) -> np.ndarray:
     axes = tuple(json.loads(said)) if said is not None else usual
     values = np.asarray(data, dtype=np.float64)
     return values.transpose([axes.index(axis) for axis in ("frame", "track", "node", "xy") if axis in usual])
+
+
+FORMAT = KeypointFormat(
+    name="sleap",
+    files="a folder of analysis *.h5, one per camera, or one folder per camera",
+    conventions="px; NaN is missing; cameras by folder or file name; no frame rate: --rate-hz",
+    recognized_by="HDF5 with tracks and node_names",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

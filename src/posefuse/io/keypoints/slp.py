@@ -18,6 +18,7 @@ from posefuse.io.files import reading
 from posefuse.io.hdf5 import check_hdf5
 from posefuse.io.keypoints.camera_files import FileKind, all_camera_files
 from posefuse.io.keypoints.columns import ViewColumns, assemble
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_named, skeleton_of, view_names
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
@@ -88,7 +89,7 @@ def _load(file: Path) -> Any:
         raise
     except Exception as error:  # a broken file raises whatever its bytes lead to
         said = " ".join(str(error).split())[:160] or type(error).__name__
-        raise FileError(f"{file} is not a SLEAP file that can be read: {said}. Was it cut short?") from None
+        raise FileError(f"{file} is not a SLEAP file that can be read: {said}. Is the file truncated?") from None
 
 
 def _skeleton(labels: Any) -> Skeleton:
@@ -165,3 +166,13 @@ def _people(frame: Any, places: dict[int, int], n_nodes: int) -> list[tuple[int,
         if np.isfinite(values[:, 0]).any():
             people.append((places.get(id(instance.track), -1), values))
     return people
+
+
+FORMAT = KeypointFormat(
+    name="slp",
+    files="*.slp, one for all cameras or one per camera",
+    conventions="px; views are videos, tracks are identities; no frame rate: --rate-hz; needs posefuse[sleap]",
+    matches=matches,
+    read=read,
+    camera_files=files_of,
+)

@@ -15,6 +15,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
 from posefuse.io.keypoints.columns import far_apart
+from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.parquet_metadata import column_names
 from posefuse.io.keypoints.request import Request
@@ -103,3 +104,17 @@ def lost(detections: Detections, path: Path) -> tuple[str, ...]:
     if detections.notes:
         told.append("what was noted when the detections were read")
     return tuple(told)
+
+
+FORMAT = KeypointFormat(
+    name="tidy",
+    files="*.csv or *.parquet with camera, frame, keypoint, x_px, y_px",
+    conventions=(
+        "px; one row per keypoint; any number of people; times; parquet is lossless and read in ranges of frames"
+    ),
+    matches=matches,
+    read=read,
+    write=write,
+    lost=lost,
+    endings=(".csv", ".parquet"),
+)

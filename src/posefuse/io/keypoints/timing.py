@@ -74,7 +74,7 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
         DetectionsError: if it has not one time a frame.
     """
     of_view, others = {}, []
-    for name, each in stamps.of_view.items():
+    for name, each in stamps.by_view.items():
         view = _view_of(name, detections.view_names)
         if view is None:
             others.append(name)
@@ -83,7 +83,7 @@ def with_timestamps(detections: Detections, stamps: Timestamps) -> Detections:
     lacking = [name for v, name in enumerate(detections.view_names) if v not in of_view]
     if lacking:
         raise MatchError(
-            f"{stamps.source} has no times of {choices(lacking)}; it has those of {choices(stamps.of_view)}. Give the "
+            f"{stamps.source} has no times of {choices(lacking)}; it has those of {choices(stamps.by_view)}. Give the "
             "times of every view, or do without: --rate-hz."
         )
     begin_s = math.floor(min(float(each.time_s.min()) for each in of_view.values()))

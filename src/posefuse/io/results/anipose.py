@@ -15,6 +15,7 @@ import pyarrow as pa
 from posefuse.errors import FileError, ResultError, choices
 from posefuse.io.files import must_exist, reading
 from posefuse.io.results import csv, tables
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -119,3 +120,17 @@ def _points(path: Path, table: pa.Table, keypoints: tuple[str, ...]) -> StoredPo
         n_views=None if used is None else tables.counts(used[..., 0], path),
         reprojection_error_px=None if errors is None else errors[..., 0],
     )
+
+
+FORMAT = ResultFormat(
+    name="anipose",
+    files="*.csv, one per person",
+    conventions="meters, world axes; one row per frame; M and center map to the calibration in its own unit",
+    lacks="times, status, covariances, which views",
+    additional_name="anipose.csv",
+    endings=(".csv",),
+    name_words=("anipose",),
+    matches=matches,
+    read=read,
+    write_person=write,
+)

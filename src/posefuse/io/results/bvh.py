@@ -14,6 +14,7 @@ import numpy as np
 
 from posefuse.io.files import replacing
 from posefuse.io.results.clips import BODY_TO_Y_UP, Clip, clip_of, in_file_axes, kept, motions, must_be_there, notes_on
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
@@ -159,3 +160,15 @@ def _text(values: np.ndarray) -> str:
     out = io.StringIO()
     np.savetxt(out, values + 0.0, fmt="%.6f", newline="\n")
     return out.getvalue()
+
+
+FORMAT = ResultFormat(
+    name="bvh",
+    files="<person>.bvh",
+    conventions=(
+        "cm, y up; rest pose faces z with arms out; angles z x y; articulated bodies; the last "
+        "pose is held while a person is absent"
+    ),
+    endings=(".bvh",),
+    write_figure=write,
+)

@@ -21,6 +21,7 @@ from posefuse.errors import ResultError
 from posefuse.io.files import replacing
 from posefuse.io.results.c3d_reading import matches as matches
 from posefuse.io.results.c3d_reading import read_points as read_points
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.cameras import UpAxis
 from posefuse.model.options.options import LayerName
@@ -203,3 +204,18 @@ def _add_actual_fields(content: ezc3d.c3d, n_rows: int) -> None:
         parameter = content["parameters"]["TRIAL"][name]
         parameter["type"] = _INTEGER
         parameter["value"] = np.array(words)
+
+
+FORMAT = ResultFormat(
+    name="c3d",
+    files="<person>.c3d",
+    conventions=(
+        "mm, world axes (X_SCREEN, Y_SCREEN state the up axis); missing is residual -1; camera "
+        "bits for up to 7 views; files of other programs are read, too"
+    ),
+    lacks="status, reprojection errors, covariances between the axes",
+    endings=(".c3d",),
+    matches=matches,
+    read=read_points,
+    write_person=write,
+)

@@ -2,17 +2,20 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from posefuse.arrays import ranges
-from posefuse.biomechanics.animation_figures import Body, body_of, motion_of
 from posefuse.errors import ResultError
 from posefuse.io.results.axes import least_y_up_from_world
 from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
+
+if TYPE_CHECKING:
+    from posefuse.biomechanics.animation_figures import Body
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """From forward, left, up to x left, y up, z forward, as glTF has it."""
@@ -61,7 +64,7 @@ class Clip:
         life: when they are there.
     """
 
-    body: Body
+    body: "Body"
     life: Life
 
     @property
@@ -76,6 +79,8 @@ def clip_of(result: Reconstruction, person: str) -> Clip:
     Raises:
         ResultError: if no bodies were fitted, or there is no such person.
     """
+    from posefuse.biomechanics.animation_figures import body_of  # compiled kernels: imported on first use
+
     body = body_of(result, person)
     return Clip(body, life_of(body.figure, motions(body, result)))
 
@@ -104,8 +109,10 @@ def life_of(figure: Figure, motions: Iterable[Motion]) -> Life:
     return Life(np.concatenate(there), off_m, held)
 
 
-def motions(body: Body, result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
+def motions(body: "Body", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
     """The motion of a figure in consecutive ranges of frames."""
+    from posefuse.biomechanics.animation_figures import motion_of  # compiled kernels: imported on first use
+
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     found = (motion_of(body, result, start, stop) for start, stop in spans)
     return report_ranges(found, result.n_frames, what, progress or Silent())

@@ -13,6 +13,7 @@ from pyarrow import csv
 
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.results import tables, tidy
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
@@ -164,3 +165,19 @@ def read(path: Path) -> StoredPoints:
     kinds = {name: pa.string() if name in tidy.WORDS else pa.float64() for name in names}
     layer = next((layer for layer, name in FILE_NAMES.items() if name == path.name), "")
     return tidy.points_of(tables.read_csv(path, kinds), path, layer=layer)
+
+
+def _write_layer(result: Reconstruction, path: Path, layer: LayerName) -> None:
+    write(result.chunks(), path, layer)
+
+
+FORMAT = ResultFormat(
+    name="csv",
+    files="keypoints.csv (measured), solved.csv, model.csv; angles.csv, events.csv",
+    conventions="tidy: one row per frame, person and keypoint; meters, world axes; missing is empty",
+    lacks="covariances between the axes, and which views",
+    endings=(".csv",),
+    matches=matches,
+    read=read,
+    write_layer=_write_layer,
+)

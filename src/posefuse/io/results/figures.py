@@ -9,30 +9,13 @@ from posefuse.io.results.names import safe_names
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 
-FORMATS = ("bvh", "gltf")
-
 
 def has_figures(result: Reconstruction) -> bool:
     """Whether articulated bodies were fitted that figures can be made of."""
     poses = result.poses
     if poses is None or result.skeleton.tree is None or "model" not in result.layers:
         return False
-    return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.stood_names
-
-
-def write_people(result: Reconstruction, people: Sequence[str], paths: Sequence[Path], form: str) -> list[str]:
-    """Write each person's figure in one format, to a path each.
-
-    Returns:
-        What the files cannot say, in sentences.
-
-    Raises:
-        ResultError: if no bodies were fitted, or somebody is never there.
-    """
-    notes: list[str] = []
-    for person, target in zip(people, paths, strict=True):
-        notes += (bvh if form == "bvh" else gltf).write(result, person, target)
-    return list(dict.fromkeys(notes))
+    return (poses.segments, poses.bones, poses.shape_names) == result.skeleton.body_names
 
 
 def write_figures(

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from posefuse.model.findings import Finding, Kind
+from posefuse.model.findings import Finding, FindingKind
 
 _MAYBE_NAN = ("size", "sd")
 
@@ -28,5 +28,5 @@ def _record(finding: Finding) -> dict[str, Any]:
 
 def _finding(record: dict[str, Any]) -> Finding:
     frames = None if record["frames"] is None else tuple(record["frames"])
-    changed = {"kind": Kind(record["kind"]), "cameras": tuple(record["cameras"]), "frames": frames}
+    changed = {"kind": FindingKind(record["kind"]), "cameras": tuple(record["cameras"]), "frames": frames}
     return Finding(**(record | changed | {name: math.nan for name in _MAYBE_NAN if record[name] is None}))

@@ -22,6 +22,7 @@ from posefuse.arrays import ArraySource
 from posefuse.errors import FileError, ResultError
 from posefuse.io.files import must_exist, read_text, reading, replacing_folder
 from posefuse.io.results import csv
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
@@ -257,3 +258,18 @@ def points_of(path: Path, head: str, array: Callable[[str], np.ndarray]) -> Stor
             view_names=tuple(said["cameras"]),
             **values,
         )
+
+
+FORMAT = ResultFormat(
+    name="freemocap",
+    files="one folder per person with output_data/*.npy, *.csv",
+    conventions=(
+        "FreeMoCap's names and shapes; mm, world axes; one row per frame; all other fields in output_data/posefuse"
+    ),
+    additional_name="freemocap",
+    is_folder=True,
+    holds_measured_layer=True,
+    matches=matches,
+    read=read,
+    write_person=write,
+)

@@ -30,6 +30,7 @@ from posefuse.io.results.clips import (
     notes_on,
     standing_m,
 )
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.sticks import Sticks, sticks_of
 from posefuse.io.results.timing import export_rate
 from posefuse.model.animation_figures import Figure, Motion
@@ -289,3 +290,15 @@ def _write_text(path: Path, document: dict[str, Any], numbers: Path) -> None:
         while piece := source.read(_PIECE):
             file.write(base64.b64encode(piece))
         file.write(b'"' + tail)
+
+
+FORMAT = ResultFormat(
+    name="gltf",
+    files="<person>.glb (or .gltf)",
+    conventions=(
+        "meters, y up; rest pose faces z with arms out; skin and animation; articulated bodies; "
+        "hidden while a person is absent"
+    ),
+    endings=(".glb", ".gltf"),
+    write_figure=write,
+)

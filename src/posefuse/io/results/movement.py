@@ -18,6 +18,7 @@ from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.netcdf import add_variable, strings
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
@@ -157,3 +158,16 @@ def _more(file: h5py.File) -> dict[str, Any]:
         found[attribute] = values.transpose(0, 2, 1) if len(axes) == 3 else values.transpose(0, 3, 2, 1)
     del found["points_m"]
     return found
+
+
+FORMAT = ResultFormat(
+    name="movement",
+    files="*.nc with position (time, space, keypoint, individual)",
+    conventions=("meters, world axes, seconds; confidence is present and NaN; movement before 0.17 uses other names"),
+    additional_name="movement.nc",
+    endings=(".nc",),
+    name_words=("movement",),
+    matches=matches,
+    read=read,
+    write_layer=write,
+)

@@ -3,7 +3,7 @@
 import unicodedata
 from collections.abc import Sequence
 
-from posefuse.io.files import DEVICES, REFUSED
+from posefuse.io.files import DEVICE_NAMES, FORBIDDEN_CHARACTERS
 
 _LONGEST_BYTES = 100
 
@@ -29,9 +29,9 @@ def safe_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _safe(name: str) -> str:
-    clean = REFUSED.sub("_", name).strip(" .")
+    clean = FORBIDDEN_CHARACTERS.sub("_", name).strip(" .")
     clean = clean.encode("utf-8", "replace")[:_LONGEST_BYTES].decode("utf-8", "ignore").strip(" .")
-    return f"_{clean}" if not clean or DEVICES.fullmatch(clean) else clean
+    return f"_{clean}" if not clean or DEVICE_NAMES.fullmatch(clean) else clean
 
 
 def _told_apart(name: str) -> str:

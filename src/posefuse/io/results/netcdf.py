@@ -10,7 +10,7 @@ people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` a
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from enum import IntEnum
 from pathlib import Path
@@ -32,12 +32,14 @@ from posefuse.io.netcdf import (
     strings,
     text_of,
 )
-from posefuse.io.options import options_from_dict, options_to_toml
+from posefuse.io.options import options_to_toml, stored_options
 from posefuse.io.results.finding_records import findings_from_json, findings_to_json
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.label_swaps import Swaps, SwapState
 from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.track_events import Event, Poses
@@ -110,12 +112,12 @@ def _read(path: Path) -> Reconstruction:
             "rate_hz": number_of(file, "rate_hz") if "rate_hz" in file.attrs else None,
             "unit": text_of(file, "unit"),
             "alignment": _read_alignment(file),
-            "options": options_from_dict(json.loads(text_of(file, "options")), path.name),
+            "options": stored_options(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
             "findings": findings_from_json(text_of(file, "findings")) if "findings" in file.attrs else (),
         }
         if "resolved_options" in file.attrs:
-            head["resolved"] = options_from_dict(json.loads(text_of(file, "resolved_options")), path.name)
+            head["resolved"] = stored_options(json.loads(text_of(file, "resolved_options")), path.name)
         if "noise_scale" in stored:
             head["noise"] = NoiseModel(
                 np.asarray(file.variables["noise_scale"][...]),
@@ -364,3 +366,19 @@ def _read_rig(file: h5netcdf.File) -> CameraRig:
 def _read_provenance(text: str) -> Provenance:
     data = json.loads(text)
     return Provenance(data["versions"], data["inputs"], tuple(data["notes"]))
+
+
+def _write_result(result: Reconstruction, people: Sequence[str], path: Path, layer: LayerName) -> list[str]:
+    write(result.chunks(), path)
+    return []
+
+
+FORMAT = ResultFormat(
+    name="netcdf",
+    files="reconstruction.nc",
+    conventions="netCDF-4; meters, world axes; every layer and field; lossless",
+    endings=(".nc",),
+    holds_every_layer=True,
+    read_result=read_reconstruction,
+    write_result=_write_result,
+)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.files import must_exist, must_unfold, reading, replacing
+from posefuse.io.files import check_unpacked_size, must_exist, reading, replacing
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -65,4 +66,17 @@ def read(path: Path) -> StoredPoints:
 def _refuse_bombs(path: Path) -> None:
     """A short file that unfolds to any size is no recording."""
     with zipfile.ZipFile(path) as archive:
-        must_unfold(path, sum(entry.file_size for entry in archive.infolist()))
+        check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))
+
+
+FORMAT = ResultFormat(
+    name="npz",
+    files="*.npz, one per person",
+    conventions="FreeMoCap's arrays by name; mm, world axes; one row per frame",
+    additional_name="points.npz",
+    endings=(".npz",),
+    holds_measured_layer=True,
+    matches=matches,
+    read=read,
+    write_person=write,
+)

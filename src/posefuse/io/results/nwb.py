@@ -29,6 +29,7 @@ import numpy as np
 from posefuse.errors import FileError, ResultError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
@@ -302,3 +303,17 @@ def _points(place: Any, said: dict[str, Any]) -> StoredPoints:
         view_names=tuple(said["cameras"]),
         **values,
     )
+
+
+FORMAT = ResultFormat(
+    name="nwb",
+    files="*.nwb (needs posefuse[nwb])",
+    conventions=(
+        "meters, world axes, seconds; one MultiCameraPoseEstimation per person; session start 1970 means unknown"
+    ),
+    additional_name="points.nwb",
+    endings=(".nwb",),
+    matches=matches,
+    read=read,
+    write_layer=write,
+)

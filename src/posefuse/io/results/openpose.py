@@ -8,14 +8,16 @@ name, layer, and the points' statuses and sources, in the skeleton's order.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from posefuse.errors import ResultError
-from posefuse.io.files import file_name, replacing_folder
+from posefuse.io.files import checked_file_name, replacing_folder
 from posefuse.io.keypoints.openpose_parts import lists_of
+from posefuse.io.results.format import ResultFormat
 from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -42,7 +44,7 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
     """
     if result.unit != "m":
         raise ResultError(f"This result is in {result.unit}, one camera's image plane; it has no points to project.")
-    folders = [f"{file_name(name)}_json" for name in result.rig.names]
+    folders = [f"{checked_file_name(name)}_json" for name in result.rig.names]
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
             (staging / each).mkdir()
@@ -91,3 +93,17 @@ def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.n
             "source": [Source(code).label for code in source],
         },
     }
+
+
+def _write_result(result: Reconstruction, people: Sequence[str], path: Path, layer: LayerName) -> list[str]:
+    return write(result, path, layer)
+
+
+FORMAT = ResultFormat(
+    name="openpose",
+    files="a folder: <camera>_json/<camera>_<frame>_keypoints.json",
+    conventions="px of each camera; points projected through its lens; 0 0 0 is missing; for overlays",
+    additional_name="openpose",
+    is_folder=True,
+    write_result=_write_result,
+)

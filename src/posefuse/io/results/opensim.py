@@ -6,6 +6,7 @@ joint centres, rounded to the mm; toes and heels at the tips of its foot. Scalin
 the longest stretch of frames in which all are there; angles are solved wherever the person is there.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,6 +17,7 @@ from posefuse.arrays import ranges
 from posefuse.errors import ResultError, choices
 from posefuse.io.files import replacing, replacing_folder
 from posefuse.io.results import trc
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.opensim_model import MARKERS, MEASUREMENTS, NAMES, Measurement
 from posefuse.io.results.timing import export_rate, regular_rows
@@ -33,7 +35,7 @@ _ACCURACY = 1e-5
 
 
 def write(
-    result: Reconstruction, people: tuple[str, ...], folder: Path, layer: LayerName, progress: Progress | None = None
+    result: Reconstruction, people: Sequence[str], folder: Path, layer: LayerName, progress: Progress | None = None
 ) -> list[str]:
     """Write people, each their TRC and set-ups, and the markers.
 
@@ -246,3 +248,13 @@ def _inverse_kinematics(person: str, known: list[str], span: tuple[float, float]
     _put(tool, "report_errors", "true")
     _put(tool, "output_motion_file", f"{person}_ik.mot")
     return root
+
+
+FORMAT = ResultFormat(
+    name="opensim",
+    files="a folder: <person>.trc, <person>_scaling.xml, <person>_ik.xml, markers.xml",
+    conventions="meters, y up; OpenSim's marker names on the bodies of Rajagopal's model",
+    additional_name="opensim",
+    is_folder=True,
+    write_result=write,
+)

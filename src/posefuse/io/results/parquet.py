@@ -21,6 +21,7 @@ from posefuse.io.netcdf import skeleton_text
 from posefuse.io.options import options_to_toml
 from posefuse.io.parquet_files import check_parquet
 from posefuse.io.results import csv, tables, tidy
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.labels import VIEW_STATUSES, codes_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Reconstruction
@@ -130,3 +131,17 @@ def _with_views(found: StoredPoints, table: pa.Table, names: tuple[str, ...], pa
         view_status=codes_of(tables.words(flat("view_status")), VIEW_STATUSES, path).reshape(shape),
         view_error_px=np.array(flat("view_error_px").to_numpy(zero_copy_only=False)).reshape(shape),
     )
+
+
+FORMAT = ResultFormat(
+    name="parquet",
+    files="*.parquet",
+    conventions=(
+        "the tidy CSV's columns, covariances and views; meters, world axes; cameras and options in the metadata"
+    ),
+    additional_name="points.parquet",
+    endings=(".parquet",),
+    matches=matches,
+    read=read,
+    write_layer=write,
+)

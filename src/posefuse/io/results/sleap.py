@@ -14,6 +14,7 @@ from posefuse.errors import FileError
 from posefuse.io.files import must_exist, replacing
 from posefuse.io.hdf5 import open_hdf5
 from posefuse.io.results import hdf5
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.rows import blocks, rows_of
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -70,3 +71,18 @@ def read(path: Path) -> StoredPoints:
             time_s=np.full(len(points), np.nan),
             points_m=points,
         )
+
+
+FORMAT = ResultFormat(
+    name="sleap",
+    files="points3d.h5",
+    conventions=(
+        "meters, world axes; tracks (frame, track, node, 3); one row per frame; names and all other fields in a group"
+    ),
+    additional_name="points3d.h5",
+    endings=(".h5",),
+    name_words=("points3d", "sleap"),
+    matches=matches,
+    read=read,
+    write_layer=write,
+)

@@ -15,6 +15,7 @@ from posefuse.arrays import ranges
 from posefuse.errors import FileError
 from posefuse.io.files import read_text, replacing
 from posefuse.io.results.axes import y_up_from_world
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.options.options import LayerName
@@ -155,3 +156,15 @@ def read_points(path: Path) -> StoredPoints:
         unit=found.unit,
         rate_hz=found.rate_hz,
     )
+
+
+FORMAT = ResultFormat(
+    name="trc",
+    files="<person>.trc",
+    conventions="meters; y up if the up axis is known; missing is an empty cell",
+    lacks="status, errors, covariances, views",
+    endings=(".trc",),
+    matches=matches,
+    read=read_points,
+    write_person=write,
+)

@@ -7,29 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import ResultError, choices, suggestion
-from posefuse.io.files import must_be_texts
-from posefuse.io.formats import Format, by_name
-from posefuse.io.results import c3d, csv, figures, netcdf, openpose, opensim, trc
+from posefuse.io.files import check_texts
+from posefuse.io.results import c3d, csv, trc
+from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.registry import RESULTS
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 from posefuse.progress import Progress, Silent, report_ranges
-
-_BY_SUFFIX = {
-    ".nc": "netcdf", ".csv": "csv", ".trc": "trc", ".c3d": "c3d", ".parquet": "parquet", ".npz": "npz", ".nwb": "nwb",
-    ".bvh": "bvh", ".glb": "gltf", ".gltf": "gltf",
-}  # fmt: skip
-_BY_NAME = {
-    (".csv", "anipose"): "anipose", (".csv", "dlc"): "deeplabcut", (".csv", "deeplabcut"): "deeplabcut",
-    (".nc", "movement"): "movement", (".h5", "points3d"): "sleap", (".h5", "sleap"): "sleap",
-    (".h5", "dlc"): "deeplabcut", (".h5", "deeplabcut"): "deeplabcut",
-}  # fmt: skip
-_ONE_PERSON = ("trc", "c3d", "anipose", "npz", "freemocap")
-_FORMATS = tuple(form.name for form in RESULTS if form.writes)
-ALSO = {form.name: form.suits for form in RESULTS if form.suits}
-"""Formats that a command writes beside its usual ones if asked to, and what the files are called."""
 
 
 @dataclass(frozen=True)
@@ -72,29 +58,23 @@ def write(
         FileError: if a name in the result is no text, or the file cannot be written.
     """
     path = Path(path)
-    must_be_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
+    check_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
     form = _format_of(path, format)
     layer, points = result.best_layer(result.options.layer)
-    if form.name == "netcdf":
-        netcdf.write(result.chunks(), path)
-        return Written((path,), None, ())
-    if form.name in (*figures.FORMATS, "opensim", "openpose"):
-        return _write_bodies(result, path, form.name, layer)
-    # Nothing is read that the format does not hold: freemocap and npz alone have a raw layer beside.
-    raw = {"measured": result.layers["measured"]} if "measured" in result.layers else {}
-    bare = replace(result, layers={**raw, layer: points}, tracks=None, swaps=None, poses=None, events=())
-    if form.name not in ("npz", "freemocap"):
-        bare = replace(bare, layers={layer: points})
-    if form.name == "csv":
-        csv.write(bare.chunks(), path, layer)
-        files = (path,)
-    elif form.name in _ONE_PERSON:
+    if form.write_figure is not None or form.write_result is not None:
+        return _write_bodies(result, path, form, layer)
+    # Formats of one layer must read nothing else; some hold the measured layer beside it.
+    layers = {layer: points}
+    if form.holds_measured_layer and "measured" in result.layers:
+        layers = {"measured": result.layers["measured"], **layers}
+    bare = replace(result, layers=layers, tracks=None, swaps=None, poses=None, events=())
+    files = (path,)
+    if form.write_person is not None:
         files = person_paths(path, result.person_ids)
         for person, target in zip(result.person_ids, files, strict=True):
-            form.load().write(bare, person, target, layer)
-    else:
-        form.load().write(bare, path, layer)
-        files = (path,)
+            form.write_person(bare, person, target, layer)
+    elif form.write_layer is not None:
+        form.write_layer(bare, path, layer)
     others = _others(result, layer)
     beside = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
     return Written(files, layer, (*beside, *_lacks(form, path)))
@@ -111,30 +91,39 @@ def _others(result: Reconstruction, layer: LayerName) -> list[str]:
     return [*(name for name in result.layers if name != layer), *(name for name, there in parts.items() if there)]
 
 
-def _write_bodies(result: Reconstruction, path: Path, name: str, layer: LayerName) -> Written:
+def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer: LayerName) -> Written:
     """Write what needs more of a result than a layer, or holds no layer as it is."""
     people = people_with_frames(result)
-    if name in figures.FORMATS:
+    if form.write_figure is not None:
         targets = person_paths(path, people)
-        return Written(targets, "model", tuple(figures.write_people(result, people, targets, name)))
-    if name == "opensim":
-        return Written((path,), layer, tuple(opensim.write(result, people, path, layer)))
-    return Written((path,), layer, tuple(openpose.write(result, path, layer)))
+        notes = [
+            note for person, target in zip(people, targets, strict=True)
+            for note in form.write_figure(result, person, target)
+        ]  # fmt: skip
+        return Written(targets, "model", tuple(dict.fromkeys(notes)))
+    assert form.write_result is not None
+    notes = form.write_result(result, people, path, layer)
+    return Written((path,), None if form.holds_every_layer else layer, tuple(notes))
 
 
-def _format_of(path: Path, name: str | None) -> Format:
+def _format_of(path: Path, name: str | None) -> ResultFormat:
     """The format that is asked for, or that a path's name tells."""
-    if name is None:
-        suffix, stem = path.suffix.lower(), path.stem.lower()
-        name = next((form for (end, word), form in _BY_NAME.items() if suffix == end and word in stem), None)
-        name = name or _BY_SUFFIX.get(suffix)
-    form = by_name(RESULTS, name) if name in _FORMATS and name is not None else None
+    form = _format_named_by(path) if name is None else RESULTS.find_written(name)
     if form is not None:
         return form
+    names = [each.name for each in RESULTS.written()]
     if name is None and path.suffix.lower() == ".h5":
         raise ResultError(f"{path.name} may be of the format deeplabcut or sleap; say which: format=... (--to ...).")
     wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
-    raise ResultError(wrong + (suggestion(name, _FORMATS) if name else f"Formats: {choices(_FORMATS)}."))
+    raise ResultError(wrong + (suggestion(name, names) if name else f"Formats: {choices(names)}."))
+
+
+def _format_named_by(path: Path) -> ResultFormat | None:
+    """The format that a path's ending selects; where several share it, a word of the name decides."""
+    suffix, stem = path.suffix.lower(), path.stem.lower()
+    fitting = [form for form in RESULTS.written() if suffix in form.endings]
+    by_word = next((form for form in fitting if any(word in stem for word in form.name_words)), None)
+    return by_word or next((form for form in fitting if not form.name_words), None)
 
 
 def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
@@ -150,24 +139,32 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in safe_names(person_ids))
 
 
-def _lacks(form: Format, path: Path) -> tuple[str, ...]:
-    """What of a layer a file has no place for; of DeepLabCut's two kinds the h5 has one for everything."""
-    whole = not form.lacks or (form.name == "deeplabcut" and path.suffix.lower() != ".csv")
+def _lacks(form: ResultFormat, path: Path) -> tuple[str, ...]:
+    """What of a layer a file has no place for."""
+    whole = not form.lacks or path.suffix.lower() in form.complete_endings
     return () if whole else (f"{form.name} has no place for {form.lacks}.",)
 
 
+def additional_names() -> dict[str, str]:
+    """Formats that a command writes beside its usual ones if asked to, and what the files are called."""
+    return {form.name: form.additional_name for form in RESULTS if form.additional_name}
+
+
 def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Write formats of :data:`ALSO` under their usual names; they hold the layer that TRC and C3D do.
+    """Write formats of :func:`additional_names` under their usual names; they hold the layer that TRC and C3D do.
 
     Returns:
         The names of files and folders, and what of the layer they have no place for.
     """
     files, notes = [], []
     for name in dict.fromkeys(also):
-        path = folder / ALSO[name]
+        form = RESULTS.find_written(name)
+        if form is None or not form.additional_name:
+            raise ResultError(f"No format {name!r} beside a result. {suggestion(name, additional_names())}")
+        path = folder / form.additional_name
         done = write(result, path, name)
         files += [file.name for file in done.files]
-        notes += done.notes if name in ("opensim", "openpose") else _lacks(_format_of(path, name), path)
+        notes += done.notes if form.write_result is not None else _lacks(form, path)
     return files, tuple(notes)
 
 

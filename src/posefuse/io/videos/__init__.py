@@ -1,1 +1,1 @@
-"""Videos: pictures with times, in and out."""
+"""Reading and writing of videos."""

@@ -1,12 +1,12 @@
-"""PyAV, which is needed only where videos are: the extra ``video``."""
+"""Import of PyAV, the optional dependency for videos (extra ``video``)."""
 
 from typing import Any
 
 from posefuse.errors import FileError
 
 
-def pyav() -> Any:
-    """The library that reads and writes videos.
+def import_pyav() -> Any:
+    """Return the module ``av``, which reads and writes videos.
 
     Raises:
         FileError: if it is not installed.
@@ -14,5 +14,5 @@ def pyav() -> Any:
     try:
         import av
     except ImportError:
-        raise FileError("Videos need PyAV, which is not installed: pip install 'posefuse[video]'.") from None
+        raise FileError("Videos need PyAV, which is not installed. Run: pip install 'posefuse[video]'.") from None
     return av

@@ -1,1 +1,1 @@
-"""Cross-view agreement, proposals and trunks."""
+"""Kernels of multi-view association: log odds of view pairs, groups of detections, and trunk centers."""

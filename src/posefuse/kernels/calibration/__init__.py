@@ -1,1 +1,1 @@
-"""Bundle adjustment terms."""
+"""Kernels of bundle adjustment."""

@@ -1,18 +1,18 @@
-"""What a bundle adjustment needs of every observation: its residual, and how that changes with point and camera."""
+"""Bundle adjustment terms of each observation: its residual, and the derivatives by point and by lens."""
 
 import math
 
 from posefuse.kernels.cameras import lens
 from posefuse.kernels.cameras.lens import project_jacobian, project_point, to_camera
-from posefuse.kernels.jit import kernel, step
+from posefuse.kernels.jit import kernel, subroutine
 
 LENS_PARAMETERS = 3
-"""The focal length in proportion, then the first two radial terms of the distortion."""
+"""Number of lens parameters: logarithm of the focal length, then the first two radial distortion coefficients."""
 
 
-@step
+@subroutine
 def _lens_rows(cameras, v, x, y, z, rows, n):
-    """The derivative of the pixel with respect to the logarithm of the focal length, k1 and k2."""
+    """Write the derivative of the pixel with respect to the logarithm of the focal length, k1 and k2."""
     fx = cameras[v, lens.FX]
     fy = cameras[v, lens.FY]
     skew = cameras[v, lens.SKEW]
@@ -32,9 +32,9 @@ def _lens_rows(cameras, v, x, y, z, rows, n):
         first = s
         second = s * s
         if cameras[v, lens.LENS] == lens.RATIONAL:
-            below = 1.0 + s * (cameras[v, lens.K4] + s * (cameras[v, lens.K5] + s * cameras[v, lens.K6]))
-            first /= below
-            second /= below
+            denominator = 1.0 + s * (cameras[v, lens.K4] + s * (cameras[v, lens.K5] + s * cameras[v, lens.K6]))
+            first /= denominator
+            second /= denominator
     rows[n, 0, 1] = (fx * a + skew * b) * first
     rows[n, 1, 1] = fy * b * first
     rows[n, 0, 2] = (fx * a + skew * b) * second
@@ -43,17 +43,17 @@ def _lens_rows(cameras, v, x, y, z, rows, n):
 
 @kernel
 def bundle_rows(cameras, view, points, pixels, residuals, by_point, by_lens, status):
-    """Residuals of observations and their derivatives.
+    """Compute residuals of observations and their derivatives.
 
     Args:
         cameras: shape (view, COLUMNS).
         view: shape (observation,), int64.
-        points: shape (observation, 3), in the world; each observation's own.
+        points: shape (observation, 3), in the world, one per observation.
         pixels: shape (observation, 2).
-        residuals: out, shape (observation, 2): projection less pixel.
-        by_point: out, shape (observation, 2, 3): by the point in camera coordinates.
-        by_lens: out, shape (observation, 2, LENS_PARAMETERS).
-        status: out, shape (observation,), lens codes; where it is not OK the rest is NaN.
+        residuals: shape (observation, 2), written: projected minus observed.
+        by_point: shape (observation, 2, 3), written: derivatives by the point in camera coordinates.
+        by_lens: shape (observation, 2, LENS_PARAMETERS), written.
+        status: shape (observation,), written: lens codes; the other outputs are NaN where it is not OK.
     """
     for n in range(view.shape[0]):
         v = view[n]

@@ -1,1 +1,1 @@
-"""Lens models, observation rows, rays and multi-view points."""
+"""Kernels of camera geometry: lens models, observation rows, rays and multi-view points."""

@@ -1,31 +1,31 @@
-"""Lenses: from a point in camera coordinates to a pixel and back, with derivatives and an honest domain.
+"""Lens models: projection of points in camera coordinates to pixels and back, with derivatives and domain checks.
 
-Four lens models share one signature. Camera coordinates are OpenCV's (x right, y down, z forward); pixel (0, 0) is
-the centre of the top-left pixel. With ``(x, y) = (X/Z, Y/Z)`` and ``s = x^2 + y^2``:
+The four lens models share one signature. Camera coordinates follow OpenCV (x right, y down, z forward). Pixel (0, 0) is
+the center of the top-left pixel. With ``(x, y) = (X/Z, Y/Z)`` and ``s = x^2 + y^2``:
 
 * pinhole: ``(x, y)`` unchanged;
 * Brown-Conrady, 5 coefficients, and rational, 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6):
-  ``x_d = x (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3) + 2 p1 x y + p2 (s + 2 x^2)``, and the like for
-  ``y_d`` (OpenCV, "Camera Calibration and 3D Reconstruction");
+  ``x_d = x (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3) + 2 p1 x y + p2 (s + 2 x^2)``, and ``y_d``
+  accordingly (OpenCV, "Camera Calibration and 3D Reconstruction");
 * fisheye, 4 coefficients: ``theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`` along the
-  direction of ``(X, Y)``, theta the angle from the optical axis (Kannala & Brandt 2006). Angles past 90 degrees are
-  fine.
+  direction of ``(X, Y)``, where theta is the angle from the optical axis (Kannala & Brandt 2006). Angles beyond 90
+  degrees are valid.
 
 The pixel is ``K (x_d, y_d, 1)``.
 
-A distortion polynomial folds over: from some radius on, points further out land further in. ``MAX_RADIUS`` is where
-that begins (a radius in the plane z = 1, or an angle in radians for the fisheye). Past it, both directions return
-a status and NaN, never a number.
+A distortion polynomial folds over: beyond some radius, points farther out map farther in. ``MAX_RADIUS`` is the start
+of the fold (a radius in the plane z = 1, or an angle in radians for the fisheye). Beyond it, both directions return a
+status and NaN.
 
-Kernels see the cameras of a rig as one float64 array, a row a camera, and a row number ``v``: slicing a row out would
-cost more than the projection. The columns are named below.
+Kernels take the cameras of a rig as one float64 array with one row per camera, and a row number ``v``, because slicing
+out a row would cost more than the projection. The constants below name the columns.
 """
 
 import math
 
 import numpy as np
 
-from posefuse.kernels.jit import inline, kernel, step
+from posefuse.kernels.jit import inline, kernel, subroutine
 
 PINHOLE = 0
 BROWN = 1
@@ -42,28 +42,28 @@ SKEW = 5
 K1 = 6
 K2 = 7
 P1 = 8
-"""k3 of the fisheye."""
+"""The fisheye model stores k3 here."""
 P2 = 9
-"""k4 of the fisheye."""
+"""The fisheye model stores k4 here."""
 K3 = 10
 K4 = 11
 K5 = 12
 K6 = 13
 MAX_RADIUS = 14
 ROTATION = 15
-"""Nine numbers of camera_from_world, row by row; the translation follows."""
+"""Nine numbers of camera_from_world in row-major order; the translation follows."""
 TRANSLATION = 24
 PROJECTION = 27
-"""The first two rows of K camera_from_world, four numbers each (the third is camera_from_world's own)."""
+"""The first two rows of K camera_from_world, four numbers each (the third row is that of camera_from_world)."""
 COLUMNS = 35
 
 OK = 0
 MISSING = 1
 """The input is NaN or infinite."""
 BEHIND = 2
-"""The point lies behind the camera, or in its centre."""
+"""The point lies behind the camera or at its center."""
 BEYOND = 3
-"""Past the radius where the lens model folds over: no such pixel, or no such point."""
+"""The point or pixel lies beyond the radius where the lens model folds over."""
 
 _MAX_NEWTON = 40
 # Newton converges quadratically here: a step this small leaves an error far below a rounding error of a pixel.
@@ -72,10 +72,10 @@ SMALL_STEP_SQUARED = 1e-15
 
 @inline
 def distort(cameras, v, x, y):
-    """Distort ``(x, y)`` of the plane z = 1 (pinhole, Brown, rational).
+    """Distort ``(x, y)`` in the plane z = 1 (pinhole, Brown-Conrady, rational).
 
     Returns:
-        ``(x_d, y_d, a, b, c, d)``, the distorted point and its derivative ``[[a, b], [c, d]]``.
+        ``(x_d, y_d, a, b, c, d)``: the distorted point and its derivative ``[[a, b], [c, d]]``.
     """
     lens = cameras[v, LENS]
     if lens == PINHOLE:
@@ -103,9 +103,9 @@ def distort(cameras, v, x, y):
     return x_d, y_d, a, cross, cross, d
 
 
-@step
+@subroutine
 def fisheye_radius(cameras, v, theta):
-    """The image radius of an angle from the axis, and its derivative."""
+    """Return the image radius at an angle from the optical axis, and its derivative."""
     k1 = cameras[v, K1]
     k2 = cameras[v, K2]
     k3 = cameras[v, P1]
@@ -116,16 +116,16 @@ def fisheye_radius(cameras, v, theta):
     return radius, slope
 
 
-@step
+@subroutine
 def _fisheye_jacobian(cameras, v, x, y, z):
-    """Derivative of the distorted point with respect to the point in camera coordinates, row by row."""
+    """Return the derivative of the distorted point with respect to the point in camera coordinates, row by row."""
     rho = math.sqrt(x * x + y * y)
     if rho < 1e-9 * abs(z):
         return 1.0 / z, 0.0, -x / (z * z), 0.0, 1.0 / z, -y / (z * z)
     radius, slope = fisheye_radius(cameras, v, math.atan2(rho, z))
     cos = x / rho
     sin = y / rho
-    # Along the radius the angle changes by (z d_rho - rho dz) / norm^2; across it the point turns by d_across / rho.
+    # Radially the angle changes by (z d_rho - rho dz) / norm^2; tangentially the point rotates by d_tangent / rho.
     norm_squared = rho * rho + z * z
     radial_by_rho = slope * z / norm_squared
     radial_by_z = -slope * rho / norm_squared
@@ -138,7 +138,7 @@ def _fisheye_jacobian(cameras, v, x, y, z):
 
 @inline
 def to_camera(cameras, v, x, y, z):
-    """A world point in the coordinates of camera ``v``."""
+    """Transform a world point to the coordinates of camera ``v``."""
     r = ROTATION
     t = TRANSLATION
     return (
@@ -153,7 +153,7 @@ def project_point(cameras, v, x, y, z):
     """Project a point in camera coordinates.
 
     Returns:
-        ``(status, u, v)``; NaN pixels unless the status is OK.
+        ``(status, u, v)``; the pixel is NaN unless the status is OK.
     """
     nan = math.nan
     if not math.isfinite(x + y + z):
@@ -176,7 +176,7 @@ def project_point(cameras, v, x, y, z):
         x_n = x * inverse
         y_n = y * inverse
         x_d, y_d, a, b, c, d = distort(cameras, v, x_n, y_n)
-        # The radius is that of the radial terms; strong tangential ones fold a little earlier on one side.
+        # MAX_RADIUS considers radial terms only; strong tangential terms fold slightly earlier on one side.
         if x_n * x_n + y_n * y_n > cameras[v, MAX_RADIUS] ** 2 or not a * d - b * c > 0.0:
             return BEYOND, nan, nan
     return (
@@ -186,9 +186,9 @@ def project_point(cameras, v, x, y, z):
     )
 
 
-@step
+@subroutine
 def project_jacobian(cameras, v, x, y, z):
-    """The derivative of the pixel with respect to the point in camera coordinates.
+    """Return the derivative of the pixel with respect to the point in camera coordinates.
 
     Returns:
         ``(status, u_x, u_y, u_z, v_x, v_y, v_z)`` in px per unit of the point; NaN unless the status is OK.
@@ -215,9 +215,9 @@ def project_jacobian(cameras, v, x, y, z):
     return status, fx * xx + skew * yx, fx * xy + skew * yy, fx * xz + skew * yz, fy * yx, fy * yy, fy * yz
 
 
-@step
+@subroutine
 def _newton_undistort(cameras, v, x_d, y_d, x, y):
-    """Solve distort(x, y) = (x_d, y_d) from a start. Returns (converged, x, y, and the derivative there)."""
+    """Solve distort(x, y) = (x_d, y_d) by Newton's method; return (converged, x, y, derivative at x, y)."""
     a = 1.0
     b = 0.0
     c = 0.0
@@ -239,9 +239,9 @@ def _newton_undistort(cameras, v, x_d, y_d, x, y):
     return False, x, y, a, b, c, d
 
 
-@step
+@subroutine
 def _radial_image(cameras, v, radius):
-    """The image radius of a radius in the plane z = 1, tangential terms left out."""
+    """Return the image radius of a radius in the plane z = 1, without tangential terms."""
     s = radius * radius
     radial = 1.0 + s * (cameras[v, K1] + s * (cameras[v, K2] + s * cameras[v, K3]))
     if cameras[v, LENS] == RATIONAL:
@@ -249,18 +249,18 @@ def _radial_image(cameras, v, radius):
     return radius * radial
 
 
-@step
-def _radial_start(cameras, v, r_d):
-    """The radius in the plane z = 1 of an image radius, by bisection; the fold where there is none."""
+@subroutine
+def _radial_start(cameras, v, image_radius):
+    """Return the radius in the plane z = 1 of an image radius, by bisection; the fold radius if there is none."""
     low = 0.0
     high = cameras[v, MAX_RADIUS]
     if not math.isfinite(high):
-        high = max(1.0, r_d)
-        while _radial_image(cameras, v, high) < r_d and high < 1e6:
+        high = max(1.0, image_radius)
+        while _radial_image(cameras, v, high) < image_radius and high < 1e6:
             high *= 2.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if _radial_image(cameras, v, middle) < r_d:
+        if _radial_image(cameras, v, middle) < image_radius:
             low = middle
         else:
             high = middle
@@ -268,8 +268,8 @@ def _radial_start(cameras, v, r_d):
 
 
 @inline
-def undistort_normalised(cameras, v, x_d, y_d):
-    """Undo the distortion of a point of the plane z = 1 (pinhole, Brown, rational).
+def undistort_normalized(cameras, v, x_d, y_d):
+    """Invert the distortion of a point in the plane z = 1 (pinhole, Brown-Conrady, rational).
 
     Returns:
         ``(status, x, y, a, b, c, d)``: the undistorted point and ``[[a, b], [c, d]]``, the derivative of the distorted
@@ -283,22 +283,22 @@ def undistort_normalised(cameras, v, x_d, y_d):
     limit = cameras[v, MAX_RADIUS] ** 2
     converged, x, y, a, b, c, d = _newton_undistort(cameras, v, x_d, y_d, x_d, y_d)
     if not converged or x * x + y * y > limit:
-        # Strong lenses: from the distorted point Newton may leave the domain. Start it at the right radius.
-        r_d = math.sqrt(x_d * x_d + y_d * y_d)
-        start = _radial_start(cameras, v, r_d) / r_d
+        # With strong distortion, Newton may leave the domain when started at the distorted point.
+        image_radius = math.sqrt(x_d * x_d + y_d * y_d)
+        start = _radial_start(cameras, v, image_radius) / image_radius
         converged, x, y, a, b, c, d = _newton_undistort(cameras, v, x_d, y_d, start * x_d, start * y_d)
         if not converged or x * x + y * y > limit:
             return BEYOND, nan, nan, nan, nan, nan, nan
     return OK, x, y, a, b, c, d
 
 
-@step
+@subroutine
 def fisheye_angle(cameras, v, radius):
-    """The angle from the axis of an image radius, by safeguarded Newton; NaN past the fold."""
+    """Return the angle from the axis at an image radius, by safeguarded Newton; NaN beyond the fold."""
     low = 0.0
     high = cameras[v, MAX_RADIUS]
-    top, _ = fisheye_radius(cameras, v, high)
-    if not radius <= top:
+    max_image_radius, _ = fisheye_radius(cameras, v, high)
+    if not radius <= max_image_radius:
         return math.nan
     theta = min(radius, high)
     for _ in range(_MAX_NEWTON):
@@ -307,11 +307,11 @@ def fisheye_angle(cameras, v, radius):
             low = theta
         else:
             high = theta
-        new = theta + (radius - value) / slope
-        if not (low <= new <= high):
-            new = 0.5 * (low + high)
-        change = new - theta
-        theta = new
+        next_theta = theta + (radius - value) / slope
+        if not (low <= next_theta <= high):
+            next_theta = 0.5 * (low + high)
+        change = next_theta - theta
+        theta = next_theta
         if change * change < SMALL_STEP_SQUARED:
             break
     return theta
@@ -319,18 +319,18 @@ def fisheye_angle(cameras, v, radius):
 
 @inline
 def angle_code(radius, theta):
-    """The status of a pixel of a fisheye, from its image radius and the angle found for it."""
+    """Return the status of a fisheye pixel from its image radius and its computed angle."""
     if not math.isfinite(radius):
         return MISSING
     return OK if math.isfinite(theta) else BEYOND
 
 
-@step
+@subroutine
 def pixel_to_ray(cameras, v, pixel_u, pixel_v):
-    """The viewing direction of a pixel, in camera coordinates.
+    """Return the viewing direction of a pixel in camera coordinates.
 
     Returns:
-        ``(status, x, y, z)``: for the fisheye a unit vector, else with z = 1; NaN unless the status is OK.
+        ``(status, x, y, z)``: a unit vector for the fisheye, otherwise scaled to z = 1; NaN unless the status is OK.
     """
     nan = math.nan
     y_d = (pixel_v - cameras[v, CY]) / cameras[v, FY]
@@ -343,13 +343,13 @@ def pixel_to_ray(cameras, v, pixel_u, pixel_v):
             return status, nan, nan, nan
         scale = math.sin(theta) / radius if radius > 0.0 else 1.0
         return OK, scale * x_d, scale * y_d, math.cos(theta)
-    status, x, y, _, _, _, _ = undistort_normalised(cameras, v, x_d, y_d)
+    status, x, y, _, _, _, _ = undistort_normalized(cameras, v, x_d, y_d)
     return status, x, y, 1.0 if status == OK else nan
 
 
 @kernel
 def project_batch(cameras, v, points, pixels, status):
-    """Project world points, shape (n, 3), through camera ``v`` into ``pixels`` (n, 2) and ``status`` (n,)."""
+    """Project world points, shape (n, 3), through camera ``v``; write ``pixels`` (n, 2) and ``status`` (n,)."""
     for n in range(points.shape[0]):
         x, y, z = to_camera(cameras, v, points[n, 0], points[n, 1], points[n, 2])
         status[n], pixels[n, 0], pixels[n, 1] = project_point(cameras, v, x, y, z)
@@ -357,7 +357,7 @@ def project_batch(cameras, v, points, pixels, status):
 
 @kernel
 def rays_batch(cameras, v, pixels, directions, status):
-    """Unit viewing directions in camera coordinates of pixels (n, 2), into ``directions`` (n, 3)."""
+    """Write unit viewing directions (n, 3) in camera coordinates, and status (n,), of pixels (n, 2)."""
     for n in range(pixels.shape[0]):
         status[n], x, y, z = pixel_to_ray(cameras, v, pixels[n, 0], pixels[n, 1])
         norm = math.sqrt(x * x + y * y + z * z)
@@ -367,14 +367,14 @@ def rays_batch(cameras, v, pixels, directions, status):
 
 
 def fold_radius(lens: int, coefficients: np.ndarray) -> float:
-    """Where a lens model folds over: the smallest radius (fisheye: angle) at which the image radius stops growing.
+    """Return the fold of a lens model: the least radius (fisheye: angle) at which the image radius stops growing.
 
     Args:
         lens: the lens code.
         coefficients: shape (8,), in the order of the columns from K1 on.
 
     Returns:
-        A radius in the plane z = 1, or an angle in radians for the fisheye (at most pi); inf where it never folds.
+        A radius in the plane z = 1, or an angle in radians for the fisheye (at most pi); inf if the model never folds.
     """
     k = coefficients
     if lens == PINHOLE:
@@ -392,7 +392,7 @@ def fold_radius(lens: int, coefficients: np.ndarray) -> float:
 
 
 def _smallest_positive_root(ascending: np.ndarray) -> float:
-    """Square root of the smallest positive real root of a polynomial in s = r^2, coefficients ascending; else inf."""
+    """Return the root of the smallest positive real zero of a polynomial in s = r^2 (ascending); else inf."""
     roots = np.polynomial.polynomial.polyroots(np.trim_zeros(ascending, "b"))
     real = roots[np.abs(roots.imag) < 1e-9 * np.maximum(1.0, np.abs(roots))].real
     positive = real[real > 0.0]

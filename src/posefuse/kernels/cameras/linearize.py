@@ -1,4 +1,4 @@
-"""Reprojection made linear at given points: residuals and their derivatives."""
+"""Linearized reprojection: residuals and their derivatives at given points."""
 
 import math
 
@@ -10,20 +10,19 @@ from posefuse.kernels.jit import inline, kernel
 
 
 @kernel
-def linearise(cameras, distorted, fisheye, points, pixels, residuals, jacobians):
-    """Residuals of observations at points, and how they change with the points.
+def linearize(cameras, distorted, fisheye, points, pixels, residuals, jacobians):
+    """Compute residuals of observations at points, and their derivatives with respect to the points.
 
-    They are those of observation rows: exact without distortion, with it to first order in the residual.
+    They are those of the observation rows: exact without distortion, and first order in the residual with distortion.
 
     Args:
         cameras: the camera array, shape (view, COLUMNS).
         distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if it has no fisheye.
+        fisheye: None if the rig has no fisheye lens.
         points: shape (point, 3), in the world.
         pixels: shape (point, view, 2), NaN where missing.
-        residuals: shape (point, view, 2), written: projected less observed, px; NaN where there is none.
-        jacobians: shape (point, view, 2, 3), written: derivatives of the residuals, px per unit; NaN where there is
-            none.
+        residuals: shape (point, view, 2), written: projected minus observed, px; NaN where undefined.
+        jacobians: shape (point, view, 2, 3), written: derivatives of the residuals, px per unit; NaN where undefined.
     """
     n_views = cameras.shape[0]
     block = np.empty((n_views, 2, BLOCK))
@@ -43,12 +42,13 @@ def linearise(cameras, distorted, fisheye, points, pixels, residuals, jacobians)
 
 
 @inline
-def _store(rows, v, j, there, points, n, residuals, jacobians):
+def _store(rows, v, j, valid, points, n, residuals, jacobians):
+    """Write the residual and its derivative for one point and one view."""
     depth, r, s = residual(rows, v, j, points[n, 0], points[n, 1], points[n, 2])
-    there = there and depth > 0.0
-    inverse = 1.0 / depth if there else math.nan
-    residuals[n, v, 0] = r if there else math.nan
-    residuals[n, v, 1] = s if there else math.nan
+    valid = valid and depth > 0.0
+    inverse = 1.0 / depth if valid else math.nan
+    residuals[n, v, 0] = r if valid else math.nan
+    residuals[n, v, 1] = s if valid else math.nan
     for i in range(3):
         jacobians[n, v, 0, i] = (rows[v, i, j] - r * rows[v, 8 + i, j]) * inverse
         jacobians[n, v, 1, i] = (rows[v, 4 + i, j] - s * rows[v, 8 + i, j]) * inverse

@@ -1,6 +1,6 @@
-"""Observation rows: each pixel as three rows that make its reprojection residual linear, a block of pixels at a time.
+"""Observation rows: each pixel as three rows that make its reprojection residual linear, one block of pixels at a time.
 
-What all triangulation works on; see docs/methods.md, "Observation rows".
+All triangulation methods use them; see docs/methods.md, "Observation rows".
 """
 
 import math
@@ -25,37 +25,37 @@ from posefuse.kernels.cameras.lens import (
     distort,
     fisheye_angle,
     fisheye_radius,
-    undistort_normalised,
+    undistort_normalized,
 )
-from posefuse.kernels.jit import choice, inline
+from posefuse.kernels.jit import inline, specialized
 
 BLOCK = 16
-"""Points are worked through in blocks of this many, so that the compiler can use vector instructions.
+"""Number of points per block, so that the compiler can use vector instructions.
 
-With more, the rows of a dozen views outgrow the nearest cache, and more points wait for the slowest of their block;
-with fewer, loops over a block are unrolled before they become vector instructions, and never do.
+With larger blocks, the rows of a dozen views outgrow the L1 cache, and more points wait for the slowest one of their
+block. With smaller blocks, the compiler unrolls the loops over a block before it vectorizes them.
 """
 
-_BLOCK_NEWTON = 8
+_BLOCK_NEWTON_ITERATIONS = 8
 
 
-@choice
+@specialized
 def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
-    """Turn a block of pixels of one view into the rows that make reprojection linear: what all triangulation works on.
+    """Convert a block of pixels of one view to rows that make the reprojection residual linear.
 
-    With ``g0, g1, c`` the rows (each of 4, acting on the homogeneous world point), the reprojection residual in true
-    pixels is ``(g0.X / c.X, g1.X / c.X)``: exact without distortion, and to first order in the residual with it, the
-    lens having been linearised once, at the observed pixel. ``c.X`` is the depth (for the fisheye: along the observed
-    ray), positive in front of the camera. See docs/methods.md, "Observation rows".
+    With the rows ``g0, g1, c`` (4 numbers each, acting on the homogeneous world point), the reprojection residual in
+    true pixels is ``(g0.X / c.X, g1.X / c.X)``. It is exact without distortion. With distortion it is accurate to first
+    order in the residual, because the lens is linearized once, at the observed pixel. ``c.X`` is the depth (for the
+    fisheye: along the observed ray) and is positive in front of the camera. See docs/methods.md, "Observation rows".
 
     Args:
         cameras: the camera array.
-        distorted: None if the rig has no lens with distortion polynomials, which then are not compiled either.
-        fisheye: None if it has no fisheye.
+        distorted: None if the rig has no lens with distortion polynomials; their code is then not compiled.
+        fisheye: None if the rig has no fisheye lens.
         v: the view.
         pixels: shape (view, 2, BLOCK).
-        codes: shape (view, BLOCK), written: the status of each pixel.
-        rows: shape (view, 12, BLOCK), written: g0, g1, c; where the status is not OK, rows that say nothing.
+        codes: shape (view, BLOCK), written: lens status of each pixel.
+        rows: shape (view, 12, BLOCK), written: g0, g1, c; zero residual at depth 1 where the status is not OK.
         scratch: shape (6, BLOCK).
     """
     if fisheye is not None and cameras[v, LENS] == FISHEYE:
@@ -69,7 +69,7 @@ def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
 
 @inline
 def _distorted_rows(cameras, v, pixels, codes, rows, scratch):
-    """Rows of a lens with distortion polynomials: the derivative at the undistorted pixel."""
+    """Write the rows of a lens with distortion polynomials: the derivative at the undistorted pixel."""
     _undistort_block(cameras, v, pixels, codes, scratch)
     for j in range(BLOCK):
         x = scratch[0, j]
@@ -79,12 +79,12 @@ def _distorted_rows(cameras, v, pixels, codes, rows, scratch):
         c = scratch[4, j]
         d = scratch[5, j]
         _write_rows(cameras, v, a, b, -(a * x + b * y), c, d, -(c * x + d * y), 0.0, 0.0, 1.0, rows, j)
-    _silence(codes, v, rows)
+    _clear_invalid_rows(codes, v, rows)
 
 
 @inline
-def _silence(codes, v, rows):
-    """Rows that say nothing (residual 0 at depth 1) for pixels without a ray."""
+def _clear_invalid_rows(codes, v, rows):
+    """Write rows with residual 0 at depth 1 for pixels without a ray."""
     for j in range(BLOCK):
         if codes[v, j] != OK:
             for i in range(11):
@@ -94,7 +94,7 @@ def _silence(codes, v, rows):
 
 @inline
 def _pinhole_rows(cameras, v, pixels, codes, rows):
-    """Without distortion the rows are those of the projection matrix P: P0 - u P2, P1 - v P2, P2."""
+    """Write the rows of a pinhole camera with projection matrix P: P0 - u P2, P1 - v P2, P2."""
     for i in range(4):
         p0 = cameras[v, PROJECTION + i]
         p1 = cameras[v, PROJECTION + 4 + i]
@@ -109,12 +109,12 @@ def _pinhole_rows(cameras, v, pixels, codes, rows):
         codes[v, j] = code
         missing += code
     if missing > 0:
-        _silence(codes, v, rows)
+        _clear_invalid_rows(codes, v, rows)
 
 
 @inline
 def _fisheye_rows(cameras, v, pixels, codes, rows):
-    """Rows of a fisheye: the derivative at the observed angle, the depth along the observed ray."""
+    """Write the rows of a fisheye: the derivative at the observed angle, the depth along the observed ray."""
     for j in range(BLOCK):
         y_d = (pixels[v, 1, j] - cameras[v, CY]) / cameras[v, FY]
         x_d = (pixels[v, 0, j] - cameras[v, CX] - cameras[v, SKEW] * y_d) / cameras[v, FX]
@@ -124,29 +124,29 @@ def _fisheye_rows(cameras, v, pixels, codes, rows):
         _, slope = fisheye_radius(cameras, v, theta)
         sin = math.sin(theta)
         cos = math.cos(theta)
-        toward_x = 1.0
-        toward_y = 0.0
-        across = 1.0
+        radial_x = 1.0
+        radial_y = 0.0
+        tangential = 1.0
         if radius > 0.0:
-            toward_x = x_d / radius
-            toward_y = y_d / radius
-            across = radius / sin
-        # In the frame (outward, sideways, axis) the derivative is (slope cos, 0, -slope sin) and (0, across, 0).
-        outward = slope * cos
-        xx = toward_x * toward_x * outward + toward_y * toward_y * across
-        xy = toward_x * toward_y * (outward - across)
-        yy = toward_y * toward_y * outward + toward_x * toward_x * across
-        xz = -slope * sin * toward_x
-        yz = -slope * sin * toward_y
-        _write_rows(cameras, v, xx, xy, xz, xy, yy, yz, sin * toward_x, sin * toward_y, cos, rows, j)
-    _silence(codes, v, rows)
+            radial_x = x_d / radius
+            radial_y = y_d / radius
+            tangential = radius / sin
+        # In (radial, tangential, axial) axes the derivative is (slope cos, 0, -slope sin) and (0, tangential, 0).
+        radial = slope * cos
+        xx = radial_x * radial_x * radial + radial_y * radial_y * tangential
+        xy = radial_x * radial_y * (radial - tangential)
+        yy = radial_y * radial_y * radial + radial_x * radial_x * tangential
+        xz = -slope * sin * radial_x
+        yz = -slope * sin * radial_y
+        _write_rows(cameras, v, xx, xy, xz, xy, yy, yz, sin * radial_x, sin * radial_y, cos, rows, j)
+    _clear_invalid_rows(codes, v, rows)
 
 
 @inline
 def _undistort_block(cameras, v, pixels, codes, scratch):
-    """Newton on a whole block at once; the few pixels it does not settle get the careful scalar search.
+    """Undistort a whole block by Newton's method; pixels that do not converge use the slower scalar search.
 
-    A settled lane stands still while others go on, so that a pixel's result does not depend on its neighbours.
+    A converged lane stays fixed while others continue, so the result of a pixel does not depend on its neighbors.
     """
     for j in range(BLOCK):
         y_d = (pixels[v, 1, j] - cameras[v, CY]) / cameras[v, FY]
@@ -156,11 +156,11 @@ def _undistort_block(cameras, v, pixels, codes, scratch):
         scratch[2, j] = math.inf
         scratch[4, j] = x_d
         scratch[5, j] = y_d
-    for _ in range(_BLOCK_NEWTON):
+    for _ in range(_BLOCK_NEWTON_ITERATIONS):
         for j in range(BLOCK):
             x = scratch[0, j]
             y = scratch[1, j]
-            last = scratch[2, j]
+            previous_step_squared = scratch[2, j]
             f_x, f_y, a, b, c, d = distort(cameras, v, x, y)
             determinant = a * d - b * c
             inverse = 1.0 / determinant
@@ -168,15 +168,15 @@ def _undistort_block(cameras, v, pixels, codes, scratch):
             r_y = scratch[5, j] - f_y
             step_x = (d * r_x - b * r_y) * inverse
             step_y = (a * r_y - c * r_x) * inverse
-            moving = last >= SMALL_STEP_SQUARED
-            scratch[0, j] = x + step_x if moving else x
-            scratch[1, j] = y + step_y if moving else y
-            scratch[2, j] = step_x * step_x + step_y * step_y if moving else last
-            scratch[3, j] = determinant if moving else scratch[3, j]
-        worst = 0.0
+            active = previous_step_squared >= SMALL_STEP_SQUARED
+            scratch[0, j] = x + step_x if active else x
+            scratch[1, j] = y + step_y if active else y
+            scratch[2, j] = step_x * step_x + step_y * step_y if active else previous_step_squared
+            scratch[3, j] = determinant if active else scratch[3, j]
+        largest_step_squared = 0.0
         for j in range(BLOCK):
-            worst = max(worst, scratch[2, j])
-        if worst < SMALL_STEP_SQUARED:
+            largest_step_squared = max(largest_step_squared, scratch[2, j])
+        if largest_step_squared < SMALL_STEP_SQUARED:
             break
     limit = cameras[v, MAX_RADIUS] ** 2
     for j in range(BLOCK):
@@ -189,13 +189,13 @@ def _undistort_block(cameras, v, pixels, codes, scratch):
             _, _, scratch[2, j], scratch[3, j], scratch[4, j], scratch[5, j] = distort(cameras, v, x, y)
         else:
             codes[v, j], scratch[0, j], scratch[1, j], scratch[2, j], scratch[3, j], scratch[4, j], scratch[5, j] = (
-                undistort_normalised(cameras, v, x_d, y_d)
+                undistort_normalized(cameras, v, x_d, y_d)
             )
 
 
 @inline
 def _write_rows(cameras, v, xx, xy, xz, yx, yy, yz, c_x, c_y, c_z, rows, j):
-    """Rows from the derivative of the distorted point and the depth direction, both in camera coordinates."""
+    """Write rows from the derivative of the distorted point and the depth direction, both in camera coordinates."""
     fx = cameras[v, FX]
     fy = cameras[v, FY]
     skew = cameras[v, SKEW]
@@ -216,7 +216,7 @@ def _write_rows(cameras, v, xx, xy, xz, yx, yy, yz, c_x, c_y, c_z, rows, j):
 
 @inline
 def residual(rows, v, j, x, y, z):
-    """What view ``v`` of lane ``j`` says of a point: ``(depth, r, s)``, the residual in px (behind: meaningless)."""
+    """Return ``(depth, r, s)`` of a point in view ``v`` of lane ``j``; residual in px, undefined behind the camera."""
     depth = rows[v, 8, j] * x + rows[v, 9, j] * y + rows[v, 10, j] * z + rows[v, 11, j]
     inverse = 1.0 / depth
     r = (rows[v, 0, j] * x + rows[v, 1, j] * y + rows[v, 2, j] * z + rows[v, 3, j]) * inverse

@@ -1,19 +1,20 @@
-"""Viewing rays: where several come closest, and how far a point is from one.
+"""Viewing rays: the point closest to several rays, and the distance of a point from a ray.
 
-The least-squares intersection minimises ``sum_i w_i || (I - d_i d_i^T) (X - s_i) ||^2``, squared distances from the
-rays' lines (Slabaugh, Schafer & Livingston 2001, "Optimal Ray Intersection For Computing 3D Points From N-View
+The least-squares intersection minimizes ``sum_i w_i || (I - d_i d_i^T) (X - s_i) ||^2``, the squared distances from the
+rays (Slabaugh, Schafer & Livingston 2001, "Optimal Ray Intersection For Computing 3D Points From N-View
 Correspondences"). With ``w_i = 1 / (sigma depth_i / f_i)^2`` it approximates the maximum-likelihood point.
 """
 
 import math
 
-from posefuse.kernels.cameras.points import OK, SINGULAR, invert_symmetric, solve_symmetric
+from posefuse.kernels.cameras.points import OK, SINGULAR
 from posefuse.kernels.jit import inline, kernel
+from posefuse.kernels.linear_algebra.symmetric_3x3 import invert_symmetric, solve_symmetric
 
 
 @inline
 def point_ray_distance(px, py, pz, sx, sy, sz, dx, dy, dz):
-    """Distance of a point from the line through ``s`` along the unit vector ``d``, and how far along it lies."""
+    """Return the distance of a point from the line through ``s`` along unit vector ``d``, and its position along it."""
     x = px - sx
     y = py - sy
     z = pz - sz
@@ -26,13 +27,13 @@ def point_ray_distance(px, py, pz, sx, sy, sz, dx, dy, dz):
 
 @kernel
 def intersect_rays(origins, directions, weights, points, covariance, status):
-    """The point nearest to all rays of each row, weighted.
+    """Compute the weighted least-squares intersection of the rays of each row.
 
     Args:
-        origins: shape (view, 3), where rays begin.
-        directions: shape (point, view, 3), unit vectors in the world; NaN where there is no ray.
-        weights: shape (point, view); 0 leaves a ray out.
-        points: shape (point, 3), written; NaN where the rays do not fix a point.
+        origins: shape (view, 3): ray origins.
+        directions: shape (point, view, 3): unit vectors in the world; NaN where there is no ray.
+        weights: shape (point, view); 0 ignores a ray.
+        points: shape (point, 3), written; NaN if the rays do not determine a point.
         covariance: shape (point, 6), written: inverse of the weighted normal matrix, xx xy xz yy yz zz.
         status: shape (point,), int64, written: OK or SINGULAR of :mod:`posefuse.kernels.cameras.points`.
     """

@@ -1,1 +1,1 @@
-"""Epipolar residuals."""
+"""Kernels of recording diagnostics: epipolar residuals."""

@@ -1,4 +1,4 @@
-"""How far two views' observations are from each other's epipolar lines."""
+"""Sampson distances: how far the observations of two views are from their epipolar lines."""
 
 import numpy as np
 
@@ -7,19 +7,19 @@ from posefuse.kernels.jit import kernel
 
 @kernel
 def sampson(at_a, sigma_a, at_b, sigma_b, essential):
-    """Squared Sampson distances in units of the noise.
+    """Return squared Sampson distances in units of the noise variance.
 
     Args:
-        at_a: shape (point, 2): x/z and y/z in the first view, NaN where not seen.
-        sigma_a: shape (point,): the noise, as a length at depth 1.
-        at_b: the same of the second view.
-        sigma_b: the same.
-        essential: shape (point, 3, 3), or (1, 3, 3) where it stays the same: ``b^T E a = 0``.
+        at_a: shape (point, 2): x/z and y/z in the first view, NaN where missing.
+        sigma_a: shape (point,): noise, as a length at depth 1.
+        at_b: the same for the second view.
+        sigma_b: the same for the second view.
+        essential: shape (point, 3, 3), or (1, 3, 3) if it is constant: ``b^T E a = 0``.
 
     Returns:
-        Shape (point,), NaN where a point is not in both views.
+        Shape (point,), NaN where a view does not observe the point.
     """
-    out = np.full(at_a.shape[0], np.nan)
+    distances = np.full(at_a.shape[0], np.nan)
     for i in range(at_a.shape[0]):
         e = essential[i if essential.shape[0] > 1 else 0]
         x, y, u, v = at_a[i, 0], at_a[i, 1], at_b[i, 0], at_b[i, 1]
@@ -28,7 +28,7 @@ def sampson(at_a, sigma_a, at_b, sigma_b, essential):
         error = across_b * u + down_b * v + e[2, 0] * x + e[2, 1] * y + e[2, 2]
         across_a = e[0, 0] * u + e[1, 0] * v + e[2, 0]
         down_a = e[0, 1] * u + e[1, 1] * v + e[2, 1]
-        spread = sigma_b[i] ** 2 * (across_b**2 + down_b**2) + sigma_a[i] ** 2 * (across_a**2 + down_a**2)
-        if spread > 0.0:
-            out[i] = error * error / spread
-    return out
+        variance = sigma_b[i] ** 2 * (across_b**2 + down_b**2) + sigma_a[i] ** 2 * (across_a**2 + down_a**2)
+        if variance > 0.0:
+            distances[i] = error * error / variance
+    return distances

@@ -1,1 +1,1 @@
-"""Left/right pairs and side assignment."""
+"""Kernels of left/right resolution: two-point solves of keypoint pairs and assignment of sides over time."""

@@ -1,8 +1,8 @@
-"""Which of two points is left: costs over time, Viterbi over a limb's orientations and over a view's swaps.
+"""Assignment of left and right to point pairs: costs over time, and Viterbi over limb orientations and view swaps.
 
-An orientation is a bit for each pair: 0 keeps the order of its two points, 1 exchanges them. Costs are negative
-logarithms of likelihoods. The memory is what was seen last: of each pair's two points where, how well and when, of each
-view what its labels said and when. See docs/methods.md, "Left and right".
+An orientation has one bit per pair: 0 keeps the order of its two points, 1 exchanges them. Costs are negative log
+likelihoods. The memory holds the last observation: position, covariance and time of both points of each pair, and label
+log odds and time of each view. See docs/methods.md, "Left and right".
 """
 
 import math
@@ -10,17 +10,17 @@ import math
 from posefuse.kernels.jit import inline, kernel
 
 _NU = 4.0
-"""Degrees of freedom of the motion between frames, which has tails: most frames are calm, a kick is not."""
-_CONTINUITY_AT_MOST = 12.0
-_UNSEEN = 50.0
-"""Cost of exchanging a pair where nothing of it is seen: the order is that of the last points, so it stays."""
+"""Degrees of freedom of the motion between frames: most frames are calm, but motion has heavy tails."""
+_MAX_CONTINUITY_COST = 12.0
+_UNSEEN_COST = 50.0
+"""Cost of exchanging a pair that is not observed: its order is that of the last points."""
 
 
 @inline
-def _mahalanobis(x, y, z, a, b, spread):
-    """Squared length of (x, y, z) in units of the covariance a + b + spread on the diagonal; a, b: 6 entries."""
-    xx, xy, xz = a[0] + b[0] + spread, a[1] + b[1], a[2] + b[2]
-    yy, yz, zz = a[3] + b[3] + spread, a[4] + b[4], a[5] + b[5] + spread
+def _mahalanobis_squared(x, y, z, a, b, process_variance):
+    """Return the squared length of (x, y, z) for the covariance a + b + process_variance I; a, b have 6 entries."""
+    xx, xy, xz = a[0] + b[0] + process_variance, a[1] + b[1], a[2] + b[2]
+    yy, yz, zz = a[3] + b[3] + process_variance, a[4] + b[4], a[5] + b[5] + process_variance
     l11 = math.sqrt(xx)
     l21, l31 = xy / l11, xz / l11
     l22 = math.sqrt(max(yy - l21 * l21, 1e-12 * xx))
@@ -33,146 +33,162 @@ def _mahalanobis(x, y, z, a, b, spread):
 
 
 @inline
-def _between(point, covariance, then, then_covariance, spread):
-    return _mahalanobis(point[0] - then[0], point[1] - then[1], point[2] - then[2], covariance, then_covariance, spread)
+def _distance_squared(point, covariance, last_points, last_covariance, process_variance):
+    """Return the squared Mahalanobis distance of a point from its last position."""
+    return _mahalanobis_squared(
+        point[0] - last_points[0],
+        point[1] - last_points[1],
+        point[2] - last_points[2],
+        covariance,
+        last_covariance,
+        process_variance,
+    )
 
 
 @inline
-def _tails(kept, exchanged, n):
-    """Cost of exchanging over keeping, from squared distances in n dimensions, by Student's law."""
-    cost = 0.5 * (_NU + n) * (math.log1p(exchanged / _NU) - math.log1p(kept / _NU))
-    return min(max(cost, -_CONTINUITY_AT_MOST), _CONTINUITY_AT_MOST)
+def _exchange_cost(kept_squared, exchanged_squared, n):
+    """Return the cost of exchanging over keeping, by a Student t distribution of n-dimensional distances."""
+    cost = 0.5 * (_NU + n) * (math.log1p(exchanged_squared / _NU) - math.log1p(kept_squared / _NU))
+    return min(max(cost, -_MAX_CONTINUITY_COST), _MAX_CONTINUITY_COST)
 
 
 @inline
-def _turn(points, covariance, then, then_covariance, spread, both):
-    """Cost of exchanging over keeping, from the vector between the two points, now and then.
+def _direction_cost(points, covariance, last_points, last_covariance, process_variance, scratch):
+    """Return the cost of exchanging over keeping, from the vector between the two points now and before.
 
-    The motion they share is not in it. ``both``: shape (2, 6), scratch: the covariances of the two differences.
+    Common motion of both points cancels. ``scratch``, shape (2, 6), receives the covariances of the two differences.
     """
     for i in range(6):
-        both[0, i] = covariance[0, i] + covariance[1, i]
-        both[1, i] = then_covariance[0, i] + then_covariance[1, i]
+        scratch[0, i] = covariance[0, i] + covariance[1, i]
+        scratch[1, i] = last_covariance[0, i] + last_covariance[1, i]
     dx, dy, dz = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], points[1, 2] - points[0, 2]
-    ex, ey, ez = then[1, 0] - then[0, 0], then[1, 1] - then[0, 1], then[1, 2] - then[0, 2]
-    kept = _mahalanobis(dx - ex, dy - ey, dz - ez, both[0], both[1], spread)
-    exchanged = _mahalanobis(dx + ex, dy + ey, dz + ez, both[0], both[1], spread)
-    return _tails(kept, exchanged, 3.0)
+    ex, ey, ez = (
+        last_points[1, 0] - last_points[0, 0],
+        last_points[1, 1] - last_points[0, 1],
+        last_points[1, 2] - last_points[0, 2],
+    )
+    kept_squared = _mahalanobis_squared(dx - ex, dy - ey, dz - ez, scratch[0], scratch[1], process_variance)
+    exchanged_squared = _mahalanobis_squared(dx + ex, dy + ey, dz + ez, scratch[0], scratch[1], process_variance)
+    return _exchange_cost(kept_squared, exchanged_squared, 3.0)
 
 
 @inline
-def _continuity(points, covariance, then, then_covariance, then_s, now_s, turn_speed, speed, both):
-    """Cost of exchanging a pair's two points over keeping them, from where they were last."""
-    here0, here1 = not math.isnan(points[0, 0]), not math.isnan(points[1, 0])
-    was0, was1 = not math.isnan(then[0, 0]), not math.isnan(then[1, 0])
-    if here0 and here1 and was0 and was1 and then_s[0] == then_s[1]:
-        spread = (turn_speed * (now_s - then_s[0])) ** 2
-        return _turn(points, covariance, then, then_covariance, spread, both)
-    if not (was0 and was1):
+def _continuity_cost(points, covariance, last_points, last_covariance, last_s, now_s, turn_speed, speed, scratch):
+    """Return the cost of exchanging the two points of a pair over keeping them, from their last positions."""
+    present0, present1 = not math.isnan(points[0, 0]), not math.isnan(points[1, 0])
+    known0, known1 = not math.isnan(last_points[0, 0]), not math.isnan(last_points[1, 0])
+    if present0 and present1 and known0 and known1 and last_s[0] == last_s[1]:
+        process_variance = (turn_speed * (now_s - last_s[0])) ** 2
+        return _direction_cost(points, covariance, last_points, last_covariance, process_variance, scratch)
+    if not (known0 and known1):
         return 0.0
-    spread0, spread1 = (speed * (now_s - then_s[0])) ** 2, (speed * (now_s - then_s[1])) ** 2
-    kept, exchanged, n = 0.0, 0.0, 0.0
-    if here0:
-        kept += _between(points[0], covariance[0], then[0], then_covariance[0], spread0)
-        exchanged += _between(points[0], covariance[0], then[1], then_covariance[1], spread1)
+    spread0, spread1 = (speed * (now_s - last_s[0])) ** 2, (speed * (now_s - last_s[1])) ** 2
+    kept_squared, exchanged_squared, n = 0.0, 0.0, 0.0
+    if present0:
+        kept_squared += _distance_squared(points[0], covariance[0], last_points[0], last_covariance[0], spread0)
+        exchanged_squared += _distance_squared(points[0], covariance[0], last_points[1], last_covariance[1], spread1)
         n += 3.0
-    if here1:
-        kept += _between(points[1], covariance[1], then[1], then_covariance[1], spread1)
-        exchanged += _between(points[1], covariance[1], then[0], then_covariance[0], spread0)
+    if present1:
+        kept_squared += _distance_squared(points[1], covariance[1], last_points[1], last_covariance[1], spread1)
+        exchanged_squared += _distance_squared(points[1], covariance[1], last_points[0], last_covariance[0], spread0)
         n += 3.0
-    return _tails(kept, exchanged, n)
+    return _exchange_cost(kept_squared, exchanged_squared, n)
 
 
 @inline
-def _labels(now, then, since_s, share, rate, weight, out):
-    """Add what a view's labels now and then cost, for each orientation then (row) and now (column).
+def _add_label_costs(odds_now, last_points, elapsed_s, swap_fraction, forgetting_rate, weight, out):
+    """Add the cost of the labels of a view, now and before, for each orientation before (row) and now (column).
 
-    The view is a chain of two states, right or swapped, swapped for ``share`` of the time and forgetting its state at
-    ``rate``; ``now`` and ``then`` are the logarithms of odds that its labels are swapped against the points' order.
+    The view is a two-state Markov chain, correct or swapped. It is swapped for the fraction ``swap_fraction`` of the
+    time and forgets its state at ``forgetting_rate``. ``odds_now`` and ``last_odds`` are log odds that its labels are
+    swapped relative to the order of the points.
     """
-    swapped_now, swapped_then = 1.0 / (1.0 + math.exp(-now)), 1.0 / (1.0 + math.exp(-then))
-    forgotten = 1.0 - math.exp(-rate * since_s)
-    enter, leave = share * forgotten, (1.0 - share) * forgotten
+    swapped_now, swapped_then = 1.0 / (1.0 + math.exp(-odds_now)), 1.0 / (1.0 + math.exp(-last_points))
+    forgotten = 1.0 - math.exp(-forgetting_rate * elapsed_s)
+    enter, leave = swap_fraction * forgotten, (1.0 - swap_fraction) * forgotten
     for b in range(2):
-        was = swapped_then if b == 0 else 1.0 - swapped_then
-        expected = was * (1.0 - leave) + (1.0 - was) * enter
+        was_swapped = swapped_then if b == 0 else 1.0 - swapped_then
+        expected = was_swapped * (1.0 - leave) + (1.0 - was_swapped) * enter
         for c in range(2):
-            is_now = swapped_now if c == 0 else 1.0 - swapped_now
-            out[b, c] -= weight * math.log(is_now * expected + (1.0 - is_now) * (1.0 - expected))
+            is_swapped = swapped_now if c == 0 else 1.0 - swapped_now
+            out[b, c] -= weight * math.log(is_swapped * expected + (1.0 - is_swapped) * (1.0 - expected))
 
 
 @inline
-def _time_costs(points, covariance, odds, now_s, memory, speeds, views, both, out):
-    """What every orientation of every pair costs, given the one before; as :func:`all_time_costs`, of one frame."""
-    then, then_covariance, then_s, then_odds, odds_s = memory
-    share, rate, weight = views
+def _frame_costs(points, covariance, odds, now_s, memory, speeds, label_model, scratch, out):
+    """Compute the costs of :func:`temporal_costs` for one frame."""
+    last_points, last_covariance, last_s, last_odds, odds_s = memory
+    swap_fraction, forgetting_rate, weight = label_model
     for p in range(points.shape[0]):
         for b in range(2):
             out[p, b, 0] = 0.0
             out[p, b, 1] = 0.0
         for v in range(odds.shape[1]):
             if odds[p, v] != 0.0:
-                since_s = now_s - odds_s[p, v]
-                _labels(odds[p, v], then_odds[p, v], since_s, share[v], rate[v], weight[p, v], out[p])
-        exchange = _UNSEEN
+                elapsed_s = now_s - odds_s[p, v]
+                _add_label_costs(
+                    odds[p, v], last_odds[p, v], elapsed_s, swap_fraction[v], forgetting_rate[v], weight[p, v], out[p]
+                )
+        exchange = _UNSEEN_COST
         if not (math.isnan(points[p, 0, 0]) and math.isnan(points[p, 1, 0])):
-            exchange = _continuity(
-                points[p], covariance[p], then[p], then_covariance[p], then_s[p], now_s, speeds[0][p], speeds[1][p],
-                both,
+            exchange = _continuity_cost(
+                points[p], covariance[p], last_points[p], last_covariance[p], last_s[p], now_s, speeds[0][p],
+                speeds[1][p], scratch,
             )  # fmt: skip
         out[p, 0, 1] += exchange
         out[p, 1, 0] += exchange
 
 
 @inline
-def _remember(points, covariance, odds, now_s, memory):
-    then, then_covariance, then_s, then_odds, odds_s = memory
+def _update_memory(points, covariance, odds, now_s, memory):
+    """Store one frame in the memory."""
+    last_points, last_covariance, last_s, last_odds, odds_s = memory
     for p in range(points.shape[0]):
         for i in range(2):
             if not math.isnan(points[p, i, 0]):
                 for k in range(3):
-                    then[p, i, k] = points[p, i, k]
+                    last_points[p, i, k] = points[p, i, k]
                 for k in range(6):
-                    then_covariance[p, i, k] = covariance[p, i, k]
-                then_s[p, i] = now_s
+                    last_covariance[p, i, k] = covariance[p, i, k]
+                last_s[p, i] = now_s
         for v in range(odds.shape[1]):
             if abs(odds[p, v]) > 0.5:
-                then_odds[p, v] = odds[p, v]
+                last_odds[p, v] = odds[p, v]
                 odds_s[p, v] = now_s
 
 
 @kernel
-def remember(points, covariance, odds, time_s, memory):
-    """Put frames, in the order decided on, into the memory; arguments as of :func:`all_time_costs`."""
+def update_memory(points, covariance, odds, time_s, memory):
+    """Store frames, in the decided order, in the memory; arguments follow :func:`temporal_costs`."""
     for t in range(points.shape[0]):
-        _remember(points[t], covariance[t], odds[t], time_s[t], memory)
+        _update_memory(points[t], covariance[t], odds[t], time_s[t], memory)
 
 
 @kernel
-def all_time_costs(points, covariance, odds, time_s, memory, speeds, views, both, out):
-    """What every orientation of every pair costs, given the one before, frame after frame.
+def temporal_costs(points, covariance, odds, time_s, memory, speeds, label_model, scratch, out):
+    """Compute the cost of every orientation of every pair given the previous orientation, for each frame.
 
     Args:
         points: shape (frame, pair, 2, 3), NaN where missing.
         covariance: shape (frame, pair, 2, 6).
-        odds: shape (frame, pair, view): logarithms of the odds that a view's labels are swapped against the order.
+        odds: shape (frame, pair, view): log odds that the labels of a view are swapped relative to the order.
         time_s: shape (frame,).
-        memory: what was seen last, updated: points (pair, 2, 3), covariances (pair, 2, 6), when (pair, 2), odds
-            (pair, view), when (pair, view).
-        speeds: shape (pair,), twice: how fast the vector between two points changes, how fast a point does, m/s.
-        views: the share of the time that a view's labels are swapped (view,), how fast it forgets whether they are
-            (view,), 1/s, and how much a pair's label counts (pair, view).
-        both: shape (2, 6), scratch.
+        memory: last observations, updated: points (pair, 2, 3), covariances (pair, 2, 6), times (pair, 2), log odds
+            (pair, view), times (pair, view).
+        speeds: shape (pair,), twice: speed of change of the vector between the two points, and of one point, m/s.
+        label_model: fraction of the time that the labels of a view are swapped (view,), forgetting rate (view,), 1/s,
+            and weight of the labels of a pair (pair, view).
+        scratch: shape (2, 6), scratch.
         out: shape (frame, pair, 2, 2), written: orientation before, orientation now.
     """
     for t in range(points.shape[0]):
-        _time_costs(points[t], covariance[t], odds[t], time_s[t], memory, speeds, views, both, out[t])
-        _remember(points[t], covariance[t], odds[t], time_s[t], memory)
+        _frame_costs(points[t], covariance[t], odds[t], time_s[t], memory, speeds, label_model, scratch, out[t])
+        _update_memory(points[t], covariance[t], odds[t], time_s[t], memory)
 
 
 @inline
-def _pass_on(costs, origin, s, other, time_cost):
-    """The two states that differ in one pair's bit, from before it may be exchanged to after."""
+def _minimize_transition(costs, origin, s, other, time_cost):
+    """Minimize over the transition of one pair's bit, in place for the two states that differ in it."""
     keep, swap = costs[s], costs[other]
     first, second = origin[s], origin[other]
     if keep + time_cost[0, 0] <= swap + time_cost[1, 0]:
@@ -186,12 +202,12 @@ def _pass_on(costs, origin, s, other, time_cost):
 
 
 @inline
-def _cost_now(s, field, link_cost, members, links, link_ends):
-    """What a state costs by this frame alone."""
+def _state_cost(s, pair_cost, link_cost, members, links, link_ends):
+    """Return the cost of a state from the current frame alone."""
     cost = 0.0
     for j in range(members.shape[0]):
         if s & (1 << j):
-            cost += field[members[j]]
+            cost += pair_cost[members[j]]
     for k in range(links.shape[0]):
         if ((s >> link_ends[k, 0]) ^ (s >> link_ends[k, 1])) & 1:
             cost += link_cost[links[k]]
@@ -199,41 +215,41 @@ def _cost_now(s, field, link_cost, members, links, link_ends):
 
 
 @inline
-def _advance(costs, origin, time_cost, field, link_cost, members, links, link_ends):
-    """One step of Viterbi over a block's orientations: ``costs`` and where each came from are updated."""
+def _viterbi_step(costs, origin, time_cost, pair_cost, link_cost, members, links, link_ends):
+    """Perform one Viterbi step over the orientations of a block; update the costs and the predecessors."""
     for s in range(costs.shape[0]):
         origin[s] = s
-    # Transitions of pairs are independent, so bit after bit is exact and takes J 2^J steps instead of 4^J.
+    # Transitions of pairs are independent, so processing bit by bit is exact and takes J 2^J steps instead of 4^J.
     for j in range(members.shape[0]):
         for s in range(costs.shape[0]):
             if not s & (1 << j):
-                _pass_on(costs, origin, s, s | (1 << j), time_cost[members[j]])
+                _minimize_transition(costs, origin, s, s | (1 << j), time_cost[members[j]])
     least = math.inf
     for s in range(costs.shape[0]):
-        costs[s] += _cost_now(s, field, link_cost, members, links, link_ends)
+        costs[s] += _state_cost(s, pair_cost, link_cost, members, links, link_ends)
         least = min(least, costs[s])
     for s in range(costs.shape[0]):
         costs[s] -= least
 
 
 @kernel
-def decide_block(time_cost, field, link_cost, members, links, link_ends, costs, origin, out):
-    """The cheapest orientations of a block over time.
+def find_orientations(time_cost, pair_cost, link_cost, members, links, link_ends, costs, origin, out):
+    """Find the cheapest orientations of a block over time.
 
     Args:
         time_cost: shape (frame, pair, 2, 2): orientation before, orientation now.
-        field: shape (frame, pair): cost of exchanging the pair's points.
-        link_cost: shape (frame, link): cost of two linked pairs not being exchanged alike.
-        members: shape (J,), int64: the block's pairs, the first being the lowest bit of a state.
+        pair_cost: shape (frame, pair): cost of exchanging the points of the pair.
+        link_cost: shape (frame, link): cost of exchanging only one of two linked pairs.
+        members: shape (J,), int64: pairs of the block; the first is the lowest bit of a state.
         links: shape (K,), int64: links within the block.
-        link_ends: shape (K, 2), int64: which bits they join.
-        costs: shape (2^J,), of each state before the first frame; those after the last frame at the end.
+        link_ends: shape (K, 2), int64: the bits they connect.
+        costs: shape (2^J,), cost of each state before the first frame; on output, after the last frame.
         origin: shape (frame, 2^J), int64, scratch.
-        out: shape (frame, pair), bool: the members' columns are written.
+        out: shape (frame, pair), bool: the columns of the members are written.
     """
     n = time_cost.shape[0]
     for t in range(n):
-        _advance(costs, origin[t], time_cost[t], field[t], link_cost[t], members, links, link_ends)
+        _viterbi_step(costs, origin[t], time_cost[t], pair_cost[t], link_cost[t], members, links, link_ends)
     state = 0
     for s in range(costs.shape[0]):
         if costs[s] < costs[state]:
@@ -245,85 +261,85 @@ def decide_block(time_cost, field, link_cost, members, links, link_ends, costs, 
 
 
 @kernel
-def add_across(field, link_cost, links, across, flipped, known, out):
-    """What exchanging each pair costs: its field, and its links to known pairs of other blocks, as these stand.
+def add_cross_links(pair_cost, link_cost, links, cross_links, exchanged_now, decided, out):
+    """Compute the cost of exchanging each pair: its own and that of its links to decided pairs of other blocks.
 
     Args:
-        field: shape (frame, pair).
+        pair_cost: shape (frame, pair).
         link_cost: shape (frame, link).
         links: shape (link, 2), int64: pairs.
-        across: shape (A,), int64: links that join two blocks.
-        flipped: shape (frame, pair), bool.
-        known: shape (pair,), bool.
+        cross_links: shape (A,), int64: links between two blocks.
+        exchanged_now: shape (frame, pair), bool.
+        decided: shape (pair,), bool.
         out: shape (frame, pair), written.
     """
-    for t in range(field.shape[0]):
-        for p in range(field.shape[1]):
-            out[t, p] = field[t, p]
-        for k in across:
+    for t in range(pair_cost.shape[0]):
+        for p in range(pair_cost.shape[1]):
+            out[t, p] = pair_cost[t, p]
+        for k in cross_links:
             a, b = links[k, 0], links[k, 1]
-            if known[b]:
-                out[t, a] += -link_cost[t, k] if flipped[t, b] else link_cost[t, k]
-            if known[a]:
-                out[t, b] += -link_cost[t, k] if flipped[t, a] else link_cost[t, k]
+            if decided[b]:
+                out[t, a] += -link_cost[t, k] if exchanged_now[t, b] else link_cost[t, k]
+            if decided[a]:
+                out[t, b] += -link_cost[t, k] if exchanged_now[t, a] else link_cost[t, k]
 
 
 @kernel
-def swap_states(odds, time_s, share, rate, came_from, out):
-    """Whether each view's labels are swapped, by Viterbi over the two states.
+def find_swap_states(odds, time_s, swap_fraction, forgetting_rate, predecessor, out):
+    """Find whether the labels of each view are swapped over time, by Viterbi over the two states.
 
     Args:
-        odds: shape (frame, view): logarithms of the odds that they are, from this frame alone.
+        odds: shape (frame, view): log odds of a swap from each frame alone.
         time_s: shape (frame,).
-        share, rate: shape (view,), as in :func:`time_costs`.
-        came_from: shape (frame, 2), int64, scratch.
+        swap_fraction, forgetting_rate: shape (view,), as in :func:`temporal_costs`.
+        predecessor: shape (frame, 2), int64, scratch.
         out: shape (frame, view), int8, written: 0 or 1.
     """
     n = odds.shape[0]
     for v in range(odds.shape[1]):
-        right, swapped = -math.log(1.0 - share[v]), -math.log(share[v])
+        right, swapped = -math.log(1.0 - swap_fraction[v]), -math.log(swap_fraction[v])
         for t in range(n):
             if t > 0:
-                forgotten = max(1.0 - math.exp(-rate[v] * (time_s[t] - time_s[t - 1])), 1e-9)
-                enter, leave = share[v] * forgotten, (1.0 - share[v]) * forgotten
-                stay_right, come_right = right - math.log(1.0 - enter), swapped - math.log(leave)
-                stay_swapped, come_swapped = swapped - math.log(1.0 - leave), right - math.log(enter)
-                came_from[t, 0] = 0 if stay_right <= come_right else 1
-                came_from[t, 1] = 1 if stay_swapped <= come_swapped else 0
-                right, swapped = min(stay_right, come_right), min(stay_swapped, come_swapped)
+                forgotten = max(1.0 - math.exp(-forgetting_rate[v] * (time_s[t] - time_s[t - 1])), 1e-9)
+                enter, leave = swap_fraction[v] * forgotten, (1.0 - swap_fraction[v]) * forgotten
+                stay_right, become_right = right - math.log(1.0 - enter), swapped - math.log(leave)
+                stay_swapped, become_swapped = swapped - math.log(1.0 - leave), right - math.log(enter)
+                predecessor[t, 0] = 0 if stay_right <= become_right else 1
+                predecessor[t, 1] = 1 if stay_swapped <= become_swapped else 0
+                right, swapped = min(stay_right, become_right), min(stay_swapped, become_swapped)
             right += 0.5 * odds[t, v]
             swapped -= 0.5 * odds[t, v]
         state = 0 if right <= swapped else 1
         for t in range(n - 1, -1, -1):
             out[t, v] = state
-            state = came_from[t, state]
+            state = predecessor[t, state]
 
 
 @inline
-def _off(x, y, length, sd):
-    """Bounded squared deviation of the distance of two points from a bone's length, in units of its spread."""
+def _length_deviation(x, y, length, sd):
+    """Return the bounded squared deviation of a distance from the length of a bone, in standard deviations."""
     distance = math.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
     return min(((distance - length) / sd) ** 2, 9.0)
 
 
 @inline
-def _bone(a, b, length, sd):
-    """Cost of exchanging one of two pairs over exchanging none, from the length of the bone that joins them."""
+def _bone_cost(a, b, length, sd):
+    """Return the cost of exchanging one of two pairs over exchanging none, from the length of the bone between them."""
     cost = 0.0
     for i in range(2):
         if math.isnan(a[i, 0]):
             continue
         if not (math.isnan(b[0, 0]) or math.isnan(b[1, 0])):
-            cost += 0.5 * (_off(a[i], b[1 - i], length, sd) - _off(a[i], b[i], length, sd))
+            cost += 0.5 * (_length_deviation(a[i], b[1 - i], length, sd) - _length_deviation(a[i], b[i], length, sd))
     if math.isnan(b[0, 0]) != math.isnan(b[1, 0]) and not (math.isnan(a[0, 0]) or math.isnan(a[1, 0])):
         i = 0 if math.isnan(b[1, 0]) else 1
-        cost += 0.5 * (_off(a[1 - i], b[i], length, sd) - _off(a[i], b[i], length, sd))
+        cost += 0.5 * (_length_deviation(a[1 - i], b[i], length, sd) - _length_deviation(a[i], b[i], length, sd))
     return cost
 
 
 @inline
 def _cosine(a, b):
-    """Of the vectors between the two points of two pairs; 0 where a point is missing."""
+    """Return the cosine between the difference vectors of two pairs; 0 if one vanishes, NaN if a point is missing."""
     dot, aa, bb = 0.0, 0.0, 0.0
     for k in range(3):
         x, y = a[1, k] - a[0, k], b[1, k] - b[0, k]
@@ -332,30 +348,34 @@ def _cosine(a, b):
 
 
 @kernel
-def link_costs(points, odds, links, length, length_sd, likeness, likeness_sd, together, most, share_of_bones, out):
-    """What it costs to exchange one of two linked pairs and not the other.
+def link_costs(
+    points, odds, links, length, length_sd, mean_cosine, mean_cosine_sd, joint_odds, max_cost, bone_weight, out
+):
+    """Compute the cost of exchanging only one of two linked pairs.
 
     Args:
         points: shape (frame, pair, 2, 3).
         odds: shape (frame, pair, view).
         links: shape (link, 2), int64: pairs.
-        length, length_sd: shape (link,): of the bone that joins them on each side, m.
-        likeness, likeness_sd: shape (link,): of the cosine between their two vectors.
-        together: shape (link, view): logarithm of the odds that a view's labels of both go together.
-        most: no frame's bones cost more.
-        share_of_bones: what they count for; errors of such a model last for many frames.
+        length, length_sd: shape (link,): of the bone that connects them on each side, m.
+        mean_cosine, mean_cosine_sd: shape (link,): mean and standard deviation of the cosine between their vectors.
+        joint_odds: shape (link, view): log odds that the labels of both pairs swap together in a view.
+        max_cost: upper bound of the bone cost of one frame.
+        bone_weight: weight of the bone cost; errors of this model persist over many frames.
         out: shape (frame, link), written.
     """
     for t in range(points.shape[0]):
         for k in range(links.shape[0]):
             a, b = links[k, 0], links[k, 1]
-            cost = _bone(points[t, a], points[t, b], length[k], length_sd[k])
+            cost = _bone_cost(points[t, a], points[t, b], length[k], length_sd[k])
             cosine = _cosine(points[t, a], points[t, b])
             if not math.isnan(cosine):
-                cost += 2.0 * cosine * likeness[k] / likeness_sd[k] ** 2
-            cost = share_of_bones * min(max(cost, -most), most)
+                cost += 2.0 * cosine * mean_cosine[k] / mean_cosine_sd[k] ** 2
+            cost = bone_weight * min(max(cost, -max_cost), max_cost)
             for v in range(odds.shape[2]):
-                if together[k, v] > 0.0:
-                    agree = math.tanh(odds[t, a, v] / 2) * math.tanh(odds[t, b, v] / 2) * math.tanh(together[k, v] / 2)
-                    cost += 2.0 * math.atanh(agree)
+                if joint_odds[k, v] > 0.0:
+                    agreement = (
+                        math.tanh(odds[t, a, v] / 2) * math.tanh(odds[t, b, v] / 2) * math.tanh(joint_odds[k, v] / 2)
+                    )
+                    cost += 2.0 * math.atanh(agreement)
             out[t, k] = cost

@@ -1,156 +1,254 @@
-"""Left and right points from rays whose labels are not believed: every couple of proposals scored, the best refined.
+"""Two-point solve of keypoint pairs whose labels are uncertain: all candidates are scored, the best ones refined.
 
-Works on blocks of observation rows like :mod:`posefuse.kernels.triangulation.consensus`. See docs/methods.md, "Pairs".
+It works on blocks of observation rows like :mod:`posefuse.kernels.triangulation.consensus`. See docs/methods.md,
+"Pairs".
 """
 
 import math
 
 import numpy as np
 
+from posefuse.kernels.cameras.observation_blocks import (
+    compute_weights,
+    fill_linearized_errors,
+    index_lanes,
+    load_block,
+    reproject_block,
+)
 from posefuse.kernels.cameras.observation_rows import BLOCK, rows_block
 from posefuse.kernels.cameras.points import STATE_ROWS, SUM_ROWS, judge_geometry, normal_equations, store_points
-from posefuse.kernels.cameras.views import linear_errors, load_block, locate_lanes, reproject_block, weigh_block
-from posefuse.kernels.jit import inline, kernel, step
-from posefuse.kernels.left_right.branch_and_bound import MOST_VIEWS, make_proof_room, prove_lane
-from posefuse.kernels.left_right.choice import choose, doubt
-from posefuse.kernels.left_right.refine import COUPLE_COST, COUPLE_ROWS, MOVED, settle
+from posefuse.kernels.jit import inline, kernel, subroutine
+from posefuse.kernels.left_right.branch_and_bound import MAX_VIEWS, improve_lane, make_branch_workspace
+from posefuse.kernels.left_right.refine import CANDIDATE_COST, CANDIDATE_ROWS, LAST_STEP, refine_candidate
 from posefuse.kernels.left_right.results import (
-    assign,
-    judge_side,
+    assign_side_codes,
+    assign_views,
+    gather_side,
     keep_information,
-    put_in_order,
-    store_side,
-    store_views,
-    take_side,
+    order_points,
+    store_side_results,
+    store_view_outcomes,
 )
-from posefuse.kernels.left_right.search import PROPOSALS, search_lane
-from posefuse.kernels.left_right.workspace import Room, make_search_room
+from posefuse.kernels.left_right.search import N_CANDIDATES, propose_lane
+from posefuse.kernels.left_right.selection import choose_candidate, flag_rivals
+from posefuse.kernels.left_right.workspace import Workspace, make_search_workspace
 from posefuse.kernels.triangulation.pair_search import rank_views
 
-_GENEROUS = 2
-_SKETCH_ROUNDS = 5
-_MOST_ROUNDS = 60
-_SETTLED = 1e-2
+_WIDE_ITERATIONS = 2
+_ROUGH_ITERATIONS = 5
+_MAX_ITERATIONS = 60
+_CONVERGED = 1e-2
 
 
 @inline
 def _load(
-    cameras, distorted, fisheye, keypoints_px, confidence, rows_of, pairs, scale_px, exponent, min_confidence, room
+    cameras,
+    distorted,
+    fisheye,
+    keypoints_px,
+    confidence,
+    detection_rows,
+    pairs,
+    scale_px,
+    exponent,
+    min_confidence,
+    workspace,
 ):
-    """Read both observations of every lane, and rank the views by what confidence either has."""
+    """Read both observations of every lane, and rank the views by the confidence of either."""
     for label in range(2):
         for j in range(BLOCK):
-            room.keypoints[0, j] = room.places[0, j]
-            room.keypoints[1, j] = pairs[room.places[1, j], label]
-        pixels, trust, view_codes = room.pixels[label], room.trust[label], room.codes[label]
-        load_block(keypoints_px, confidence, rows_of, room.keypoints, min_confidence, pixels, trust, view_codes)
+            workspace.keypoints[0, j] = workspace.lane_indices[0, j]
+            workspace.keypoints[1, j] = pairs[workspace.lane_indices[1, j], label]
+        pixels, block_confidence, view_codes = (
+            workspace.pixels[label],
+            workspace.block_confidence[label],
+            workspace.codes[label],
+        )
+        load_block(
+            keypoints_px,
+            confidence,
+            detection_rows,
+            workspace.keypoints,
+            min_confidence,
+            pixels,
+            block_confidence,
+            view_codes,
+        )
         for v in range(cameras.shape[0]):
-            rows_block(cameras, distorted, fisheye, v, pixels, room.lens_codes, room.rows[label], room.scratch)
-        weigh_block(scale_px, exponent, trust, room.lens_codes, view_codes, room.weights[label])
+            rows_block(
+                cameras, distorted, fisheye, v, pixels, workspace.lens_codes, workspace.rows[label], workspace.scratch
+            )
+        compute_weights(
+            scale_px, exponent, block_confidence, workspace.lens_codes, view_codes, workspace.weights[label]
+        )
     for v in range(cameras.shape[0]):
         for j in range(BLOCK):
-            left = room.weights[0, v, j] > 0.0
-            right = room.weights[1, v, j] > 0.0
-            room.any_weights[v, j] = 1.0 if left | right else 0.0
-            room.any_trust[v, j] = (room.trust[0, v, j] if left else 0.0) + (room.trust[1, v, j] if right else 0.0)
-    rank_views(room.any_trust, room.any_weights, room.ranks, room.seen)
+            left = workspace.weights[0, v, j] > 0.0
+            right = workspace.weights[1, v, j] > 0.0
+            workspace.any_weights[v, j] = 1.0 if left | right else 0.0
+            workspace.any_confidence[v, j] = (workspace.block_confidence[0, v, j] if left else 0.0) + (
+                workspace.block_confidence[1, v, j] if right else 0.0
+            )
+    rank_views(workspace.any_confidence, workspace.any_weights, workspace.ranks, workspace.n_observed)
 
 
 @inline
-def _propose(tries, full, none, room, search_room):
-    """Search every lane, and sketch what the cheapest couples of two-ray points become over all views."""
+def _propose(rank_pairs, full, none, workspace, search_workspace):
+    """Search every lane for the cheapest candidates of two-ray points."""
     for j in range(BLOCK):
-        if room.places[0, j] >= 0:
-            search_lane(room.rows, room.weights, room.ranks, room.seen, tries, full, none, j, search_room, room.couples)
+        if workspace.lane_indices[0, j] >= 0:
+            propose_lane(
+                workspace.rows,
+                workspace.weights,
+                workspace.ranks,
+                workspace.n_observed,
+                rank_pairs,
+                full,
+                none,
+                j,
+                search_workspace,
+                workspace.candidates,
+            )
         else:
-            for i in range(PROPOSALS):
+            for i in range(N_CANDIDATES):
                 for axis in range(6):
-                    room.couples[i, axis, j] = math.nan
+                    workspace.candidates[i, axis, j] = math.nan
 
 
 @inline
-def _empty(couple):
-    """Whether no lane has such a proposal."""
+def _empty(candidate):
+    """Return whether no lane has this candidate."""
     lanes = 0
     for j in range(BLOCK):
-        lanes += 1 if couple[0, j] == couple[0, j] else 0
+        lanes += 1 if candidate[0, j] == candidate[0, j] else 0
     return lanes == 0
 
 
-@step
-def _prove(rows, weights, seen, full, none, couples, sums, room):
-    """Where views are few, put a couple last that costs less than the cheapest of the others, if there is any."""
+@subroutine
+def _search_exhaustively(rows, weights, n_observed, full, none, candidates, sums, workspace):
+    """Where views are few, add as last candidate one that is cheaper than all others, if there is any."""
     bound = full + (none - full) * (1.0 / 3.0)
-    better = couples[PROPOSALS]
+    improved = candidates[N_CANDIDATES]
     for j in range(BLOCK):
-        few = 2 <= seen[j] <= MOST_VIEWS
+        few_views = 2 <= n_observed[j] <= MAX_VIEWS
         for i in range(6):
-            better[i, j] = couples[0, i, j] if few else math.nan
-        if not few:
+            improved[i, j] = candidates[0, i, j] if few_views else math.nan
+        if not few_views:
             continue
         cost = math.inf
-        for couple in couples[:PROPOSALS]:
-            # What one costs that has not settled is not to be believed: it may be about to give a point up.
-            if not couple[MOVED, j] < _SETTLED:
-                couple[COUPLE_COST, j] = math.inf
-            elif couple[COUPLE_COST, j] < cost:
-                cost = couple[COUPLE_COST, j]
+        for candidate in candidates[:N_CANDIDATES]:
+            # The cost of a candidate that has not converged is unreliable: it may be about to lose a point.
+            if not candidate[LAST_STEP, j] < _CONVERGED:
+                candidate[CANDIDATE_COST, j] = math.inf
+            elif candidate[CANDIDATE_COST, j] < cost:
+                cost = candidate[CANDIDATE_COST, j]
                 for i in range(6):
-                    better[i, j] = couple[i, j]
+                    improved[i, j] = candidate[i, j]
         for v in range(weights.shape[1]):
             cost -= 0.0 if weights[0, v, j] > 0.0 else bound
             cost -= 0.0 if weights[1, v, j] > 0.0 else bound
-        prove_lane(rows, weights, full, none, better, cost, j, sums, room)
+        improve_lane(rows, weights, full, none, improved, cost, j, sums, workspace)
 
 
 @inline
-def _refine(full, none, prior_sigma, previous, room, proof_room):
-    """Sketch what the proposals become over all views, choose the cheapest couple, and settle that."""
+def _refine(full, none, prior_sigma, previous, workspace, branch_workspace):
+    """Refine the candidates roughly over all views, choose the cheapest, and refine it until convergence."""
     bound = full + (none - full) * (1.0 / 3.0)
-    # One loop for all, so that its body is compiled once.
-    for i in range(PROPOSALS + 2):
-        if i < PROPOSALS:
-            begin = 0
-            couple, end = room.couples[i], 1 if _empty(room.couples[i]) else _GENEROUS + _SKETCH_ROUNDS
-        elif i == PROPOSALS:
-            _prove(room.rows, room.weights, room.seen, full, none, room.couples, room.sums[0], proof_room)
-            couple, begin = room.couples[i], _GENEROUS
-            end = _GENEROUS if _empty(couple) else _GENEROUS + _SKETCH_ROUNDS
+    # A single loop covers all phases, so that its body is compiled once.
+    for i in range(N_CANDIDATES + 2):
+        if i < N_CANDIDATES:
+            first_iteration = 0
+            candidate, last_iteration = (
+                workspace.candidates[i],
+                1 if _empty(workspace.candidates[i]) else _WIDE_ITERATIONS + _ROUGH_ITERATIONS,
+            )
+        elif i == N_CANDIDATES:
+            _search_exhaustively(
+                workspace.rows,
+                workspace.weights,
+                workspace.n_observed,
+                full,
+                none,
+                workspace.candidates,
+                workspace.sums[0],
+                branch_workspace,
+            )
+            candidate, first_iteration = workspace.candidates[i], _WIDE_ITERATIONS
+            last_iteration = _WIDE_ITERATIONS if _empty(candidate) else _WIDE_ITERATIONS + _ROUGH_ITERATIONS
         else:
-            choose(room.couples, room.places, prior_sigma, bound, previous, room.totals, room.best, room.couple)
-            couple, begin, end = room.couple, _GENEROUS, _MOST_ROUNDS
-        settle(room.rows, room.weights, begin, end, full, none, couple, room.trial, room.shares, room.sums)
+            choose_candidate(
+                workspace.candidates,
+                workspace.lane_indices,
+                prior_sigma,
+                bound,
+                previous,
+                workspace.totals,
+                workspace.best,
+                workspace.candidate,
+            )
+            candidate, first_iteration, last_iteration = workspace.candidate, _WIDE_ITERATIONS, _MAX_ITERATIONS
+        refine_candidate(
+            workspace.rows,
+            workspace.weights,
+            first_iteration,
+            last_iteration,
+            full,
+            none,
+            candidate,
+            workspace.trial,
+            workspace.point_weights,
+            workspace.sums,
+        )
 
 
 @inline
-def _take_given(given, room):
-    """Points that were found in another way, without rivals."""
+def _use_given_points(given_points, workspace):
+    """Use points from another method, without rivals."""
     for j in range(BLOCK):
-        n = room.places[0, j]
-        k = room.places[1, j]
-        room.best[j] = 0
-        room.couple[COUPLE_COST, j] = 0.0
-        room.couple[MOVED, j] = 0.0
+        n = workspace.lane_indices[0, j]
+        k = workspace.lane_indices[1, j]
+        workspace.best[j] = 0
+        workspace.candidate[CANDIDATE_COST, j] = 0.0
+        workspace.candidate[LAST_STEP, j] = 0.0
         for axis in range(6):
-            room.couple[axis, j] = given[n, k, axis] if n >= 0 else math.nan
-            for i in range(PROPOSALS + 1):
-                room.couples[i, axis, j] = math.nan
-        for i in range(PROPOSALS + 1):
-            room.totals[i, j] = 0.0
+            workspace.candidate[axis, j] = given_points[n, k, axis] if n >= 0 else math.nan
+            for i in range(N_CANDIDATES + 1):
+                workspace.candidates[i, axis, j] = math.nan
+        for i in range(N_CANDIDATES + 1):
+            workspace.totals[i, j] = 0.0
 
 
 @inline
-def _finish_side(cameras, distorted, fisheye, room, side, bound, min_views):
-    """Status, covariance and errors of one of each lane's points."""
-    take_side(room, side)
-    moved, agreeing, valid = room.couple[MOVED], room.agreeing, room.valid
-    judge_side(room.couple, side, _SETTLED, min_views, moved, agreeing, valid, room.rays, room.status)
-    normal_equations(room.side_rows, room.side_weights, room.state, room.sums[0])
-    keep_information(room.sums[0], room.state)
-    doubt(room.couples, room.totals, room.best, room.couple, side, room.state, bound, room.status)
-    judge_geometry(room.state, room.sums[0], room.status)
-    reproject_block(cameras, distorted, fisheye, room.side_pixels, room.state, room.side_errors)
-    linear_errors(room.side_rows, room.side_weights, room.state, room.side_errors)
+def _finish_side(cameras, distorted, fisheye, workspace, side, bound, min_views):
+    """Compute status, covariance and errors of one point of each lane."""
+    gather_side(workspace, side)
+    last_step, n_agreeing, n_valid = workspace.candidate[LAST_STEP], workspace.n_agreeing, workspace.n_valid
+    assign_side_codes(
+        workspace.candidate,
+        side,
+        _CONVERGED,
+        min_views,
+        last_step,
+        n_agreeing,
+        n_valid,
+        workspace.n_rays,
+        workspace.status,
+    )
+    normal_equations(workspace.side_rows, workspace.side_weights, workspace.state, workspace.sums[0])
+    keep_information(workspace.sums[0], workspace.state)
+    flag_rivals(
+        workspace.candidates,
+        workspace.totals,
+        workspace.best,
+        workspace.candidate,
+        side,
+        workspace.state,
+        bound,
+        workspace.status,
+    )
+    judge_geometry(workspace.state, workspace.sums[0], workspace.status)
+    reproject_block(cameras, distorted, fisheye, workspace.side_pixels, workspace.state, workspace.side_errors)
+    fill_linearized_errors(workspace.side_rows, workspace.side_weights, workspace.state, workspace.side_errors)
 
 
 @kernel
@@ -160,18 +258,18 @@ def solve_pairs(
     fisheye,
     keypoints_px,
     confidence,
-    rows_of,
+    detection_rows,
     pairs,
     scale_px,
     exponent,
     min_confidence,
     min_views,
-    tries,
+    rank_pairs,
     full_sigma,
     none_sigma,
     prior_sigma,
     previous,
-    given,
+    given_points,
     points,
     covariance,
     status,
@@ -181,60 +279,62 @@ def solve_pairs(
     evidence,
     costs,
 ):
-    """Two points of every pair of keypoints, the labels of observations being evidence for their order only.
+    """Solve for two points of every pair of keypoints; the labels of observations only determine their order.
 
     Args:
         cameras: the camera array, shape (view, COLUMNS).
         distorted: None if the rig has no lens with distortion polynomials.
-        fisheye: None if it has no fisheye.
+        fisheye: None if the rig has no fisheye lens.
         keypoints_px: shape (detection, keypoint, 2), NaN where missing.
         confidence: shape (detection, keypoint), NaN where the detector gives none.
-        rows_of: shape (person_frame, view), int64: rows of the two above, or NO_DETECTION or NOT_RECORDED.
+        detection_rows: shape (person_frame, view), int64: rows of the two arrays above, NO_DETECTION or NOT_RECORDED.
         pairs: shape (pair, 2), int64: keypoints, left and right.
-        scale_px: shape (view,): the noise of a detection of confidence 1, in px per axis.
+        scale_px: shape (view,): noise of a detection of confidence 1, in px per axis.
         exponent: the noise is ``scale_px / confidence^exponent``.
-        min_confidence: detections below are not used.
+        min_confidence: detections below this confidence are not used.
         min_views: points with fewer agreeing views are missing (at least 2).
-        tries: shape (try, 2), int64: ranks of views to try together, the most promising first.
-        full_sigma: a residual of fewer sigmas counts whole.
-        none_sigma: a residual of more sigmas does not count; the observation is not this point's.
-        prior_sigma: how far points move between frames, in the world's unit; inf to ask every frame alone.
-        previous: shape (person, pair, 6), in and out: the points of the frame before; NaN where there are none.
-        given: shape (person_frame, pair, 6): points to take as they are; with no person_frame, they are sought.
+        rank_pairs: shape (try, 2), int64: ranks of views to combine, the most promising first.
+        full_sigma: a residual of fewer sigmas has full weight.
+        none_sigma: a residual of more sigmas has weight 0; the observation does not belong to this point.
+        prior_sigma: standard deviation of the motion between frames, in the unit of the world; inf treats every frame
+            separately.
+        previous: shape (person, pair, 6), in and out: the points of the previous frame; NaN where missing.
+        given_points: shape (person_frame, pair, 6): points to use as they are; with no person_frame, they are
+            estimated.
         points: shape (person_frame, pair, 2, 3), written: left and right.
         covariance: shape (person_frame, pair, 2, 6), written: xx xy xz yy yz zz.
         status: shape (person_frame, pair, 2), int8, written: point codes.
-        used: shape (person_frame, pair, view, 2), int8, written: the label of the observation each point rests on, 0
-            left, 1 right, -1 none.
-        view_errors_px: shape (person_frame, pair, view, 2), float32, written: the distance of that observation.
-        view_codes: shape (person_frame, pair, view, 2), int8, written: what became of the observation of each label.
-        evidence: shape (person_frame, pair, view), float32, written: by how much (squared sigmas) the view as labelled
-            costs more than swapped.
-        costs: shape (person_frame, pair), written: the bounded cost of the couple, squared sigmas.
+        used: shape (person_frame, pair, view, 2), int8, written: the label of the observation that supports each point,
+            0 left, 1 right, -1 none.
+        view_errors_px: shape (person_frame, pair, view, 2), float32, written: reprojection error of that observation.
+        view_codes: shape (person_frame, pair, view, 2), int8, written: outcome for the observation of each label.
+        evidence: shape (person_frame, pair, view), float32, written: cost of the view as labeled minus its cost
+            swapped, in squared sigmas.
+        costs: shape (person_frame, pair), written: the bounded cost of the candidate, squared sigmas.
     """
     n_pairs = pairs.shape[0]
-    total = rows_of.shape[0] * n_pairs
+    total = detection_rows.shape[0] * n_pairs
     n_views = cameras.shape[0]
-    # Made here and not elsewhere: the compiler must know the length of their last axis to use vector instructions.
-    room = Room(
-        places=np.empty((2, BLOCK), np.int64),
+    # Allocate here: the compiler must know the length of the last axis to use vector instructions.
+    workspace = Workspace(
+        lane_indices=np.empty((2, BLOCK), np.int64),
         keypoints=np.empty((2, BLOCK), np.int64),
         pixels=np.empty((2, n_views, 2, BLOCK)),
-        trust=np.empty((2, n_views, BLOCK)),
+        block_confidence=np.empty((2, n_views, BLOCK)),
         rows=np.empty((2, n_views, 12, BLOCK)),
         weights=np.empty((2, n_views, BLOCK)),
         codes=np.empty((2, n_views, BLOCK), np.int64),
         lens_codes=np.empty((n_views, BLOCK), np.int64),
         scratch=np.empty((6, BLOCK)),
         ranks=np.empty((n_views, BLOCK), np.int64),
-        seen=np.empty(BLOCK, np.int64),
-        any_trust=np.empty((n_views, BLOCK)),
+        n_observed=np.empty(BLOCK, np.int64),
+        any_confidence=np.empty((n_views, BLOCK)),
         any_weights=np.empty((n_views, BLOCK)),
-        couples=np.empty((PROPOSALS + 1, COUPLE_ROWS, BLOCK)),
-        couple=np.empty((COUPLE_ROWS, BLOCK)),
-        trial=np.empty((COUPLE_ROWS, BLOCK)),
-        shares=np.empty((4, BLOCK)),
-        totals=np.empty((PROPOSALS + 1, BLOCK)),
+        candidates=np.empty((N_CANDIDATES + 1, CANDIDATE_ROWS, BLOCK)),
+        candidate=np.empty((CANDIDATE_ROWS, BLOCK)),
+        trial=np.empty((CANDIDATE_ROWS, BLOCK)),
+        point_weights=np.empty((4, BLOCK)),
+        totals=np.empty((N_CANDIDATES + 1, BLOCK)),
         best=np.empty(BLOCK, np.int64),
         labels=np.empty((2, n_views, BLOCK), np.int64),
         evidence=np.empty((n_views, BLOCK)),
@@ -244,40 +344,50 @@ def solve_pairs(
         side_errors=np.empty((n_views, BLOCK)),
         state=np.empty((STATE_ROWS, BLOCK)),
         sums=np.empty((2, SUM_ROWS, BLOCK)),
-        agreeing=np.empty(BLOCK, np.int64),
-        valid=np.empty(BLOCK, np.int64),
-        rays=np.empty(BLOCK, np.int64),
+        n_agreeing=np.empty(BLOCK, np.int64),
+        n_valid=np.empty(BLOCK, np.int64),
+        n_rays=np.empty(BLOCK, np.int64),
         status=np.empty(BLOCK, np.int64),
     )
-    search_room = make_search_room(n_views, tries.shape[0])
-    proof_room = make_proof_room()
+    search_workspace = make_search_workspace(n_views, rank_pairs.shape[0])
+    branch_workspace = make_branch_workspace()
     full, none = full_sigma * full_sigma, none_sigma * none_sigma
     bound = full + (none - full) / 3.0
     for first in range(0, total, BLOCK):
-        locate_lanes(first, total, n_pairs, room.places)
+        index_lanes(first, total, n_pairs, workspace.lane_indices)
         _load(
             cameras,
             distorted,
             fisheye,
             keypoints_px,
             confidence,
-            rows_of,
+            detection_rows,
             pairs,
             scale_px,
             exponent,
             min_confidence,
-            room,
+            workspace,
         )
-        if given.shape[0] > 0:
-            _take_given(given, room)
+        if given_points.shape[0] > 0:
+            _use_given_points(given_points, workspace)
         else:
-            _propose(tries, full, none, room, search_room)
-            _refine(full, none, prior_sigma, previous, room, proof_room)
-        assign(room.rows, room.weights, full, none, room.couple, room.labels, room.evidence)
-        put_in_order(room.trust, room.couple, room.labels, room.evidence)
+            _propose(rank_pairs, full, none, workspace, search_workspace)
+            _refine(full, none, prior_sigma, previous, workspace, branch_workspace)
+        assign_views(
+            workspace.rows, workspace.weights, full, none, workspace.candidate, workspace.labels, workspace.evidence
+        )
+        order_points(workspace.block_confidence, workspace.candidate, workspace.labels, workspace.evidence)
         for side in range(2):
-            _finish_side(cameras, distorted, fisheye, room, side, bound, min_views)
+            _finish_side(cameras, distorted, fisheye, workspace, side, bound, min_views)
             side_points, side_covariance, side_status = points[:, :, side], covariance[:, :, side], status[:, :, side]
-            store_points(room.state, room.sums[0], room.status, room.places, side_points, side_covariance, side_status)
-            store_side(room, side, used, view_errors_px)
-        store_views(room, bound, view_codes, evidence, costs)
+            store_points(
+                workspace.state,
+                workspace.sums[0],
+                workspace.status,
+                workspace.lane_indices,
+                side_points,
+                side_covariance,
+                side_status,
+            )
+            store_side_results(workspace, side, used, view_errors_px)
+        store_view_outcomes(workspace, bound, view_codes, evidence, costs)

@@ -1,50 +1,50 @@
-"""Where two points may be, from rays whose labels are not believed: two-ray points, and the couples that cost least.
+"""Search for two points from rays with uncertain labels: two-ray points, and the cheapest candidates made of them.
 
-One couple of keypoints at a time. An observation is numbered ``2 view + label``, label 0 left and 1 right. What an
-observation costs a point is the bounded cost of :func:`bounded`; two points share the views' observations so that
-each serves one point at most. See docs/methods.md, "Pairs".
+One keypoint pair at a time. Observations are numbered ``2 view + label`` with label 0 left and 1 right. The cost of an
+observation is the bounded cost of :func:`bounded`. Two points share the observations of the views such that each
+observation supports at most one point. See docs/methods.md, "Pairs".
 """
 
 import math
 
-from posefuse.kernels.cameras.points import solve_symmetric
-from posefuse.kernels.jit import inline, step
+from posefuse.kernels.jit import inline, subroutine
+from posefuse.kernels.linear_algebra.symmetric_3x3 import solve_symmetric
 
-PROPOSALS = 4
-"""Couples of points kept for refinement."""
-NOBODY = -1
-"""In the place of a second point: there is none."""
+N_CANDIDATES = 4
+"""Number of candidates kept for refinement."""
+NO_POINT = -1
+"""Index of a missing second point."""
 
-# Representatives of groups of proposals that rest on the same rays.
-MOST_GROUPS = 48
-# Costs of two-ray points are above those of refined ones by less than so many bounds.
+# Maximum number of groups of points that share the same rays.
+MAX_GROUPS = 48
+# The costs of two-ray points exceed those of refined points by less than this many bounds.
 _SLACK = 2.5
-# A ray this much of the bound away belongs to a point no more.
-_NEAR = 0.95
+# A ray supports a point if its cost is below this fraction of the bound.
+_SUPPORT_FRACTION = 0.95
 _BITS = 62
 
 
 @inline
 def bounded(squared, full, inverse_span):
-    """The cost of a squared residual in sigma units: itself up to ``full``, then growing ever less.
+    """Return the bounded cost of a squared residual in sigmas: linear up to ``full``, then growing ever more slowly.
 
-    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2``, u from 0 at ``full`` to 1 at ``none``; past
-    that the cost would stay at ``full + (none - full) / 3``.
+    Its derivative is the weight of reweighted Gauss-Newton, ``(1 - u)^2`` with u from 0 at ``full`` to 1 at ``none``.
+    Beyond ``none`` the cost would stay at ``full + (none - full) / 3``.
 
     Args:
         squared: at most ``none``.
-        full: from where on the cost grows more slowly.
+        full: end of the linear part.
         inverse_span: ``1 / (none - full)``.
     """
-    over = squared - full
-    over = over if over > 0.0 else 0.0
-    u = over * inverse_span
-    return squared - over * u * (1.0 - u * (1.0 / 3.0))
+    excess = squared - full
+    excess = excess if excess > 0.0 else 0.0
+    u = excess * inverse_span
+    return squared - excess * u * (1.0 - u * (1.0 / 3.0))
 
 
 @inline
-def _take_lane(rows, weights, label, j, lane_rows, lane_weights, normal):
-    """The observations of one label in lane ``j``, and their parts of the algebraic normal equations."""
+def _gather_lane(rows, weights, label, j, lane_rows, lane_weights, normal):
+    """Gather the observations of one label in lane ``j``, and their parts of the algebraic normal equations."""
     for v in range(weights.shape[0]):
         o = 2 * v + label
         w = weights[v, j]
@@ -68,24 +68,24 @@ def _take_lane(rows, weights, label, j, lane_rows, lane_weights, normal):
 
 
 @inline
-def _two_ray_points(normal, lane_weights, ranks, seen, tries, j, places, points):
-    """The algebraic point of every two observations of two views; how many there are."""
+def _two_ray_points(normal, lane_weights, ranks, n_observed, rank_pairs, j, observations, points):
+    """Triangulate every two observations of two views; return the number of points."""
     count = 0
-    for t in range(tries.shape[0]):
-        if tries[t, 1] >= seen[j]:
+    for t in range(rank_pairs.shape[0]):
+        if rank_pairs[t, 1] >= n_observed[j]:
             continue
-        a = 2 * ranks[tries[t, 0], j]
-        b = 2 * ranks[tries[t, 1], j]
+        a = 2 * ranks[rank_pairs[t, 0], j]
+        b = 2 * ranks[rank_pairs[t, 1], j]
         for label in range(4):
             first = a + (label & 1)
             second = b + (label >> 1)
             if lane_weights[first] > 0.0 and lane_weights[second] > 0.0:
-                places[0, count] = first
-                places[1, count] = second
+                observations[0, count] = first
+                observations[1, count] = second
                 count += 1
     for p in range(count):
-        a = places[0, p]
-        b = places[1, p]
+        a = observations[0, p]
+        b = observations[1, p]
         _, points[0, p], points[1, p], points[2, p] = solve_symmetric(
             normal[0, a] + normal[0, b],
             normal[1, a] + normal[1, b],
@@ -101,8 +101,8 @@ def _two_ray_points(normal, lane_weights, ranks, seen, tries, j, places, points)
 
 
 @inline
-def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
-    """What every observation costs every point, shape (observation, point)."""
+def _compute_costs(lane_rows, lane_weights, points, count, full, none, costs):
+    """Compute the cost of every observation for every point, shape (observation, point)."""
     inverse_span = 1.0 / (none - full)
     for o in range(lane_weights.shape[0]):
         w = lane_weights[o]
@@ -121,30 +121,30 @@ def _cost_of_all(lane_rows, lane_weights, points, count, full, none, costs):
             r = g0 * x + g1 * y + g2 * z + g3
             s = h0 * x + h1 * y + h2 * z + h3
             squared = w * (r * r + s * s) / (depth * depth)
-            # Not a number, where two rays are parallel, is not near either.
+            # The comparison is false for NaN, which results from parallel rays.
             near = (squared < none) & (depth > 0.0)
             costs[o, p] = bounded(squared if near else none, full, inverse_span)
 
 
 @inline
-def _describe(costs, count, bound, alone, rests_on):
-    """What each point costs with the nearer observation of every view, and, as bits, which of those are near."""
+def _summarize_points(costs, count, bound, single_cost, support_bits):
+    """Compute the cost of each point with the nearer observation of every view, and its near observations as bits."""
     for p in range(count):
-        alone[p] = 0.0
-        rests_on[p] = 0
+        single_cost[p] = 0.0
+        support_bits[p] = 0
     for v in range(costs.shape[0] // 2):
         left = 1 << ((2 * v) % _BITS)
         right = left << 1
         for p in range(count):
             nearest = min(costs[2 * v, p], costs[2 * v + 1, p])
-            alone[p] += nearest
+            single_cost[p] += nearest
             bit = left if costs[2 * v, p] <= costs[2 * v + 1, p] else right
-            rests_on[p] |= bit if nearest < _NEAR * bound else 0
+            support_bits[p] |= bit if nearest < _SUPPORT_FRACTION * bound else 0
 
 
 @inline
-def _ones(bits):
-    """How many bits of a number below 2^62 are set."""
+def _count_bits(bits):
+    """Return the number of bits set in a number below 2^62."""
     bits = bits - ((bits >> 1) & 0x5555555555555555)
     bits = (bits & 0x3333333333333333) + ((bits >> 2) & 0x3333333333333333)
     bits = (bits + (bits >> 4)) & 0x0F0F0F0F0F0F0F0F
@@ -154,118 +154,132 @@ def _ones(bits):
 
 
 @inline
-def _cheapest(alone, count):
-    """The point that costs least alone, NOBODY where none is left."""
-    least = math.inf
-    chosen = NOBODY
+def _cheapest_point(single_cost, count):
+    """Return the point with the lowest single cost, NO_POINT if none is left."""
+    min_cost = math.inf
+    chosen = NO_POINT
     for p in range(count):
-        if alone[p] < least:
-            least = alone[p]
+        if single_cost[p] < min_cost:
+            min_cost = single_cost[p]
             chosen = p
     return chosen
 
 
 @inline
-def _close_group(alone, rests_on, chosen, count):
-    """Strike out all points that rest, for the most part, on the rays of the chosen one."""
-    mine = rests_on[chosen]
-    size = _ones(mine)
+def _remove_group(single_cost, support_bits, chosen, count):
+    """Remove all points that share most of their rays with the chosen one."""
+    own_bits = support_bits[chosen]
+    own_count = _count_bits(own_bits)
     for p in range(count):
-        shared = _ones(rests_on[p] & mine)
-        same = (shared >= 2) & (2 * shared > min(size, _ones(rests_on[p])))
-        alone[p] = math.inf if same else alone[p]
-    alone[chosen] = math.inf
+        shared = _count_bits(support_bits[p] & own_bits)
+        same = (shared >= 2) & (2 * shared > min(own_count, _count_bits(support_bits[p])))
+        single_cost[p] = math.inf if same else single_cost[p]
+    single_cost[chosen] = math.inf
 
 
 @inline
-def _keep(cost, first, second, kept, kept_places):
-    """Insert a couple among the cheapest."""
-    place = PROPOSALS
-    while place > 0 and cost < kept[place - 1]:
-        place -= 1
-    for i in range(PROPOSALS - 1, place, -1):
-        kept[i] = kept[i - 1]
-        kept_places[0, i] = kept_places[0, i - 1]
-        kept_places[1, i] = kept_places[1, i - 1]
-    if place < PROPOSALS:
-        kept[place] = cost
-        kept_places[0, place] = first
-        kept_places[1, place] = second
+def _insert_candidate(cost, first, second, best_costs, best_points):
+    """Insert a candidate into the list of the cheapest."""
+    position = N_CANDIDATES
+    while position > 0 and cost < best_costs[position - 1]:
+        position -= 1
+    for i in range(N_CANDIDATES - 1, position, -1):
+        best_costs[i] = best_costs[i - 1]
+        best_points[0, i] = best_points[0, i - 1]
+        best_points[1, i] = best_points[1, i - 1]
+    if position < N_CANDIDATES:
+        best_costs[position] = cost
+        best_points[0, position] = first
+        best_points[1, position] = second
 
 
 @inline
-def _couple_cost(costs, n_views, first, second, bound):
-    """What two points cost, every view in its best state, and how many views then hold each."""
+def _candidate_cost(costs, n_views, first, second, bound):
+    """Return the cost of two points with every view in its best state, and the number of views supporting each."""
     cost = 0.0
-    held_first = 0
-    held_second = 0
+    n_first = 0
+    n_second = 0
     for v in range(n_views):
         first_left = costs[2 * v, first]
         first_right = costs[2 * v + 1, first]
         second_left = costs[2 * v, second]
         second_right = costs[2 * v + 1, second]
         as_labelled = first_left + second_right <= first_right + second_left
-        of_first = first_left if as_labelled else first_right
-        of_second = second_right if as_labelled else second_left
-        cost += of_first + of_second
-        held_first += 1 if of_first < bound else 0
-        held_second += 1 if of_second < bound else 0
-    return cost, held_first, held_second
+        first_cost = first_left if as_labelled else first_right
+        second_cost = second_right if as_labelled else second_left
+        cost += first_cost + second_cost
+        n_first += 1 if first_cost < bound else 0
+        n_second += 1 if second_cost < bound else 0
+    return cost, n_first, n_second
 
 
 @inline
-def _couple(costs, count, bound, alone, rests_on, groups, kept, kept_places):
-    """The cheapest couples of points that rest on different rays, each group of like points having one speaker."""
+def _combine_points(costs, count, bound, single_cost, support_bits, groups, best_costs, best_points):
+    """Find the cheapest candidates of two points with different rays; one point represents each similar group."""
     n_views = costs.shape[0] // 2
     n_groups = 0
-    lowest = math.inf
-    for i in range(PROPOSALS):
-        kept[i] = math.inf
-        kept_places[0, i] = NOBODY
-        kept_places[1, i] = NOBODY
+    lowest_cost = math.inf
+    for i in range(N_CANDIDATES):
+        best_costs[i] = math.inf
+        best_points[0, i] = NO_POINT
+        best_points[1, i] = NO_POINT
     while n_groups < groups.shape[0]:
-        chosen = _cheapest(alone, count)
-        # No couple costs less than its points do alone.
-        if chosen == NOBODY or alone[chosen] + min(lowest, alone[chosen]) > kept[0] + _SLACK * bound:
+        chosen = _cheapest_point(single_cost, count)
+        # No candidate costs less than the sum of the single costs of its points.
+        if (
+            chosen == NO_POINT
+            or single_cost[chosen] + min(lowest_cost, single_cost[chosen]) > best_costs[0] + _SLACK * bound
+        ):
             break
-        lowest = min(lowest, alone[chosen])
-        # One more ray may be that of a second point, which it does not fix.
-        _keep(alone[chosen] + (n_views - 1) * bound, chosen, NOBODY, kept, kept_places)
+        lowest_cost = min(lowest_cost, single_cost[chosen])
+        # One more ray may belong to a second point, which a single ray does not determine.
+        _insert_candidate(single_cost[chosen] + (n_views - 1) * bound, chosen, NO_POINT, best_costs, best_points)
         for g in range(n_groups):
-            cost, held_chosen, held_other = _couple_cost(costs, n_views, chosen, groups[g], bound)
-            if held_chosen > 1 and held_other > 1:
-                _keep(cost, groups[g], chosen, kept, kept_places)
+            cost, n_chosen, n_other = _candidate_cost(costs, n_views, chosen, groups[g], bound)
+            if n_chosen > 1 and n_other > 1:
+                _insert_candidate(cost, groups[g], chosen, best_costs, best_points)
         groups[n_groups] = chosen
         n_groups += 1
-        _close_group(alone, rests_on, chosen, count)
+        _remove_group(single_cost, support_bits, chosen, count)
 
 
-@step
-def search_lane(rows, weights, ranks, seen, tries, full, none, j, room, starts):
-    """The cheapest couples of two-ray points of lane ``j``.
+@subroutine
+def propose_lane(rows, weights, ranks, n_observed, rank_pairs, full, none, j, workspace, starts):
+    """Find the cheapest candidates of two-ray points in lane ``j``.
 
     Args:
         rows: shape (label, view, 12, BLOCK).
-        weights: shape (label, view, BLOCK); 0 is not there.
+        weights: shape (label, view, BLOCK); 0 means missing.
         ranks: shape (view, BLOCK), views by confidence.
-        seen: shape (BLOCK,), how many views have an observation of either label.
-        tries: shape (try, 2), int64: ranks to try together.
-        full, none: see :func:`bounded`, in squared sigma units.
+        n_observed: shape (BLOCK,), number of views with an observation of either label.
+        rank_pairs: shape (try, 2), int64: ranks to combine.
+        full, none: see :func:`bounded`, in squared sigmas.
         j: the lane.
-        room: a SearchRoom, scratch.
-        starts: shape (PROPOSALS, 6 or more, BLOCK), written: two points, the cheapest couple first; NaN where there is
-            none.
+        workspace: a SearchWorkspace, scratch.
+        starts: shape (N_CANDIDATES, 6 or more, BLOCK), written: two points, the cheapest candidate first; NaN where
+            missing.
     """
     for label in range(2):
-        _take_lane(rows[label], weights[label], label, j, room.rows, room.weights, room.normal)
+        _gather_lane(rows[label], weights[label], label, j, workspace.rows, workspace.weights, workspace.normal)
     bound = full + (none - full) * (1.0 / 3.0)
-    count = _two_ray_points(room.normal, room.weights, ranks, seen, tries, j, room.places, room.points)
-    _cost_of_all(room.rows, room.weights, room.points, count, full, none, room.costs)
-    _describe(room.costs, count, bound, room.alone, room.rests_on)
-    _couple(room.costs, count, bound, room.alone, room.rests_on, room.groups, room.kept, room.kept_places)
-    for i in range(PROPOSALS):
-        close = room.kept[i] < room.kept[0] + _SLACK * bound
+    count = _two_ray_points(
+        workspace.normal, workspace.weights, ranks, n_observed, rank_pairs, j, workspace.observations, workspace.points
+    )
+    _compute_costs(workspace.rows, workspace.weights, workspace.points, count, full, none, workspace.costs)
+    _summarize_points(workspace.costs, count, bound, workspace.single_cost, workspace.support_bits)
+    _combine_points(
+        workspace.costs,
+        count,
+        bound,
+        workspace.single_cost,
+        workspace.support_bits,
+        workspace.groups,
+        workspace.best_costs,
+        workspace.best_points,
+    )
+    for i in range(N_CANDIDATES):
+        competitive = workspace.best_costs[i] < workspace.best_costs[0] + _SLACK * bound
         for side in range(2):
-            p = room.kept_places[side, i] if close or i == 0 else NOBODY
+            p = workspace.best_points[side, i] if competitive or i == 0 else NO_POINT
             for axis in range(3):
-                starts[i, 3 * side + axis, j] = room.points[axis, p] if p != NOBODY else math.nan
+                starts[i, 3 * side + axis, j] = workspace.points[axis, p] if p != NO_POINT else math.nan

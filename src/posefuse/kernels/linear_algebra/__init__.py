@@ -1,1 +1,1 @@
-"""Rotations, small symmetric systems and packed triangles."""
+"""Kernels of linear algebra: rotations, symmetric systems and packed triangles."""

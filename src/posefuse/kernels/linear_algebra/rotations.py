@@ -1,15 +1,15 @@
-"""Rotations as matrices: small turns in the axes of what turns, and back."""
+"""Rotation matrices: exponential and logarithm map in body axes."""
 
 import math
 
-from posefuse.kernels.jit import inline, step
+from posefuse.kernels.jit import inline, subroutine
 
 _TINY = 1e-12
 
 
 @inline
-def rotation_of(a, b, c):
-    """The matrix ``exp([a, b, c]x)``, row by row (Rodrigues)."""
+def exponential(a, b, c):
+    """Return the matrix ``exp([a, b, c]x)``, row by row (Rodrigues)."""
     squared = a * a + b * b + c * c
     if squared < _TINY:
         sine = 1.0 - squared / 6.0
@@ -31,21 +31,21 @@ def rotation_of(a, b, c):
     )
 
 
-@step
-def turn(matrix, a, b, c):
-    """Turn ``matrix``, shape (3, 3), by ``(a, b, c)`` radians about its own axes, in place; it stays a rotation."""
-    e = rotation_of(a, b, c)
+@subroutine
+def rotate(matrix, a, b, c):
+    """Rotate ``matrix``, shape (3, 3), by ``(a, b, c)`` radians about its own axes, in place, and orthonormalize it."""
+    e = exponential(a, b, c)
     for i in range(3):
         x, y, z = matrix[i, 0], matrix[i, 1], matrix[i, 2]
         matrix[i, 0] = x * e[0] + y * e[3] + z * e[6]
         matrix[i, 1] = x * e[1] + y * e[4] + z * e[7]
         matrix[i, 2] = x * e[2] + y * e[5] + z * e[8]
-    orthonormalise(matrix)
+    orthonormalize(matrix)
 
 
-@step
-def orthonormalise(matrix):
-    """Take rounding errors out of a rotation: its third axis keeps its direction."""
+@subroutine
+def orthonormalize(matrix):
+    """Remove rounding errors from a rotation matrix, in place; its third axis keeps its direction."""
     inverse = 1.0 / math.sqrt(matrix[0, 2] ** 2 + matrix[1, 2] ** 2 + matrix[2, 2] ** 2)
     for i in range(3):
         matrix[i, 2] *= inverse
@@ -61,9 +61,9 @@ def orthonormalise(matrix):
     matrix[2, 1] = matrix[0, 2] * matrix[1, 0] - matrix[1, 2] * matrix[0, 0]
 
 
-@step
-def turn_between(start, end):
-    """The turn, in the axes of ``start``, that makes it ``end``: the logarithm of ``start^T end``, in radians."""
+@subroutine
+def rotation_between(start, end):
+    """Return the logarithm of ``start^T end``: the rotation in radians, in the axes of ``start``, to ``end``."""
     trace = 0.0
     for i in range(3):
         for j in range(3):

@@ -1,55 +1,55 @@
-"""Covariances of states as their lower triangles, without the shape's rows where that is kept."""
+"""Packed lower triangles of state covariances, without the rows of the shape where it is fixed."""
 
 from posefuse.kernels.jit import inline, kernel
 
 
 @inline
-def _row(i, n_pose, kept):
-    """Which row of a covariance the ``i``-th is that is kept in a triangle."""
-    return i + kept if i >= n_pose else i
+def _row_index(i, n_pose, n_fixed):
+    """Return the row of the covariance that is row ``i`` of the packed triangle."""
+    return i + n_fixed if i >= n_pose else i
 
 
 @kernel
-def pack_triangle(covariance, n_pose, kept, out):
-    """One covariance.
+def pack_triangle(covariance, n_pose, n_fixed, out):
+    """Pack one covariance.
 
     Args:
         covariance: shape (all, all).
-        n_pose: how many rows of it are the pose's.
-        kept: how many after them are the shape's and left out.
+        n_pose: number of rows of the pose.
+        n_fixed: number of rows of a fixed shape after them, which are omitted.
         out: shape (number,), written: row by row.
     """
-    place = 0
-    for i in range(covariance.shape[0] - kept):
-        row = _row(i, n_pose, kept)
+    position = 0
+    for i in range(covariance.shape[0] - n_fixed):
+        row = _row_index(i, n_pose, n_fixed)
         for j in range(i + 1):
-            out[place] = covariance[row, _row(j, n_pose, kept)]
-            place += 1
+            out[position] = covariance[row, _row_index(j, n_pose, n_fixed)]
+            position += 1
 
 
 @kernel
-def unpack_triangles(packed, free, n_pose, n_shape, covariance):
-    """Many, one after the other; what was left out is 0.
+def unpack_triangles(packed, shape_free, n_pose, n_shape, covariance):
+    """Unpack consecutive packed covariances; omitted entries become 0.
 
     Args:
-        packed: shape (number,): of all.
-        free: shape (frame,), int64: 0 where the shape's rows were left out.
-        n_pose: how many rows are the pose's.
-        n_shape: how many after them are the shape's.
+        packed: shape (number,): all triangles.
+        shape_free: shape (frame,), int64: 0 where the rows of the shape were omitted.
+        n_pose: number of rows of the pose.
+        n_shape: number of rows of the shape after them.
         covariance: shape (frame, all, all), written.
     """
-    place = 0
-    for k in range(free.shape[0]):
-        kept = 0 if free[k] != 0 else n_shape
-        if kept > 0:
+    position = 0
+    for k in range(shape_free.shape[0]):
+        n_fixed = 0 if shape_free[k] != 0 else n_shape
+        if n_fixed > 0:
             for i in range(covariance.shape[1]):
                 for j in range(n_pose, n_pose + n_shape):
                     covariance[k, i, j] = 0.0
                     covariance[k, j, i] = 0.0
-        for i in range(covariance.shape[1] - kept):
-            row = _row(i, n_pose, kept)
+        for i in range(covariance.shape[1] - n_fixed):
+            row = _row_index(i, n_pose, n_fixed)
             for j in range(i + 1):
-                column = _row(j, n_pose, kept)
-                covariance[k, row, column] = packed[place]
-                covariance[k, column, row] = packed[place]
-                place += 1
+                column = _row_index(j, n_pose, n_fixed)
+                covariance[k, row, column] = packed[position]
+                covariance[k, column, row] = packed[position]
+                position += 1

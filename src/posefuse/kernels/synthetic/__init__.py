@@ -1,1 +1,1 @@
-"""Occlusion and forward kinematics of simulated bodies."""
+"""Kernels of simulation: forward kinematics and occlusion."""

@@ -4,18 +4,18 @@ from posefuse.kernels.jit import kernel
 
 
 @kernel
-def forward_kinematics(parents, offsets, turning, rotations, root_m, positions_m, orientations):
-    """Positions of every node of a tree over time.
+def forward_kinematics(parents, offsets, rotation_of, rotations, root_m, positions_m, orientations):
+    """Compute the positions of every node of a tree over time.
 
-    A node stands at its parent's position plus its offset, turned by the parent's orientation; its own orientation is
-    the parent's times its own rotation, if it has one.
+    The position of a node is that of its parent plus its offset, rotated by the orientation of the parent. Its
+    orientation is that of the parent times its own rotation, if it has one.
 
     Args:
-        parents: shape (node,), int64: place of the parent, which comes before; -1 for the root.
-        offsets: shape (node, 3): from the parent, in the parent's axes, m; ignored for the root.
-        turning: shape (node,), int64: which of ``rotations`` is the node's own, -1 where it does not turn.
+        parents: shape (node,), int64: index of the parent, which comes before the node; -1 for the root.
+        offsets: shape (node, 3): offset from the parent, in the axes of the parent, m; ignored for the root.
+        rotation_of: shape (node,), int64: index of the node's rotation in ``rotations``, -1 if it does not rotate.
         rotations: shape (frame, joint, 3, 3).
-        root_m: shape (frame, 3): where the root is.
+        root_m: shape (frame, 3): position of the root.
         positions_m: shape (frame, node, 3), written.
         orientations: shape (node, 3, 3), scratch.
     """
@@ -32,7 +32,7 @@ def forward_kinematics(parents, offsets, turning, rotations, root_m, positions_m
                         + orientations[p, i, 1] * offsets[n, 1]
                         + orientations[p, i, 2] * offsets[n, 2]
                     )
-            joint = turning[n]
+            joint = rotation_of[n]
             for i in range(3):
                 for j in range(3):
                     if p < 0:

@@ -1,4 +1,4 @@
-"""What stands before what: points hidden from a camera by capsules."""
+"""Occlusion: points that capsules hide from a camera."""
 
 from math import sqrt
 
@@ -6,8 +6,8 @@ from posefuse.kernels.jit import inline, kernel
 
 
 @inline
-def _gap_squared(a, from_a, b, from_b):
-    """Squared distance between two segments, each a start and the vector to its end; the first is not a point.
+def _segment_distance_squared(a, from_a, b, from_b):
+    """Return the squared distance between two segments (start, vector to the end); the first has length > 0.
 
     Ericson (2005), Real-Time Collision Detection, section 5.1.9.
     """
@@ -30,36 +30,36 @@ def _gap_squared(a, from_a, b, from_b):
 
 
 @kernel
-def hide_behind_capsules(centre_m, points_m, starts_m, ends_m, radii_m, owners, margin_m, hidden):
-    """Mark the points that a capsule of somebody else hides from a camera.
+def mark_occluded(center_m, points_m, starts_m, ends_m, radii_m, owners, margin_m, occluded):
+    """Mark the points that a capsule of another owner hides from a camera.
 
     Args:
-        centre_m: shape (3,): where the camera stands.
-        points_m: shape (frame, person, keypoint, 3), NaN where absent: never hidden.
+        center_m: shape (3,): camera center.
+        points_m: shape (frame, person, keypoint, 3); NaN where absent, which is never occluded.
         starts_m: shape (frame, capsule, 3): one end of the axis, NaN where the capsule is absent.
-        ends_m: shape (frame, capsule, 3): the other.
+        ends_m: shape (frame, capsule, 3): the other end.
         radii_m: shape (capsule,).
-        owners: shape (capsule,), int64: the person whose body the capsule is, -1 for a thing.
-        margin_m: what comes nearer to the point than this does not hide it.
-        hidden: shape (frame, person, keypoint), bool, set where hidden.
+        owners: shape (capsule,), int64: the person whose body contains the capsule, -1 for an object.
+        margin_m: the last part of the line of sight, before the point, that no capsule can block.
+        occluded: shape (frame, person, keypoint), bool, set to True where occluded.
     """
     for t in range(points_m.shape[0]):
         for p in range(points_m.shape[1]):
             for k in range(points_m.shape[2]):
-                dx = points_m[t, p, k, 0] - centre_m[0]
-                dy = points_m[t, p, k, 1] - centre_m[1]
-                dz = points_m[t, p, k, 2] - centre_m[2]
-                far = sqrt(dx * dx + dy * dy + dz * dz)
-                if not far > margin_m:
+                dx = points_m[t, p, k, 0] - center_m[0]
+                dy = points_m[t, p, k, 1] - center_m[1]
+                dz = points_m[t, p, k, 2] - center_m[2]
+                distance = sqrt(dx * dx + dy * dy + dz * dz)
+                if not distance > margin_m:
                     continue
-                part = (far - margin_m) / far
-                sight = (part * dx, part * dy, part * dz)
-                eye = (centre_m[0], centre_m[1], centre_m[2])
+                fraction = (distance - margin_m) / distance
+                line_of_sight = (fraction * dx, fraction * dy, fraction * dz)
+                camera = (center_m[0], center_m[1], center_m[2])
                 for c in range(starts_m.shape[1]):
                     if owners[c] == p:
                         continue
                     a = (starts_m[t, c, 0], starts_m[t, c, 1], starts_m[t, c, 2])
                     along = (ends_m[t, c, 0] - a[0], ends_m[t, c, 1] - a[1], ends_m[t, c, 2] - a[2])
-                    if _gap_squared(eye, sight, a, along) < radii_m[c] * radii_m[c]:
-                        hidden[t, p, k] = True
+                    if _segment_distance_squared(camera, line_of_sight, a, along) < radii_m[c] * radii_m[c]:
+                        occluded[t, p, k] = True
                         break

@@ -1,1 +1,1 @@
-"""Articulated prediction, update, matching and smoothing."""
+"""Kernels of tracking: prediction, data association, update and smoothing of articulated bodies."""

@@ -1,22 +1,23 @@
-"""Parts of bodies told where the body has them, as observations of their root.
+"""Updates of body parts by anchors: the root position and orientation that the whole body gives them.
 
-States are those of :mod:`posefuse.kernels.tracking.articulated`. Positions and turns are told one after the other; each is an
-exact update of a Kalman filter, applied as a change of the state.
+States are those of :mod:`posefuse.kernels.tracking.records`. Position and orientation are applied one after the other,
+each as an exact Kalman update that changes the state.
 """
 
 import math
 
-from posefuse.kernels.cameras.points import invert_symmetric
-from posefuse.kernels.jit import kernel, step
-from posefuse.kernels.linear_algebra.rotations import turn_between
-from posefuse.kernels.tracking.bodies import move
+from posefuse.kernels.jit import kernel, subroutine
+from posefuse.kernels.linear_algebra.rotations import rotation_between
+from posefuse.kernels.linear_algebra.symmetric_3x3 import invert_symmetric
+from posefuse.kernels.tracking.body_kinematics import apply_increment
 
 
-@step
-def _learn(cov, first, off, noise, gain, change):
-    """Tell three numbers of a state, from ``first`` on, by how much they are off, with noise xx xy xz yy yz zz.
+@subroutine
+def _update_three(cov, first, innovation, noise, gain, change):
+    """Update the state with a measurement of three consecutive numbers, from ``first`` on.
 
-    The covariance is put right in place; ``change`` is that of the whole state, ``gain`` is room, shape (3, all).
+    ``innovation`` is measured minus predicted, ``noise`` its covariance xx xy xz yy yz zz. The covariance is updated in
+    place. ``change`` receives the change of the whole state; ``gain``, shape (6, all), is scratch.
     """
     size = change.shape[0]
     a, b, c = first, first + 1, first + 2
@@ -29,7 +30,7 @@ def _learn(cov, first, off, noise, gain, change):
         gain[0, i] = x * w0 + y * w1 + z * w2
         gain[1, i] = x * w1 + y * w3 + z * w4
         gain[2, i] = x * w2 + y * w4 + z * w5
-        change[i] = gain[0, i] * off[0] + gain[1, i] * off[1] + gain[2, i] * off[2]
+        change[i] = gain[0, i] * innovation[0] + gain[1, i] * innovation[1] + gain[2, i] * innovation[2]
     for i in range(size):
         gain[3, i], gain[4, i], gain[5, i] = cov[a, i], cov[b, i], cov[c, i]
     for i in range(size):
@@ -37,11 +38,11 @@ def _learn(cov, first, off, noise, gain, change):
             cov[i, j] -= gain[0, i] * gain[3, j] + gain[1, i] * gain[4, j] + gain[2, i] * gain[5, j]
 
 
-@step
-def _apply(change, state, p):
-    """Change one person's state."""
+@subroutine
+def _apply_change(change, state, p):
+    """Apply a change to the state of one person."""
     n, h = state.velocity.shape[1], state.shape.shape[1]
-    move(change, state.root[p], state.turns[p], state.bones[p])
+    apply_increment(change, state.root[p], state.turns[p], state.bones[p])
     for i in range(h):
         state.shape[p, i] += change[n + i]
     for i in range(n):
@@ -49,26 +50,26 @@ def _apply(change, state, p):
 
 
 @kernel
-def tell_anchors(places, place_noise, turns, turn_noise, gain, change, state):
-    """Tell parts where their roots are, and how they are turned.
+def update_from_anchors(positions, position_noise, rotations, rotation_noise, gain, change, state):
+    """Update the root position and the root orientation of body parts.
 
     Args:
-        places: shape (person, 3): of the root, m; NaN where nothing is known.
-        place_noise: shape (person, 6): xx xy xz yy yz zz, m^2.
-        turns: shape (person, 3, 3): of the first segment; NaN where nothing is known.
-        turn_noise: shape (person, 6): in the segment's axes, radians^2.
-        gain: shape (6, pose + shape + pose): room.
-        change: shape (pose + shape + pose,): room.
-        state: a State of the parts, in and out.
+        positions: shape (person, 3): of the root, m; NaN where unknown.
+        position_noise: shape (person, 6): xx xy xz yy yz zz, m^2.
+        rotations: shape (person, 3, 3): of the first segment; NaN where unknown.
+        rotation_noise: shape (person, 6): in the axes of the segment, radians^2.
+        gain: shape (6, pose + shape + pose), scratch.
+        change: shape (pose + shape + pose,), scratch.
+        state: State of the parts, in and out.
     """
-    off = change[:3].copy()
+    innovation = change[:3].copy()
     for p in range(state.root.shape[0]):
-        if math.isfinite(places[p, 0]):
+        if math.isfinite(positions[p, 0]):
             for i in range(3):
-                off[i] = places[p, i] - state.root[p, i]
-            _learn(state.covariance[p], 0, off, place_noise[p], gain, change)
-            _apply(change, state, p)
-        if math.isfinite(turns[p, 0, 0]):
-            off[0], off[1], off[2] = turn_between(state.turns[p, 0], turns[p])
-            _learn(state.covariance[p], 3, off, turn_noise[p], gain, change)
-            _apply(change, state, p)
+                innovation[i] = positions[p, i] - state.root[p, i]
+            _update_three(state.covariance[p], 0, innovation, position_noise[p], gain, change)
+            _apply_change(change, state, p)
+        if math.isfinite(rotations[p, 0, 0]):
+            innovation[0], innovation[1], innovation[2] = rotation_between(state.turns[p, 0], rotations[p])
+            _update_three(state.covariance[p], 3, innovation, rotation_noise[p], gain, change)
+            _apply_change(change, state, p)

@@ -1,243 +1,313 @@
-"""Which detection in a view is whose: how likely each is, left and right as labelled or swapped, and the best matching.
+"""Data association per view: log odds of track-detection pairs, with or without swapped sides, and best matching.
 
-A keypoint of a detection is either where the person is expected to have it (Student's t in two dimensions, wider by
-what is not known of the person) or anywhere within about the person's own size. The evidence that a detection is a
-person's is the mean logarithm of the ratio, counted as so many keypoints' worth, because the keypoints of a wrong
-person are wrong together.
+A keypoint of a detection is either at the predicted position of the person (Student t distribution in two dimensions,
+widened by the uncertainty of the person) or anywhere within an area of about the person's size. The score of a
+detection is the mean log likelihood ratio of its keypoints, counted as a limited number of keypoints, because the
+keypoints of a wrong person are wrong together.
 """
 
 import math
 
 import numpy as np
 
-from posefuse.kernels.jit import inline, kernel, step
-from posefuse.kernels.tracking.articulated import noise_growth
+from posefuse.kernels.jit import inline, kernel, subroutine
+from posefuse.kernels.tracking.error_model import variance_factor
 
-_NEVER = 1e9
-_SURELY = 1.0 + 1e-9
+_FORBIDDEN_COST = 1e9
+_MARGIN = 1.0 + 1e-9
 
 
 @inline
-def evidence(du, dv, uu, uv, vv, nu, area, least, far):
-    """The log of how much likelier a residual is for this keypoint than for any place within ``area``, px^2.
+def keypoint_log_odds(du, dv, uu, uv, vv, nu, area, min_log_odds, min_odds):
+    """Return the log likelihood ratio of a residual: this keypoint against a uniform density over ``area``, px^2.
 
-    Most keypoints are somebody else's and far off: that they say the least, ``far = exp(-least)``, is seen without a
-    logarithm, because ``s^(1 + nu / 2)`` is no less than ``s`` where s > 1, nor than its square where nu is 2 or more.
+    Most keypoints belong to other people and lie far away. Whether the ratio falls below its lower bound,
+    ``min_odds = exp(-min_log_odds)``, is tested without a logarithm: ``s^(1 + nu / 2)`` is at least ``s`` for s > 1,
+    and at least its square if nu is 2 or more.
     """
     determinant = uu * vv - uv * uv
     squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-    times = area / (2.0 * math.pi * math.sqrt(determinant))
+    density_ratio = area / (2.0 * math.pi * math.sqrt(determinant))
     growth = 1.0 + squared / nu
-    if (growth * growth if nu >= 2.0 else growth) > _SURELY * times * far:
-        return least
-    ratio = math.log(times) - 0.5 * (nu + 2.0) * math.log(growth)
-    return ratio if ratio > least else least
+    if (growth * growth if nu >= 2.0 else growth) > _MARGIN * density_ratio * min_odds:
+        return min_log_odds
+    ratio = math.log(density_ratio) - 0.5 * (nu + 2.0) * math.log(growth)
+    return ratio if ratio > min_log_odds else min_log_odds
 
 
-@step
-def _of_keypoint(p, row, v, k, label, pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least, far):
-    """Evidence of one keypoint under one label, NaN where there is none."""
+@subroutine
+def _score_keypoint(
+    p,
+    row,
+    v,
+    k,
+    label,
+    pixels,
+    pixel_covariance,
+    scale_px_per_m,
+    keypoints_px,
+    noise_px2,
+    error_model,
+    clutter_m,
+    min_log_odds,
+    min_odds,
+):
+    """Return the log odds of one keypoint under one label, NaN where it is missing."""
     du = keypoints_px[row, label, 0] - pixels[p, v, k, 0]
     dv = keypoints_px[row, label, 1] - pixels[p, v, k, 1]
     if not math.isfinite(du + dv + noise_px2[row, label]):
         return math.nan
-    metre = size_px[p, v, k]
-    noise = noise_px2[row, label] + (law.floor_m * metre) ** 2
-    uu = spread[p, v, k, 0] + noise
-    vv = spread[p, v, k, 2] + noise
-    return evidence(du, dv, uu, spread[p, v, k, 1], vv, law.nu, (clutter_m * metre) ** 2, least, far)
+    px_per_m = scale_px_per_m[p, v, k]
+    noise = noise_px2[row, label] + (error_model.floor_m * px_per_m) ** 2
+    uu = pixel_covariance[p, v, k, 0] + noise
+    vv = pixel_covariance[p, v, k, 2] + noise
+    return keypoint_log_odds(
+        du,
+        dv,
+        uu,
+        pixel_covariance[p, v, k, 1],
+        vv,
+        error_model.nu,
+        (clutter_m * px_per_m) ** 2,
+        min_log_odds,
+        min_odds,
+    )
 
 
-@step
-def _weigh(confidence, view_of_row, law, noise_px2):
-    """The variance of each keypoint by the law, px^2 per axis; NaN where its confidence is too low to count."""
+@subroutine
+def _compute_noise(confidence, view_of_row, error_model, noise_px2):
+    """Write the noise variance of each keypoint, px^2 per axis; NaN where its confidence is too low."""
     for row in range(confidence.shape[0]):
-        scale = law.scale_px[view_of_row[row]]
+        scale = error_model.scale_px[view_of_row[row]]
         for k in range(confidence.shape[1]):
-            trust = confidence[row, k]
-            growth = noise_growth(trust, law.exponent)
-            noise_px2[row, k] = math.nan if trust < law.min_confidence else scale * scale * growth
+            keypoint_confidence = confidence[row, k]
+            growth = variance_factor(keypoint_confidence, error_model.exponent)
+            noise_px2[row, k] = math.nan if keypoint_confidence < error_model.min_confidence else scale * scale * growth
 
 
 @kernel
 def score_detections(
     pixels,
-    spread,
-    size_px,
+    pixel_covariance,
+    scale_px_per_m,
     keypoints_px,
     confidence,
     view_of_row,
     mirror,
     group_of,
     n_groups,
-    law,
-    was_swapped,
+    error_model,
+    swap_probability,
     clutter_m,
-    least,
-    worth,
+    min_log_odds,
+    max_keypoints,
     scores,
     swapped,
     swap_odds,
 ):
-    """Evidence that detections are people's.
+    """Score every detection against every person.
 
     Args:
-        pixels, spread, size_px: from ``foresee_people``.
+        pixels, pixel_covariance, scale_px_per_m: from ``project_people``.
         keypoints_px: shape (row, keypoint, 2).
         confidence: shape (row, keypoint).
         view_of_row: shape (row,), int64.
-        mirror: shape (keypoint,), int64: the keypoint's partner on the other side.
-        group_of: shape (keypoint,), int64: which limb's sides swap together, -1 for none.
-        n_groups: how many of them.
-        law: a Law.
-        was_swapped: shape (person, view, group): how probable it is, before this frame, that the limb is swapped.
-        clutter_m: within which size a wrong keypoint may lie anywhere.
-        least: the least evidence of one keypoint.
-        worth: as how many keypoints the whole counts at most.
+        mirror: shape (keypoint,), int64: the partner of each keypoint on the other side.
+        group_of: shape (keypoint,), int64: limb whose sides swap together, -1 for none.
+        n_groups: number of limbs.
+        error_model: an ErrorModel.
+        swap_probability: shape (person, view, group): prior probability that the limb is swapped.
+        clutter_m: size of the area in which an unrelated keypoint may lie.
+        min_log_odds: lower bound of the log odds of one keypoint.
+        max_keypoints: the score counts as at most this many keypoints.
         scores: shape (person, row), written: -inf without a common keypoint.
         swapped: shape (person, row, group), int8, written.
-        swap_odds: shape (person, row, group), written: the log odds of that.
+        swap_odds: shape (person, row, group), written: log odds of the swap.
     """
     noise_px2 = np.empty(confidence.shape)
-    _weigh(confidence, view_of_row, law, noise_px2)
-    far = math.exp(-least)
-    straight = np.empty(n_groups)
-    crossed = np.empty(n_groups)
+    _compute_noise(confidence, view_of_row, error_model, noise_px2)
+    min_odds = math.exp(-min_log_odds)
+    unswapped_score = np.empty(n_groups)
+    swapped_score = np.empty(n_groups)
     prior = np.empty((pixels.shape[1], n_groups))
     for p in range(pixels.shape[0]):
         for v in range(pixels.shape[1]):
             for g in range(n_groups):
-                prior[v, g] = math.log(was_swapped[p, v, g] / (1.0 - was_swapped[p, v, g]))
+                prior[v, g] = math.log(swap_probability[p, v, g] / (1.0 - swap_probability[p, v, g]))
         for row in range(keypoints_px.shape[0]):
             v = view_of_row[row]
             total = 0.0
             count = 0
             for g in range(n_groups):
-                straight[g] = 0.0
-                crossed[g] = 0.0
+                unswapped_score[g] = 0.0
+                swapped_score[g] = 0.0
             for k in range(mirror.shape[0]):
-                as_is = _of_keypoint(
-                    p, row, v, k, k, pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least, far
+                unswapped = _score_keypoint(
+                    p,
+                    row,
+                    v,
+                    k,
+                    k,
+                    pixels,
+                    pixel_covariance,
+                    scale_px_per_m,
+                    keypoints_px,
+                    noise_px2,
+                    error_model,
+                    clutter_m,
+                    min_log_odds,
+                    min_odds,
                 )
-                count += 1 if as_is == as_is else 0
+                count += 1 if unswapped == unswapped else 0
                 g = group_of[k]
                 if g < 0:
-                    total += as_is if as_is == as_is else 0.0
+                    total += unswapped if unswapped == unswapped else 0.0
                     continue
-                other = _of_keypoint(
-                    p, row, v, k, mirror[k], pixels, spread, size_px, keypoints_px, noise_px2, law, clutter_m, least,
-                    far,
+                mirrored = _score_keypoint(
+                    p, row, v, k, mirror[k], pixels, pixel_covariance, scale_px_per_m, keypoints_px, noise_px2,
+                    error_model, clutter_m, min_log_odds, min_odds,
                 )  # fmt: skip
-                straight[g] += as_is if as_is == as_is else 0.0
-                crossed[g] += other if other == other else 0.0
+                unswapped_score[g] += unswapped if unswapped == unswapped else 0.0
+                swapped_score[g] += mirrored if mirrored == mirrored else 0.0
             for g in range(n_groups):
-                swap_odds[p, row, g] = crossed[g] - straight[g] + prior[v, g]
-                turned = swap_odds[p, row, g] > 0.0
-                swapped[p, row, g] = 1 if turned else 0
-                total += crossed[g] if turned else straight[g]
-            scores[p, row] = total / count * min(float(count), worth) if count > 0 else -math.inf
+                swap_odds[p, row, g] = swapped_score[g] - unswapped_score[g] + prior[v, g]
+                is_swapped = swap_odds[p, row, g] > 0.0
+                swapped[p, row, g] = 1 if is_swapped else 0
+                total += swapped_score[g] if is_swapped else unswapped_score[g]
+            scores[p, row] = total / count * min(float(count), max_keypoints) if count > 0 else -math.inf
 
 
 @inline
-def _cost_of(gain, row, j, m, least):
-    """What a row and a column cost; columns past ``m`` are the rows' own."""
+def _assignment_cost(gain, row, j, m, min_log_odds):
+    """Return the cost of a row and a column; columns from ``m`` on leave a row unassigned."""
     if j >= m:
-        return -least if j - m == row else _NEVER
-    return -gain[row, j] if gain[row, j] > least else _NEVER
+        return -min_log_odds if j - m == row else _FORBIDDEN_COST
+    return -gain[row, j] if gain[row, j] > min_log_odds else _FORBIDDEN_COST
 
 
 @inline
-def _reach_on(gain, n, m, least, here, of_column, potential_row, potential_column, slack, way, done):
-    """The next column on the shortest path, potentials moved so that it costs nothing to go there."""
+def _next_column(
+    gain, n, m, min_log_odds, column, row_of_column, potential_row, potential_column, slack, previous, visited
+):
+    """Return the next column on the shortest path; potentials change so that the step to it is free."""
     width = m + n
-    row = of_column[here]
+    row = row_of_column[column]
     delta = math.inf
-    following = -1
+    next_column = -1
     for j in range(width):
-        if done[j]:
+        if visited[j]:
             continue
-        reduced = _cost_of(gain, row, j, m, least) - potential_row[row] - potential_column[j]
+        reduced = _assignment_cost(gain, row, j, m, min_log_odds) - potential_row[row] - potential_column[j]
         if reduced < slack[j]:
             slack[j] = reduced
-            way[j] = here
+            previous[j] = column
         if slack[j] < delta:
             delta = slack[j]
-            following = j
+            next_column = j
     for j in range(width + 1):
-        if done[j]:
-            potential_row[of_column[j]] += delta
+        if visited[j]:
+            potential_row[row_of_column[j]] += delta
             potential_column[j] -= delta
         else:
             slack[j] -= delta
-    return following
+    return next_column
 
 
-@step
-def assign(gain, n, m, least, of_row, of_column, potential_row, potential_column, slack, way, done):
-    """The matching of ``n`` rows and ``m`` columns that gains most; what gains less than ``least`` is not matched.
+@subroutine
+def assign(
+    gain, n, m, min_log_odds, column_of_row, row_of_column, potential_row, potential_column, slack, previous, visited
+):
+    """Assign ``n`` rows to ``m`` columns with the highest total gain; only gains above ``min_log_odds`` count.
 
-    Shortest augmenting paths (Jonker & Volgenant 1987); every row has a column of its own, of no gain, beside the
-    ``m``.
+    Shortest augmenting paths (Jonker & Volgenant 1987). Every row has an additional column of its own that leaves it
+    unassigned.
 
     Args:
         gain: shape (n, m).
-        of_row: shape (n,), written: the column of each row, -1 for none.
-        of_column: shape (m + n + 1,), scratch, like all that follow.
+        n: number of rows.
+        m: number of columns.
+        min_log_odds: threshold of the gain.
+        column_of_row: shape (n,), written: the column of each row, -1 for none.
+        row_of_column, potential_row, potential_column, slack, previous, visited: scratch, shape (m + n + 1,).
     """
     width = m + n
     for j in range(width + 1):
-        of_column[j] = -1
+        row_of_column[j] = -1
         potential_column[j] = 0.0
     for i in range(n):
         potential_row[i] = 0.0
     for i in range(n):
-        of_column[width] = i
-        here = width
+        row_of_column[width] = i
+        column = width
         for j in range(width + 1):
             slack[j] = math.inf
-            done[j] = False
-            way[j] = width
-        while of_column[here] >= 0:
-            done[here] = True
-            here = _reach_on(gain, n, m, least, here, of_column, potential_row, potential_column, slack, way, done)
-        while here != width:
-            of_column[here] = of_column[way[here]]
-            here = way[here]
+            visited[j] = False
+            previous[j] = width
+        while row_of_column[column] >= 0:
+            visited[column] = True
+            column = _next_column(
+                gain,
+                n,
+                m,
+                min_log_odds,
+                column,
+                row_of_column,
+                potential_row,
+                potential_column,
+                slack,
+                previous,
+                visited,
+            )
+        while column != width:
+            row_of_column[column] = row_of_column[previous[column]]
+            column = previous[column]
     for i in range(n):
-        of_row[i] = -1
+        column_of_row[i] = -1
     for j in range(m):
-        if of_column[j] >= 0:
-            of_row[of_column[j]] = j
+        if row_of_column[j] >= 0:
+            column_of_row[row_of_column[j]] = j
 
 
 @kernel
-def match_views(scores, view_of_row, n_views, least, rows):
-    """Per view, the one-to-one matching of people and detections of the most evidence.
+def match_views(scores, view_of_row, n_views, min_log_odds, rows):
+    """Find, for each view, the one-to-one matching of people and detections with the highest total score.
 
     Args:
         scores: shape (person, row).
         view_of_row: shape (row,), int64, ascending.
-        n_views: how many.
-        least: evidence below which a detection is nobody's.
+        n_views: number of views.
+        min_log_odds: a detection with a score at or below this stays unassigned.
         rows: shape (person, view), int64, written: -1 for none.
     """
     n = scores.shape[0]
-    most = scores.shape[1]
-    size = n + most + 1
-    gain = np.empty((n, most))
-    of_row = np.empty(n, np.int64)
-    of_column = np.empty(size, np.int64)
+    n_detections = scores.shape[1]
+    size = n + n_detections + 1
+    gain = np.empty((n, n_detections))
+    column_of_row = np.empty(n, np.int64)
+    row_of_column = np.empty(size, np.int64)
     potential_row, potential_column = np.empty(n), np.empty(size)
-    slack, way, done = np.empty(size), np.empty(size, np.int64), np.empty(size, np.bool_)
+    slack, previous, visited = np.empty(size), np.empty(size, np.int64), np.empty(size, np.bool_)
     first = 0
     for v in range(n_views):
         last = first
-        while last < most and view_of_row[last] == v:
+        while last < n_detections and view_of_row[last] == v:
             last += 1
         for i in range(n):
             for j in range(first, last):
                 gain[i, j - first] = scores[i, j]
-        assign(gain, n, last - first, least, of_row, of_column, potential_row, potential_column, slack, way, done)
+        assign(
+            gain,
+            n,
+            last - first,
+            min_log_odds,
+            column_of_row,
+            row_of_column,
+            potential_row,
+            potential_column,
+            slack,
+            previous,
+            visited,
+        )
         for i in range(n):
-            rows[i, v] = first + of_row[i] if of_row[i] >= 0 else -1
+            rows[i, v] = first + column_of_row[i] if column_of_row[i] >= 0 else -1
         first = last

@@ -1,30 +1,32 @@
-"""One person's state a frame later, before anything of that frame is seen; as ``predict_people`` has it."""
+"""Prediction of articulated bodies: Ornstein-Uhlenbeck velocities, for all people and for one person over one frame."""
 
 import math
 from collections import namedtuple
 
-from posefuse.kernels.jit import inline, step
-from posefuse.kernels.tracking.bodies import move
+import numpy as np
 
-Foretold = namedtuple("Foretold", "root turns bones shape velocity")
-"""A State of :mod:`posefuse.kernels.tracking.articulated` without its covariance, of one frame."""
+from posefuse.kernels.jit import inline, kernel, subroutine
+from posefuse.kernels.tracking.body_kinematics import apply_increment
+
+PredictedState = namedtuple("PredictedState", "root turns bones shape velocity")
+"""A State of one frame without covariance."""
 
 
 @inline
-def fade_over(dt, decay_s, fade, reach):
-    """By how much velocities fade, and how far they carry meanwhile; shape (pose,), written."""
+def velocity_decay(dt, decay_s, decay, reach):
+    """Write the decay factors of velocities and the times over which they act, shape (pose,)."""
     for i in range(decay_s.shape[0]):
-        fade[i] = math.exp(-dt / decay_s[i])
-        reach[i] = decay_s[i] * (1.0 - fade[i])
+        decay[i] = math.exp(-dt / decay_s[i])
+        reach[i] = decay_s[i] * (1.0 - decay[i])
 
 
-@step
-def foretell(states, k, fade, reach, change, out):
-    """The state after frame ``k``, without its covariance, into the only frame of ``out``."""
-    n = fade.shape[0]
+@subroutine
+def predict_state(states, k, decay, reach, change, out):
+    """Write the state predicted from frame ``k``, without its covariance, to the only frame of ``out``."""
+    n = decay.shape[0]
     for i in range(n):
         change[i] = reach[i] * states.velocity[k, i]
-        out.velocity[0, i] = fade[i] * states.velocity[k, i]
+        out.velocity[0, i] = decay[i] * states.velocity[k, i]
     for i in range(3):
         out.root[0, i] = states.root[k, i]
     for i in range(states.shape.shape[1]):
@@ -35,26 +37,26 @@ def foretell(states, k, fade, reach, change, out):
                 out.turns[0, s, i, j] = states.turns[k, s, i, j]
             for b in range(states.bones.shape[1]):
                 out.bones[0, b, i, j] = states.bones[k, b, i, j]
-    move(change, out.root[0], out.turns[0], out.bones[0])
+    apply_increment(change, out.root[0], out.turns[0], out.bones[0])
 
 
-@step
-def covariance_ahead(cov, dt, decay_s, power, fade, reach, walk, m, rows, out):
-    """A covariance a frame later, unclipped: its lower triangle.
+@subroutine
+def predict_covariance(cov, dt, decay_s, power, decay, reach, walk, m, rows, out):
+    """Write the lower triangle of a covariance predicted over one frame, without the limit on variances.
 
     Args:
         cov: shape (all, all).
-        dt: until then, s.
-        decay_s: shape (pose,): in what time velocities fade.
+        dt: time to the next frame, s.
+        decay_s: shape (pose,): time constant of the velocity decay.
         power: shape (pose,): spectral density of the accelerations.
-        fade: shape (pose,), from :func:`fade_over`.
+        decay: shape (pose,), from :func:`velocity_decay`.
         reach: shape (pose,), likewise.
-        walk: variance by which each number of a shape wanders, m^2 / s.
-        m: numbers of the pose, and of the shape where it is sought.
-        rows: of the result: ``m``, or ``m`` and as many as velocities.
+        walk: variance of the random walk of each shape number, m^2 / s.
+        m: number of pose numbers, plus shape numbers if the shape is estimated.
+        rows: of the result: ``m``, or ``m`` plus the number of velocities.
         out: shape (at least rows, at least rows), written.
     """
-    n = fade.shape[0]
+    n = decay.shape[0]
     first = cov.shape[0] - n
     for i in range(m):
         for j in range(i + 1):
@@ -69,32 +71,119 @@ def covariance_ahead(cov, dt, decay_s, power, fade, reach, walk, m, rows, out):
             value = cov[first + i, j]
             if j < n:
                 value += reach[j] * cov[first + i, first + j]
-            out[m + i, j] = fade[i] * value
+            out[m + i, j] = decay[i] * value
         for j in range(i + 1):
-            out[m + i, m + j] = fade[i] * fade[j] * cov[first + i, first + j]
+            out[m + i, m + j] = decay[i] * decay[j] * cov[first + i, first + j]
     for i in range(m):
-        out[i, i] += growth(dt, decay_s[i], power[i], fade[i])[0] if i < n else walk * dt
+        out[i, i] += process_noise(dt, decay_s[i], power[i], decay[i])[0] if i < n else walk * dt
     for i in range(rows - m):
-        _, mixed, fast = growth(dt, decay_s[i], power[i], fade[i])
-        out[m + i, i] += mixed
-        out[m + i, m + i] += fast
+        _, cross, velocity = process_noise(dt, decay_s[i], power[i], decay[i])
+        out[m + i, i] += cross
+        out[m + i, m + i] += velocity
 
 
 @inline
-def growth(dt, decay, power, fade):
-    """What accelerations add to the variance of a number, to its covariance with its velocity, and to that's."""
-    place = power * decay * decay * (dt - 2.0 * decay * (1.0 - fade) + 0.5 * decay * (1.0 - fade * fade))
-    mixed = 0.5 * power * decay * decay * (1.0 - fade) * (1.0 - fade)
-    return place, mixed, 0.5 * power * decay * (1.0 - fade * fade)
+def process_noise(dt, decay_time, power, decay):
+    """Return the process noise: variance of a number, its covariance with its velocity, variance of the velocity."""
+    position = (
+        power
+        * decay_time
+        * decay_time
+        * (dt - 2.0 * decay_time * (1.0 - decay) + 0.5 * decay_time * (1.0 - decay * decay))
+    )
+    cross = 0.5 * power * decay_time * decay_time * (1.0 - decay) * (1.0 - decay)
+    return position, cross, 0.5 * power * decay_time * (1.0 - decay * decay)
 
 
-@step
-def clip_triangle(triangle, most, m):
-    """No number of a pose is less known than that; of the lower triangle of a covariance of ``m`` rows."""
-    for i in range(most.shape[0]):
-        if triangle[i, i] > most[i]:
-            scale = math.sqrt(most[i] / triangle[i, i])
+@subroutine
+def limit_triangle_variances(triangle, max_variance, m):
+    """Limit the variances of the pose in the lower triangle of a covariance of ``m`` rows."""
+    for i in range(max_variance.shape[0]):
+        if triangle[i, i] > max_variance[i]:
+            scale = math.sqrt(max_variance[i] / triangle[i, i])
             for j in range(i + 1):
                 triangle[i, j] *= scale
             for j in range(i, m):
                 triangle[j, i] *= scale
+
+
+@kernel
+def predict_people(dt_s, decay_s, power, max_variance, walk, state):
+    """Predict all people to a later time: velocities decay and variances grow.
+
+    Every number of the pose has its own Ornstein-Uhlenbeck velocity.
+
+    Args:
+        dt_s: shape (person,).
+        decay_s: shape (pose,): time constant of the velocity decay.
+        power: shape (pose,): spectral density of the accelerations, units^2 / s^3.
+        max_variance: shape (pose,): upper bound of the variance of each number.
+        walk: variance of the random walk of each shape number, m^2 / s.
+        state: State, in and out.
+    """
+    n = state.velocity.shape[1]
+    decay = np.empty(n)
+    reach = np.empty(n)
+    change = np.empty(n)
+    for p in range(dt_s.shape[0]):
+        for i in range(n):
+            decay[i] = math.exp(-dt_s[p] / decay_s[i])
+            reach[i] = decay_s[i] * (1.0 - decay[i])
+            change[i] = reach[i] * state.velocity[p, i]
+            state.velocity[p, i] *= decay[i]
+        apply_increment(change, state.root[p], state.turns[p], state.bones[p])
+        propagate_covariance(state.covariance[p], decay, reach)
+        add_process_noise(state.covariance[p], dt_s[p], decay_s, power, decay, walk if state.free[p] != 0 else 0.0)
+        limit_variances(state.covariance[p], max_variance)
+
+
+@subroutine
+def propagate_covariance(cov, decay, reach):
+    """Compute ``F P F^T`` in place: each number of the pose moves by its velocity, which decays."""
+    n = decay.shape[0]
+    first = cov.shape[0] - n
+    for i in range(n):
+        for j in range(n):
+            cov[i, j] += reach[i] * cov[first + i, j] + reach[j] * cov[i, first + j]
+            cov[i, j] += reach[i] * reach[j] * cov[first + i, first + j]
+    for i in range(n, first):
+        for j in range(n):
+            cov[i, j] += cov[i, first + j] * reach[j]
+            cov[j, i] = cov[i, j]
+    for i in range(first):
+        for j in range(n):
+            gain = reach[i] * cov[first + i, first + j] if i < n else 0.0
+            cov[i, first + j] = (cov[i, first + j] + gain) * decay[j]
+            cov[first + j, i] = cov[i, first + j]
+    for i in range(n):
+        for j in range(n):
+            cov[first + i, first + j] *= decay[i] * decay[j]
+
+
+@subroutine
+def add_process_noise(cov, dt, decay_s, power, decay, walk):
+    """Add the process noise of accelerations with the given spectral density, and of the shape's random walk."""
+    n = decay.shape[0]
+    first = cov.shape[0] - n
+    for i in range(n):
+        q = power[i]
+        t = decay_s[i]
+        f = decay[i]
+        cov[i, i] += q * t * t * (dt - 2.0 * t * (1.0 - f) + 0.5 * t * (1.0 - f * f))
+        cross = 0.5 * q * t * t * (1.0 - f) * (1.0 - f)
+        cov[i, first + i] += cross
+        cov[first + i, i] += cross
+        cov[first + i, first + i] += 0.5 * q * t * (1.0 - f * f)
+    for s in range(n, first):
+        cov[s, s] += walk * dt
+
+
+@subroutine
+def limit_variances(cov, max_variance):
+    """Limit the variances of the pose; rows and columns are scaled alike, so the matrix stays a covariance."""
+    for i in range(max_variance.shape[0]):
+        if cov[i, i] > max_variance[i]:
+            scale = math.sqrt(max_variance[i] / cov[i, i])
+            for j in range(cov.shape[0]):
+                cov[i, j] *= scale
+                cov[j, i] *= scale

@@ -1,1 +1,1 @@
-"""Banded solve of trajectories."""
+"""Kernels of the trajectory solve: banded factorization, terms of the system, and bone coupling."""

@@ -1,45 +1,45 @@
-"""Systems that join each frame with its three neighbours: the paths of keypoints over time.
+"""Banded systems that couple each frame with its three neighbors: the paths of keypoints over time.
 
-The matrix of a path is symmetric, with blocks of 3 x 3: ``band[f, m]`` is that of frames ``f`` and ``f - m``. It is
-factored as ``U D U^T``, ``U`` unit lower triangular with the same band; the blocks of the inverse within the band
-follow from the factor alone, last frame first (K. Takahashi et al. 1973; Erisman & Tinney, "On computing certain
-elements of the inverse of a sparse matrix", Communications of the ACM 18, 1975).
+The matrix of a path is symmetric with 3x3 blocks: ``band[f, m]`` couples frames ``f`` and ``f - m``. It is factored as
+``U D U^T`` with ``U`` unit lower triangular of the same bandwidth. The blocks of the inverse within the band follow
+from the factor alone, last frame first (K. Takahashi et al. 1973; Erisman & Tinney, "On computing certain elements of
+the inverse of a sparse matrix", Communications of the ACM 18, 1975).
 """
 
 import math
 
 import numpy as np
 
-from posefuse.kernels.jit import dense, inline, kernel
+from posefuse.kernels.jit import inline, kernel, vectorized
 
 REACH = 3
-"""How many frames back a frame is joined with."""
+"""Number of earlier frames with which a frame is coupled."""
 
-_LEAST_PIVOT = 1e-13
+_MIN_PIVOT = 1e-13
 
 
 @inline
 def subtract_product(left, right, out):
-    """``out -= left right^T``, 3 x 3 each."""
+    """Compute ``out -= left right^T``, 3x3 each."""
     for i in range(3):
         for j in range(3):
             out[i, j] -= left[i, 0] * right[j, 0] + left[i, 1] * right[j, 1] + left[i, 2] * right[j, 2]
 
 
-@dense
+@vectorized
 def invert_3(matrix, out):
-    """Inverse of a symmetric positive 3 x 3 matrix; returns the logarithm of its determinant.
+    """Invert a symmetric positive definite 3x3 matrix; return the logarithm of its determinant.
 
-    Pivots that rounding took away are put at a tiny share of the matrix: what is not known stays finite.
+    Pivots lost to rounding are replaced by a tiny fraction of the trace, so that undetermined directions stay finite.
     """
-    least = _LEAST_PIVOT * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) + 1e-300
-    d0 = max(matrix[0, 0], least)
+    min_pivot = _MIN_PIVOT * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) + 1e-300
+    d0 = max(matrix[0, 0], min_pivot)
     l1 = matrix[1, 0] / d0
     l2 = matrix[2, 0] / d0
-    d1 = max(matrix[1, 1] - l1 * matrix[1, 0], least)
+    d1 = max(matrix[1, 1] - l1 * matrix[1, 0], min_pivot)
     e = matrix[2, 1] - l1 * matrix[2, 0]
     l3 = e / d1
-    d2 = max(matrix[2, 2] - l2 * matrix[2, 0] - l3 * e, least)
+    d2 = max(matrix[2, 2] - l2 * matrix[2, 0] - l3 * e, min_pivot)
     w0 = 1.0 / d0
     w1 = 1.0 / d1
     w2 = 1.0 / d2
@@ -53,33 +53,33 @@ def invert_3(matrix, out):
     return math.log(d0) + math.log(d1) + math.log(d2)
 
 
-@dense
-def factor_path(band, lower, inverse, room):
-    """Factor one path's matrix; returns the logarithm of its determinant.
+@vectorized
+def factor_path(band, lower, inverse, scratch):
+    """Factor the matrix of one path; return the logarithm of its determinant.
 
     Args:
         band: shape (frame, REACH + 1, 3, 3).
-        lower: shape (frame, REACH, 3, 3), written: ``U``, of frames ``f`` and ``f - m`` at ``[f, m - 1]``.
-        inverse: shape (frame, 3, 3), written: of the blocks of ``D``.
-        room: shape (REACH + 2, 3, 3).
+        lower: shape (frame, REACH, 3, 3), written: ``U``, the block of frames ``f`` and ``f - m`` at ``[f, m - 1]``.
+        inverse: shape (frame, 3, 3), written: inverses of the blocks of ``D``.
+        scratch: shape (REACH + 2, 3, 3).
     """
     total = 0.0
     for f in range(band.shape[0]):
-        back = min(REACH, f)
-        for m in range(back, 0, -1):
-            x = room[m]
+        n_earlier = min(REACH, f)
+        for m in range(n_earlier, 0, -1):
+            x = scratch[m]
             for i in range(3):
                 for j in range(3):
                     x[i, j] = band[f, m, i, j]
-            for n in range(m + 1, back + 1):
-                subtract_product(room[n], lower[f - m, n - m - 1], x)
-        pivot = room[0]
+            for n in range(m + 1, n_earlier + 1):
+                subtract_product(scratch[n], lower[f - m, n - m - 1], x)
+        pivot = scratch[0]
         for i in range(3):
             for j in range(3):
                 pivot[i, j] = band[f, 0, i, j]
-        for m in range(1, back + 1):
+        for m in range(1, n_earlier + 1):
             u = lower[f, m - 1]
-            x = room[m]
+            x = scratch[m]
             d = inverse[f - m]
             for i in range(3):
                 for j in range(3):
@@ -89,7 +89,7 @@ def factor_path(band, lower, inverse, room):
     return total
 
 
-@dense
+@vectorized
 def solve_path(lower, inverse, vector):
     """Solve ``U D U^T x = vector``, shape (frame, 3), in place."""
     frames = vector.shape[0]
@@ -114,65 +114,65 @@ def solve_path(lower, inverse, vector):
 
 
 @inline
-def _subtract_left(left, right, out):
-    """``out -= left right``, 3 x 3 each."""
+def _subtract_matrix_product(left, right, out):
+    """Compute ``out -= left right``, 3x3 each."""
     for i in range(3):
         for j in range(3):
             out[i, j] -= left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
 
 
 @inline
-def _subtract_turned(left, right, out):
-    """``out -= left^T right``, 3 x 3 each."""
+def _subtract_transposed_product(left, right, out):
+    """Compute ``out -= left^T right``, 3x3 each."""
     for i in range(3):
         for j in range(3):
             out[i, j] -= left[0, i] * right[0, j] + left[1, i] * right[1, j] + left[2, i] * right[2, j]
 
 
-@dense
-def _join_later(lower, covariance, f, ahead):
-    """The blocks of the inverse that join frame ``f`` with later ones."""
-    for m in range(1, ahead + 1):
+@vectorized
+def _fill_later_blocks(lower, covariance, f, n_later):
+    """Write the blocks of the inverse that couple frame ``f`` with later frames."""
+    for m in range(1, n_later + 1):
         z = covariance[f + m, m]
         for i in range(3):
             for j in range(3):
                 z[i, j] = 0.0
-        for n in range(1, ahead + 1):
-            # Of the frames f + m and f + n: the block stands with the later one.
+        for n in range(1, n_later + 1):
+            # The block of frames f + m and f + n is stored with the later one.
             if m >= n:
-                _subtract_left(covariance[f + m, m - n], lower[f + n, n - 1], z)
+                _subtract_matrix_product(covariance[f + m, m - n], lower[f + n, n - 1], z)
             else:
-                _subtract_turned(covariance[f + n, n - m], lower[f + n, n - 1], z)
+                _subtract_transposed_product(covariance[f + n, n - m], lower[f + n, n - 1], z)
 
 
-@dense
+@vectorized
 def invert_path(lower, inverse, covariance):
-    """The inverse within the band, in the layout of the band.
+    """Compute the inverse within the band, in the layout of the band.
 
     Args:
         lower: from :func:`factor_path`.
         inverse: from :func:`factor_path`.
-        covariance: shape (frame, REACH + 1, 3, 3), written: of frames ``f`` and ``f - m`` at ``[f, m]``.
+        covariance: shape (frame, REACH + 1, 3, 3), written: the block of frames ``f`` and ``f - m`` at ``[f, m]``.
     """
     frames = covariance.shape[0]
     for f in range(frames - 1, -1, -1):
-        ahead = min(REACH, frames - 1 - f)
-        _join_later(lower, covariance, f, ahead)
+        n_later = min(REACH, frames - 1 - f)
+        _fill_later_blocks(lower, covariance, f, n_later)
         own = covariance[f, 0]
         for i in range(3):
             for j in range(3):
                 own[i, j] = inverse[f, i, j]
-        for m in range(1, ahead + 1):
-            _subtract_turned(covariance[f + m, m], lower[f + m, m - 1], own)
-        # What rounding makes unsymmetric would grow from frame to frame.
+        for m in range(1, n_later + 1):
+            _subtract_transposed_product(covariance[f + m, m], lower[f + m, m - 1], own)
+        # Symmetrize: asymmetry from rounding would grow from frame to frame.
         for i in range(3):
             for j in range(i):
                 own[i, j] = own[j, i] = 0.5 * (own[i, j] + own[j, i])
 
 
-@dense
-def times_path(band, vector, out):
-    """``out = A vector``, shape (frame, 3), for a path's matrix ``A``."""
+@vectorized
+def multiply_path(band, vector, out):
+    """Compute ``out = A vector``, shape (frame, 3), for the matrix ``A`` of a path."""
     frames = vector.shape[0]
     for f in range(frames):
         a = band[f, 0]
@@ -188,21 +188,21 @@ def times_path(band, vector, out):
 
 @kernel
 def factor_paths(band, lower, inverse, log_determinants):
-    """Factor every path's matrix; first axis the keypoint, the others as of :func:`factor_path`."""
-    room = np.empty((REACH + 2, 3, 3))
+    """Factor the matrices of all paths; the first axis is the keypoint, the others follow :func:`factor_path`."""
+    scratch = np.empty((REACH + 2, 3, 3))
     for k in range(band.shape[0]):
-        log_determinants[k] = factor_path(band[k], lower[k], inverse[k], room)
+        log_determinants[k] = factor_path(band[k], lower[k], inverse[k], scratch)
 
 
 @kernel
 def solve_paths(lower, inverse, vectors):
-    """Solve every path by itself, vectors of shape (keypoint, frame, 3), in place."""
+    """Solve every path separately, vectors of shape (keypoint, frame, 3), in place."""
     for k in range(vectors.shape[0]):
         solve_path(lower[k], inverse[k], vectors[k])
 
 
 @kernel
 def invert_paths(lower, inverse, covariance):
-    """The inverse within the band of every path; shape (keypoint, frame, REACH + 1, 3, 3), written."""
+    """Write the inverse within the band of every path, shape (keypoint, frame, REACH + 1, 3, 3)."""
     for k in range(covariance.shape[0]):
         invert_path(lower[k], inverse[k], covariance[k])

@@ -1,1 +1,1 @@
-"""Consensus triangulation."""
+"""Kernels of triangulation: two-view hypotheses and the consensus method."""

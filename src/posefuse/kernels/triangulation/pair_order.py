@@ -1,4 +1,4 @@
-"""Which pairs of views the search of :mod:`posefuse.kernels.triangulation.pair_search` tries, and when it has tried enough."""
+"""The order in which :mod:`posefuse.kernels.triangulation.pair_search` tries pairs of views, and when it may stop."""
 
 import math
 from functools import cache
@@ -8,46 +8,47 @@ import numpy as np
 
 _ALL_PAIRS_UP_TO = 12
 _PAIRS_PER_VIEW = 8
-_MISSED = 1e-4
-"""How likely it may be that no pair of agreeing views was among those tried when the search ends early."""
-_MISSED_DECIDED = 0.05
-"""The same where so many agree that the best would share three views with them, and so be their point."""
+_MISS_PROBABILITY = 1e-4
+"""Accepted probability that no pair of agreeing views was tried before an early stop."""
+_MISS_PROBABILITY_DECIDED = 0.05
+"""The same if so many views agree that any better point would share three views with them, and so be their point."""
 
 
 @cache
-def pairs_to_try(n_views: int) -> np.ndarray:
-    """Shape (pair, 2), int64: pairs of ranks, best first; all of them up to 12 views, 8 a view beyond."""
+def ordered_pairs(n_views: int) -> np.ndarray:
+    """Return pairs of ranks, best first, shape (pair, 2), int64: all pairs up to 12 views, 8 per view beyond."""
     pairs = sorted(combinations(range(n_views), 2), key=lambda pair: (sum(pair), pair))
-    most = len(pairs) if n_views <= _ALL_PAIRS_UP_TO else _PAIRS_PER_VIEW * n_views
-    return np.array(pairs[:most], dtype=np.int64)
+    limit = len(pairs) if n_views <= _ALL_PAIRS_UP_TO else _PAIRS_PER_VIEW * n_views
+    return np.array(pairs[:limit], dtype=np.int64)
 
 
 @cache
-def enough_tries(n_views: int) -> np.ndarray:
-    """Shape (view + 1, view + 1), int64: with n views of which m agree, how many pairs need to be tried.
+def required_tries(n_views: int) -> np.ndarray:
+    """Return the number of pairs to try with n views of which m agree, shape (view + 1, view + 1), int64.
 
-    If m views are right, a pair is right with probability ``m (m - 1) / (n (n - 1))``; the search may end when it is
-    certain enough that a right one was tried. With all views in agreement one is. As many others as agree, or more,
-    share ``2 m - n`` views with them: where these are three there is no other point to be found, only a better start.
+    If m views are inliers, a pair consists of inliers with probability ``m (m - 1) / (n (n - 1))``. The search may stop
+    once the probability that no such pair was tried is small enough. If all views agree, one pair suffices. Any
+    competing point with at least as many views shares ``2 m - n`` views with the inliers. If these are three or more,
+    the competitor is the same point with a better start.
     """
     table = np.zeros((n_views + 1, n_views + 1), dtype=np.int64)
     for n in range(2, n_views + 1):
-        every = math.comb(n, 2)
-        table[n, :2] = every
+        all_pairs = math.comb(n, 2)
+        table[n, :2] = all_pairs
         table[n, n] = 1
         for m in range(2, n):
-            share = m * (m - 1) / (n * (n - 1))
-            missed = _MISSED_DECIDED if decided(n, m) else _MISSED
-            table[n, m] = min(every, math.ceil(math.log(missed) / math.log1p(-share)))
+            probability = m * (m - 1) / (n * (n - 1))
+            miss_probability = _MISS_PROBABILITY_DECIDED if is_decided(n, m) else _MISS_PROBABILITY
+            table[n, m] = min(all_pairs, math.ceil(math.log(miss_probability) / math.log1p(-probability)))
     return table
 
 
-def decided(n_views: int, agreeing: int) -> bool:
-    """Whether any rival of a point must share three views with it."""
+def is_decided(n_views: int, agreeing: int) -> bool:
+    """Return whether any competing point must share three views with the current one."""
     return 2 * agreeing - n_views >= 3
 
 
-def brief_tries(n_views: int) -> int:
-    """After how many pairs a point of all views is found if it is decided by as few as can; 0 if only all can."""
-    least = (n_views + 4) // 2
-    return int(enough_tries(n_views)[n_views, least]) if least < n_views else 0
+def early_limit(n_views: int) -> int:
+    """Return the number of pairs after which the fewest views that can decide a point do; 0 if all views are needed."""
+    fewest = (n_views + 4) // 2
+    return int(required_tries(n_views)[n_views, fewest]) if fewest < n_views else 0

@@ -1,44 +1,44 @@
-"""Two-view hypotheses: views in the order of trust, pairs of them, and the pair whose point most views agree with."""
+"""Two-view hypotheses: views ranked by confidence, pairs of them, and the pair whose point has the most support."""
 
 import math
 
 from posefuse.kernels.cameras.observation_rows import BLOCK, residual
-from posefuse.kernels.cameras.points import solve_symmetric
 from posefuse.kernels.jit import inline
+from posefuse.kernels.linear_algebra.symmetric_3x3 import solve_symmetric
 
-# Of a block; the others would all have to wait for them.
-_FEW = BLOCK // 4
+# A block may leave at most this many lanes undecided; beyond that it continues, because most lanes need it.
+_MAX_UNDECIDED = BLOCK // 4
 
 
 @inline
-def rank_views(trust, weights, ranks, used):
-    """Order each lane's views by confidence, best first; views that are not used come last.
+def rank_views(block_confidence, weights, ranks, n_used):
+    """Rank the views of each lane by confidence, best first; unused views come last.
 
     Args:
-        trust: shape (view, BLOCK).
-        weights: shape (view, BLOCK); 0 is not used.
+        block_confidence: shape (view, BLOCK).
+        weights: shape (view, BLOCK); 0 means unused.
         ranks: shape (view, BLOCK), int64, written: the view of each rank.
-        used: shape (BLOCK,), int64, written: how many are used.
+        n_used: shape (BLOCK,), int64, written: number of used views.
     """
     n_views = weights.shape[0]
     for j in range(BLOCK):
         count = 0
         for v in range(n_views):
             if weights[v, j] > 0.0:
-                place = count
-                while place > 0 and trust[ranks[place - 1, j], j] < trust[v, j]:
-                    ranks[place, j] = ranks[place - 1, j]
-                    place -= 1
-                ranks[place, j] = v
+                position = count
+                while position > 0 and block_confidence[ranks[position - 1, j], j] < block_confidence[v, j]:
+                    ranks[position, j] = ranks[position - 1, j]
+                    position -= 1
+                ranks[position, j] = v
                 count += 1
-        used[j] = count
-        for place in range(count, n_views):
-            ranks[place, j] = 0
+        n_used[j] = count
+        for position in range(count, n_views):
+            ranks[position, j] = 0
 
 
 @inline
-def copy_pair(rows, weights, a, b, j, pair, pair_weights):
-    """Rows and weights of a lane's views ``a`` and ``b``: side by side, what follows works on all lanes at once."""
+def gather_pair(rows, weights, a, b, j, pair, pair_weights):
+    """Copy rows and weights of views ``a`` and ``b`` of a lane side by side, to process all lanes at once."""
     pair_weights[0, j] = weights[a, j]
     pair_weights[1, j] = weights[b, j]
     for i in range(12):
@@ -48,10 +48,10 @@ def copy_pair(rows, weights, a, b, j, pair, pair_weights):
 
 @inline
 def two_view_point(pair, pair_weights, j):
-    """The algebraic point of the pair of lane ``j``.
+    """Triangulate the algebraic point of the pair in lane ``j``.
 
     Returns:
-        ``(found, x, y, z)``, found 1.0 where there is one in front of both, else 0.0.
+        ``(found, x, y, z)``; found is 1.0 if the point lies in front of both views, else 0.0.
     """
     u = pair_weights[0, j]
     w = pair_weights[1, j]
@@ -88,73 +88,77 @@ def two_view_point(pair, pair_weights, j):
 
 
 @inline
-def _score(rows, weights, bound, trial):
-    """Sum over views of the squared residual in sigma units, each at most ``bound``; and how many lie below it.
+def _score(rows, weights, bound, hypothesis):
+    """Score a hypothesis: the sum of squared residuals in sigmas, each at most ``bound``, and the inlier count.
 
-    Rows 4 and 5 of ``trial`` receive them.
+    The results go to rows 4 and 5 of ``hypothesis``.
     """
     for j in range(BLOCK):
-        trial[4, j] = 0.0
-        trial[5, j] = 0.0
+        hypothesis[4, j] = 0.0
+        hypothesis[5, j] = 0.0
     for v in range(weights.shape[0]):
         for j in range(BLOCK):
             w = weights[v, j]
-            depth, r, s = residual(rows, v, j, trial[0, j], trial[1, j], trial[2, j])
+            depth, r, s = residual(rows, v, j, hypothesis[0, j], hypothesis[1, j], hypothesis[2, j])
             squared = w * (r * r + s * s)
-            near = (squared < bound) & (depth > 0.0)
-            trial[4, j] += squared if near else (bound if w > 0.0 else 0.0)
-            trial[5, j] += 1.0 if near & (w > 0.0) else 0.0
+            inlier = (squared < bound) & (depth > 0.0)
+            hypothesis[4, j] += squared if inlier else (bound if w > 0.0 else 0.0)
+            hypothesis[5, j] += 1.0 if inlier & (w > 0.0) else 0.0
 
 
 @inline
-def search(rows, weights, ranks, used, pairs, enough, brief, bound, pair, pair_weights, trial, best):
-    """The best-scoring two-view point of each lane.
+def search_pairs(
+    rows, weights, ranks, n_used, pairs, required_tries, early_limit, bound, pair, pair_weights, hypothesis, best
+):
+    """Find the two-view point with the best score in each lane.
 
     Args:
         rows: shape (view, 12, BLOCK).
         weights: shape (view, BLOCK).
         ranks: views by rank, from :func:`rank_views`.
-        used: shape (BLOCK,), how many views each lane has.
-        pairs: shape (pair, 2), int64: ranks to try together, the most promising first.
-        enough: shape (view + 1, view + 1), int64: with so many views, of which so many agree, after how many tried
-            pairs a better point is no longer to be expected.
-        brief: after so many pairs the search may end with a few lanes undecided; 0 if it may not.
-        bound: what a view that disagrees costs, in squared sigma units.
+        n_used: shape (BLOCK,), number of used views per lane.
+        pairs: shape (pair, 2), int64: ranks to combine, the most promising first.
+        required_tries: shape (view + 1, view + 1), int64: number of pairs after which no better point is expected, by
+            number of views and number of inliers.
+        early_limit: after this many pairs the search may stop with a few lanes undecided; 0 to disable.
+        bound: cost of an outlier view, in squared sigmas.
         pair: shape (2, 12, BLOCK), scratch.
         pair_weights: shape (2, BLOCK), scratch.
-        trial: shape (6, BLOCK), scratch.
-        best: shape (7, BLOCK), written: point, pairs tried, cost, views that agree, pairs to try.
+        hypothesis: shape (6, BLOCK), scratch.
+        best: shape (7, BLOCK), written: point, pairs tried, cost, number of inliers, pairs to try.
 
     Returns:
-        How many lanes are undecided: there more pairs should be tried than were.
+        Number of undecided lanes, for which more pairs should be tried.
     """
     for j in range(BLOCK):
         best[3, j] = 0.0
         best[4, j] = math.inf
         best[5, j] = 0.0
-        best[6, j] = enough[used[j], 0]
+        best[6, j] = required_tries[n_used[j], 0]
     for p in range(pairs.shape[0]):
         first = pairs[p, 0]
         second = pairs[p, 1]
         for j in range(BLOCK):
-            copy_pair(rows, weights, ranks[first, j], ranks[second, j], j, pair, pair_weights)
+            gather_pair(rows, weights, ranks[first, j], ranks[second, j], j, pair, pair_weights)
         for j in range(BLOCK):
-            trial[3, j], trial[0, j], trial[1, j], trial[2, j] = two_view_point(pair, pair_weights, j)
-        _score(rows, weights, bound, trial)
+            hypothesis[3, j], hypothesis[0, j], hypothesis[1, j], hypothesis[2, j] = two_view_point(
+                pair, pair_weights, j
+            )
+        _score(rows, weights, bound, hypothesis)
         for j in range(BLOCK):
-            # A lane that has tried enough takes no notice of what its neighbours still try.
-            there = (second < used[j]) & (best[3, j] < best[6, j])
-            better = there & (trial[3, j] > 0.0) & (trial[4, j] < best[4, j])
-            best[0, j] = trial[0, j] if better else best[0, j]
-            best[1, j] = trial[1, j] if better else best[1, j]
-            best[2, j] = trial[2, j] if better else best[2, j]
-            best[3, j] += 1.0 if there else 0.0
-            best[4, j] = trial[4, j] if better else best[4, j]
-            best[5, j] = trial[5, j] if better else best[5, j]
-        waiting = 0
+            # A lane that has tried enough pairs ignores those that its neighbors still try.
+            trying = (second < n_used[j]) & (best[3, j] < best[6, j])
+            better = trying & (hypothesis[3, j] > 0.0) & (hypothesis[4, j] < best[4, j])
+            best[0, j] = hypothesis[0, j] if better else best[0, j]
+            best[1, j] = hypothesis[1, j] if better else best[1, j]
+            best[2, j] = hypothesis[2, j] if better else best[2, j]
+            best[3, j] += 1.0 if trying else 0.0
+            best[4, j] = hypothesis[4, j] if better else best[4, j]
+            best[5, j] = hypothesis[5, j] if better else best[5, j]
+        n_undecided = 0
         for j in range(BLOCK):
-            best[6, j] = enough[used[j], int(best[5, j])]
-            waiting += 1 if best[3, j] < best[6, j] else 0
-        if waiting == 0 or (p + 1 == brief and waiting <= _FEW):
-            return waiting
+            best[6, j] = required_tries[n_used[j], int(best[5, j])]
+            n_undecided += 1 if best[3, j] < best[6, j] else 0
+        if n_undecided == 0 or (p + 1 == early_limit and n_undecided <= _MAX_UNDECIDED):
+            return n_undecided
     return 0

@@ -1,1 +1,1 @@
-"""Anti-aliased drawing."""
+"""Kernels of drawing: anti-aliased shapes."""

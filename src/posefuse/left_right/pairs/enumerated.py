@@ -12,15 +12,15 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels.left_right.pairs import solve_pairs
-from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.pairs import PairOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.tracks import Tracks
-from posefuse.triangulation.consensus import DEFAULT_MIN_VIEWS, reweighting_loss
+from posefuse.triangulation.consensus import METHOD, reweighting_loss
 from posefuse.triangulation.results import rows_by_person_frame
 
 
@@ -43,7 +43,7 @@ def solve(
         noise: the standard deviation of a detection, in whose units views agree or not.
         options: ``min_views``, ``min_confidence`` and ``consensus`` are used.
         pairs: shape (pair, 2): keypoints, left and right, by number.
-        pair_options: ``prior_m`` is used.
+        pair_options: ``motion_sd_m`` is used.
         previous_m: shape (person, pair, 2, 3): where the points were in the frame before the first, NaN where unknown;
             in the end, where they are in the last.
     """
@@ -63,16 +63,16 @@ def solve(
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
-        options.min_views or DEFAULT_MIN_VIEWS,
-        pairs_to_try(len(rig)),
-        chosen.full_sigma,
-        chosen.none_sigma,
-        (pair_options or PairOptions()).prior_m,
+        options.min_views or METHOD.default_min_views,
+        ordered_pairs(len(rig)),
+        chosen.full_weight_sigma,
+        chosen.zero_weight_sigma,
+        (pair_options or PairOptions()).motion_sd_m,
         previous,
         np.empty((0, len(table), 6)),
         *out.arrays,
     )
     if previous_m is not None:
         previous_m[:] = previous.reshape(previous_m.shape)
-    lost = reweighting_loss(chosen.full_sigma, chosen.none_sigma)
+    lost = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
     return replace(out, covariance_m2=out.covariance_m2 * lost).finish(tracks)

@@ -14,13 +14,13 @@ from posefuse.arrays import frozen
 from posefuse.kernels.cameras.lens import OK
 from posefuse.kernels.left_right.pairs import solve_pairs
 from posefuse.kernels.left_right.population_search import search_pairs
-from posefuse.kernels.triangulation.pair_order import pairs_to_try
+from posefuse.kernels.triangulation.pair_order import ordered_pairs
 from posefuse.left_right.pairs.results import SolvedPairs
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
-from posefuse.model.options.options import TriangulationOptions
 from posefuse.model.options.pairs import PairOptions
+from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus
 from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import rows_by_person_frame
@@ -61,7 +61,7 @@ def solve(
     search_pairs(
         _MM * np.stack([camera.centre_m for camera in rig.cameras]),
         directions.reshape(len(couples), len(rig), 2, 3),
-        np.array([terms.apart_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),
+        np.array([terms.separation_weight, terms.ray_weight, terms.equidistance_weight, terms.opposite_weight]),
         terms.separation_mm,
         terms.jitter_mm,
         terms.tolerance_mm,
@@ -83,8 +83,8 @@ def solve(
         noise.exponent,
         options.min_confidence,
         2,
-        pairs_to_try(len(rig)),
-        options.consensus.full_sigma,
+        ordered_pairs(len(rig)),
+        options.consensus.full_weight_sigma,
         _REACH_SIGMA,
         np.inf,
         np.full((len(tracks.person_ids), len(table), 6), np.nan),
@@ -93,7 +93,7 @@ def solve(
     )
     rays = np.isfinite(directions).all(axis=-1).sum(axis=(-1, -2))
     out.status[(rays > 0) & (rays < 4)] = PointStatus.TOO_FEW_VIEWS
-    most = 2.0 * (options.consensus.none_sigma**2 + 2.0 * options.consensus.full_sigma**2) / 3.0
+    most = 2.0 * (options.consensus.zero_weight_sigma**2 + 2.0 * options.consensus.full_weight_sigma**2) / 3.0
     np.clip(out.evidence, -most, most, out=out.evidence)
     return replace(out, cost=costs.reshape(out.cost.shape)).finish(tracks)
 

@@ -1,1 +1,1 @@
-"""Requested options: one frozen record per stage."""
+"""Options that a user can request: one frozen record per stage, combined in ``options.Options``."""

@@ -1,158 +1,126 @@
-"""What a user can choose about how detections of different views become people."""
+"""Options of cross-view association: how detections of different views are combined into people."""
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from posefuse.errors import OptionsError, choices
+from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 
 ProposalMethod = Literal["groups", "rpt"]
 
 PROPOSAL_METHODS: dict[ProposalMethod, str] = {
-    "groups": "pairs grown to at most one detection a view, by the odds that they show one person",
+    "groups": "pairs extended to at most one detection per view, scored by the odds that they show one person",
     "rpt": "pairs triangulated, scored and averaged in 3D (the baseline, after RapidPoseTriangulation)",
 }
-"""Methods that propose people and their line in help; one file each under ``association/``."""
+"""Proposal methods and their line in help; one file each under ``association/``."""
 
 
 @dataclass(frozen=True)
 class RptOptions:
-    """Of the method `rpt`; the defaults are the published ones as far as they are known.
+    """Options of the proposal method rpt; the defaults are the published values where they are known.
 
     Attributes:
-        min_score: Pairs whose keypoints score less on average are dropped; 1 is perfect, 0.92 about 9 px at 1000 px.
-        min_joint_score: Keypoints of a pair that score less are not merged.
-        centre_within_m: Pairs are of one person if their centres are no farther apart.
-        joints_within_m: And their common keypoints on average no farther.
-        spread_m: Keypoints of a pair farther than this from the mean of all are not merged.
-        nearest: So many of the pairs, those nearest to the mean, are merged.
-        min_pairs: People whom fewer pairs support are dropped.
+        min_score: Minimum mean keypoint score of a pair; 1 is a perfect match, 0.92 about 9 px at 1000 px image size.
+        min_joint_score: Minimum score of a keypoint that is merged.
+        center_distance_m: Maximum distance between the centers of two pairs of one person.
+        keypoint_distance_m: Maximum mean distance between the common keypoints of two pairs of one person.
+        outlier_distance_m: Maximum distance of a pair's keypoint from the mean of all pairs; others are not merged.
+        merged_pairs: Number of pairs nearest to the mean that are merged.
+        min_pairs: Minimum number of pairs that support a person.
     """
 
-    min_score: float = 0.92
-    min_joint_score: float = 0.8
-    centre_within_m: float = 0.6
-    joints_within_m: float = 0.3
-    spread_m: float = 0.5
-    nearest: int = 3
-    min_pairs: int = 1
+    min_score: float = option(0.92, at_least=0.0, at_most=1.0)
+    min_joint_score: float = option(0.8, at_least=0.0, at_most=1.0)
+    center_distance_m: float = option(0.6, above=0.0)
+    keypoint_distance_m: float = option(0.3, above=0.0)
+    outlier_distance_m: float = option(0.5, above=0.0)
+    merged_pairs: int = option(3, at_least=1)
+    min_pairs: int = option(1, at_least=1)
 
     def __post_init__(self) -> None:
-        for name in ("min_score", "min_joint_score"):
-            _check_share("rpt.", name, getattr(self, name))
-        for name in ("centre_within_m", "joints_within_m", "spread_m"):
-            _check_positive("rpt.", name, getattr(self, name))
-        for name in ("nearest", "min_pairs"):
-            if getattr(self, name) < 1:
-                raise OptionsError(f"association.rpt.{name} must be at least 1, got {getattr(self, name)}.")
+        check_fields(self, "association.rpt")
 
 
 @dataclass(frozen=True)
 class AssociationOptions:
-    """How people are proposed from detections that nobody claims.
+    """Options of the proposal of people from unassigned detections.
 
-    Odds compare two explanations of where a detection's keypoints lie: the person that other views show, or anything
-    anywhere within ``clutter_share`` of the image.
+    The odds compare two hypotheses for the position of a detection's keypoints: the person that other views show, or a
+    uniform distribution over a region as wide as ``clutter_share`` of the image.
 
     Attributes:
-        method: How people are proposed.
-        sigma_factor: Views are compared with the noise model's sigma times this: two detectors, or one from two
-            sides, differ in what they call a hip by more than either errs.
-        bound_sigma: Solving: a view this far off says nothing more by being farther off.
-        full_sigma: Solving: a view no farther off counts whole.
-        none_sigma: Solving: a view farther off is left out.
-        min_confidence: Keypoints with less are not used.
-        min_common: So many core keypoints must be common to two detections, or to a detection and a group.
-        clutter_share: A keypoint of somebody else lies anywhere in a region as wide as this share of the image.
-        outlier_share: How many keypoints of a detection are wrong although the person is right.
-        independent_keypoints: More common keypoints than this add no more evidence: if one fits by chance, so do
-            its neighbours.
-        join_log_odds: A detection joins a group from these odds on.
-        prior_log_odds: The odds of a group before anything is known of it; people are proposed where all odds together
-            are positive.
-        miss_log_odds: For every view that should show a person and shows nothing there.
-        independent_bones: More bones than this add no more evidence: a wrong depth makes all of them wrong.
-        swap_log_odds: The odds that a detection has left and right mixed up.
-        known_within_m: A detection shows a known person if its keypoints are on average no farther from theirs.
-        duplicate_sigma: Two detections of a view are of one person if their keypoints are on average no farther apart.
-        max_seeds: At most so many pairs are grown at a time.
-        volume_m: Where people can be, the least x, y, z and the greatest x, y, z; by default anywhere.
-        rpt: Of the method of that name.
+        method: Method that proposes people from the detections of several views.
+        sigma_factor: Factor on the noise when views are compared; detectors and viewpoints differ in where they place
+            a keypoint by more than their random error.
+        saturation_sigma: Residual beyond which a view's cost stays constant in the robust triangulation of proposals.
+        full_weight_sigma: Residual up to which a view has full weight in the refinement of proposals.
+        zero_weight_sigma: Residual beyond which a view has no weight in the refinement of proposals.
+        min_confidence: Minimum confidence of a keypoint that is used for association.
+        min_common: Minimum number of core keypoints that two detections, or a detection and a group, have in common.
+        clutter_share: Width of the region in which another person's keypoint may be, as a fraction of the image width.
+        outlier_share: Fraction of a detection's keypoints that are wrong although the person is right.
+        independent_keypoints: Number of common keypoints beyond which further keypoints add no evidence, because
+            errors of neighboring keypoints are correlated.
+        join_log_odds: Minimum log-odds at which a detection joins a group.
+        prior_log_odds: Prior log-odds of a group; groups with positive posterior log-odds are proposed.
+        miss_log_odds: Change of a group's log-odds for every view that should show the person and does not.
+        independent_bones: Number of bones beyond which further bones add no evidence, because one wrong depth affects
+            all of them.
+        swap_log_odds: Prior log-odds that a detection has left and right swapped.
+        known_person_distance_m: Maximum mean keypoint distance at which a detection shows an already tracked person.
+        duplicate_sigma: Maximum mean keypoint distance of two detections of one person in the same view.
+        max_seeds: Maximum number of detection pairs that are extended in parallel.
+        volume_m: Volume in which people are proposed, as minimum x, y, z and maximum x, y, z; unlimited by default.
+        rpt: Options of the proposal method rpt.
     """
 
     method: ProposalMethod = "groups"
-    sigma_factor: float = 2.0
-    bound_sigma: float = 3.0
-    full_sigma: float = 2.0
-    none_sigma: float = 4.0
-    min_confidence: float = 0.1
-    min_common: int = 3
-    clutter_share: float = 0.25
-    outlier_share: float = 0.1
-    independent_keypoints: float = 6.0
-    join_log_odds: float = 0.0
-    prior_log_odds: float = -3.0
-    miss_log_odds: float = -0.5
-    independent_bones: float = 2.0
-    swap_log_odds: float = -4.0
-    known_within_m: float = 0.25
-    duplicate_sigma: float = 1.5
-    max_seeds: int = 64
-    volume_m: tuple[float, ...] = ()
+    sigma_factor: float = option(2.0, above=0.0)
+    saturation_sigma: float = option(3.0, above=0.0)
+    full_weight_sigma: float = option(2.0, above=0.0)
+    zero_weight_sigma: float = option(4.0, above=0.0)
+    min_confidence: float = option(0.1, at_least=0.0, at_most=1.0)
+    min_common: int = option(3, at_least=1)
+    clutter_share: float = option(0.25, above=0.0, at_most=1.0)
+    outlier_share: float = option(0.1, above=0.0, below=1.0)
+    independent_keypoints: float = option(6.0, above=0.0)
+    join_log_odds: float = option(0.0)
+    prior_log_odds: float = option(-3.0)
+    miss_log_odds: float = option(-0.5, at_most=0.0)
+    independent_bones: float = option(2.0, above=0.0)
+    swap_log_odds: float = option(-4.0, at_most=0.0)
+    known_person_distance_m: float = option(0.25, above=0.0)
+    duplicate_sigma: float = option(1.5, above=0.0)
+    max_seeds: int = option(64, at_least=1)
+    volume_m: tuple[float, ...] = option((), lengths=(0, 6), example="[-3.0, -3.0, -0.5, 3.0, 3.0, 2.5]")
     rpt: RptOptions = field(default_factory=RptOptions)
 
     def __post_init__(self) -> None:
-        if self.method not in PROPOSAL_METHODS:
+        check_fields(self, "association")
+        if not self.full_weight_sigma < self.zero_weight_sigma:
             raise OptionsError(
-                f"association.method: no method {self.method!r}. Choose one of: {choices(PROPOSAL_METHODS)}."
+                "association.full_weight_sigma must be below zero_weight_sigma, got "
+                f"{self.full_weight_sigma} and {self.zero_weight_sigma}."
             )
-        for name in ("sigma_factor", "independent_keypoints", "independent_bones", "known_within_m", "duplicate_sigma"):
-            _check_positive("", name, getattr(self, name))
-        for name in ("min_confidence", "clutter_share", "outlier_share"):
-            _check_share("", name, getattr(self, name))
-        for name in ("miss_log_odds", "swap_log_odds"):
-            if not -math.inf < getattr(self, name) <= 0.0:
-                raise OptionsError(f"association.{name} must be 0 or less, got {getattr(self, name)}.")
-        for name in ("min_common", "max_seeds"):
-            if getattr(self, name) < 1:
-                raise OptionsError(f"association.{name} must be at least 1, got {getattr(self, name)}.")
-        if not 0.0 < self.outlier_share < 1.0 or not self.clutter_share > 0.0:
-            raise OptionsError(
-                "association.outlier_share must lie between 0 and 1 and clutter_share above 0, got "
-                f"{self.outlier_share} and {self.clutter_share}."
-            )
-        if not (self.bound_sigma > 0.0 and 0.0 < self.full_sigma < self.none_sigma):
-            raise OptionsError(
-                "association.bound_sigma must be positive, and full_sigma positive and less than none_sigma, got "
-                f"{self.bound_sigma}, {self.full_sigma} and {self.none_sigma}."
-            )
-        object.__setattr__(self, "volume_m", tuple(self.volume_m))
         low, high = self.volume_m[:3], self.volume_m[3:]
-        if self.volume_m and not (len(self.volume_m) == 6 and all(a < b for a, b in zip(low, high, strict=True))):
+        if not all(a < b for a, b in zip(low, high, strict=True)):
             raise OptionsError(
-                "association.volume_m is six numbers, the least x, y, z and the greatest x, y, z, each least below its "
-                f"greatest; got {self.volume_m}."
+                "association.volume_m must be the minimum x, y, z followed by the maximum x, y, z, each minimum below "
+                f"its maximum, got {self.volume_m}."
             )
 
     def in_proportion(self, scale: float) -> "AssociationOptions":
-        """The same for bodies of another size: lengths go with it, but for where they can be.
+        """Return the options for bodies of another size: all lengths are scaled except the volume.
 
         Args:
-            scale: how large a body is next to an adult human.
+            scale: Size of the body relative to an adult human.
         """
         rpt = self.rpt
-        wider = replace(
-            rpt, centre_within_m=rpt.centre_within_m * scale, joints_within_m=rpt.joints_within_m * scale,
-            spread_m=rpt.spread_m * scale,
-        )  # fmt: skip
-        return self if scale == 1.0 else replace(self, known_within_m=self.known_within_m * scale, rpt=wider)
-
-
-def _check_positive(table: str, name: str, value: float) -> None:
-    if not 0.0 < value < math.inf:
-        raise OptionsError(f"association.{table}{name} must be positive, got {value}.")
-
-
-def _check_share(table: str, name: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise OptionsError(f"association.{table}{name} must lie between 0 and 1, got {value}.")
+        scaled = replace(
+            rpt,
+            center_distance_m=rpt.center_distance_m * scale,
+            keypoint_distance_m=rpt.keypoint_distance_m * scale,
+            outlier_distance_m=rpt.outlier_distance_m * scale,
+        )
+        distance_m = self.known_person_distance_m * scale
+        return self if scale == 1.0 else replace(self, known_person_distance_m=distance_m, rpt=scaled)

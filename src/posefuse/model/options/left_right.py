@@ -1,4 +1,4 @@
-"""What a user can choose about left and right; the text of each attribute is the help."""
+"""Options of left/right assignment."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,60 +6,52 @@ from typing import Literal
 import numpy as np
 
 from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 
 SideMethod = Literal["chains", "votes", "plane"]
 
 SIDE_METHODS: dict[SideMethod, str] = {
-    "chains": "limb by limb and over time: labels, continuity, bones and the body's own symmetry together",
-    "votes": "each ray votes for the point it is near, every pair and frame by itself (mc_dev's)",
-    "plane": "the person faces along a known direction of the scene all the time (mc_dev's, its x axis put right)",
+    "chains": "per limb and over time, from labels, continuity, bone lengths and the symmetry of the body",
+    "votes": "per pair and frame, each ray votes for the nearer point (as in mc_dev)",
+    "plane": "from a facing direction that is constant over the recording (as in mc_dev, with its x axis corrected)",
 }
-"""Ways to tell left from right and their line in ``posefuse methods``; a file each under ``triangulation/sides/``."""
+"""Methods that assign left and right, and their line in ``posefuse methods``."""
 
 _AXES = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 
 
 @dataclass(frozen=True)
 class SideOptions:
-    """How the two points of a pair become left and right.
+    """Options of the assignment of left and right to the two points of a pair.
 
     Attributes:
-        facing: With plane, where the person faces, +x, -x, +y, -y, or three numbers such as 1,0.5,0; as a flag with an
-            equals sign, --side-search.facing=-y.
-        swap_share: With chains, the share of time a view's labels are expected to be swapped before it is known.
-        dwell_s: With chains, how long a swap is expected to last before it is known, in seconds.
-        rounds: With chains, how often the decision is made again with what was learned from it.
-        learn_every: Online, the decision is learned from anew after so many frames.
-        memory: Online, so many frames are remembered to learn from.
+        facing: Facing direction for the method plane: +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0. Write
+            the flag with an equals sign, as in --side-search.facing=-y.
+        swap_share: Expected fraction of time in which a view has left and right swapped, before it is estimated, for
+            the method chains.
+        swap_duration_s: Expected duration of a left/right swap, before it is estimated, for the method chains.
+        iterations: Number of times the method chains repeats the assignment with updated estimates.
+        learn_every: Number of frames between updates of the online estimates.
+        memory: Number of frames that the online estimates remember; at least learn_every.
     """
 
     facing: str = "+x"
-    swap_share: float = 0.15
-    dwell_s: float = 0.4
-    rounds: int = 4
-    learn_every: int = 30
-    memory: int = 300
+    swap_share: float = option(0.15, above=0.0, below=0.5)
+    swap_duration_s: float = option(0.4, above=0.0)
+    iterations: int = option(4, at_least=1)
+    learn_every: int = option(30, at_least=1)
+    memory: int = option(300, at_least=1)
 
     def __post_init__(self) -> None:
+        check_fields(self, "side_search")
         facing_vector(self.facing)
-        if not 0.0 < self.swap_share < 0.5:
-            raise OptionsError(f"side_search.swap_share must lie between 0 and 0.5, got {self.swap_share}.")
-        if not self.dwell_s > 0.0:
-            raise OptionsError(f"side_search.dwell_s must be positive, got {self.dwell_s}.")
-        for name in ("rounds", "learn_every"):
-            if getattr(self, name) < 1:
-                raise OptionsError(f"side_search.{name} must be at least 1, got {getattr(self, name)}.")
-        if self.memory < self.learn_every:
-            raise OptionsError(
-                f"side_search.memory must be at least learn_every ({self.learn_every} frames), got {self.memory}."
-            )
 
 
 def facing_vector(facing: str) -> np.ndarray:
-    """Shape (3,): the unit vector that ``+x``, ``y``, ``-z`` or ``1,0.5,0`` stands for.
+    """Return the unit vector of a direction such as ``+x``, ``y``, ``-z`` or ``1,0.5,0``, shape (3,).
 
     Raises:
-        OptionsError: if it stands for none.
+        OptionsError: if the text is not a direction.
     """
     text = facing.strip().lower()
     axis = _AXES.get(text) or _AXES.get(f"+{text}")
@@ -69,6 +61,6 @@ def facing_vector(facing: str) -> np.ndarray:
         vector = np.zeros(0)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise OptionsError(
-            f"side_search.facing: expected +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0, got {facing!r}."
+            f"side_search.facing must be +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0, got {facing!r}."
         )
     return vector / np.linalg.norm(vector)

@@ -1,4 +1,4 @@
-"""Options that hold a number for each of some names, as a command line can give them."""
+"""Options that hold one number per name, written as ``name=number`` so that a command line can pass them."""
 
 from collections.abc import Iterable
 
@@ -6,22 +6,22 @@ from posefuse.errors import OptionsError
 
 
 def named_numbers(entries: Iterable[str], option: str, form: str, example: str) -> dict[str, float]:
-    """By name, the numbers of entries such as ``cam_2=60``; a name may hold ``=`` itself.
+    """Return the numbers of entries such as ``cam_2=60`` by name; a name may contain ``=`` itself.
 
     Args:
-        entries: name and number.
-        option: what it is called, for messages.
-        form: what an entry is, for messages.
-        example: of one.
+        entries: Names with their numbers.
+        option: Name of the option, for messages.
+        form: Form of an entry, for messages.
+        example: Example of an entry, for messages.
 
     Raises:
-        OptionsError: if an entry is not of that form.
+        OptionsError: if an entry does not have the form.
     """
-    found = {}
+    numbers = {}
     for entry in entries:
         name, _, number = entry.rpartition("=")
         try:
-            found[name.strip()] = float(number)
+            numbers[name.strip()] = float(number)
         except ValueError:
-            raise OptionsError(f"{option} holds {form}, such as {example}; got {entry!r}.") from None
-    return found
+            raise OptionsError(f"{option} must hold {form} entries such as {example}, got {entry!r}.") from None
+    return numbers

@@ -1,79 +1,65 @@
-"""What a user can choose about keypoints that come in pairs."""
+"""Options of the joint solution of left/right keypoint pairs."""
 
 import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 
 PairMethod = Literal["enumerate", "sds", "labels"]
 
 PAIR_METHODS: dict[PairMethod, str] = {
-    "enumerate": "every view as labelled, swapped, in part or not at all, whichever explains the rays best",
-    "sds": "two points apart around the middle of all rays, by a small population search (the specification's)",
-    "labels": "the labels are believed, each keypoint is solved by itself",
+    "enumerate": "tries every labeling of the views, as labeled or swapped, and takes the one with the smallest cost",
+    "sds": "fits two separated points to all rays by a population search (the specification's method)",
+    "labels": "trusts the labels and solves each keypoint independently",
 }
-"""Methods for pairs and their line in help; one file each under ``triangulation/pairs/``."""
+"""Methods for left/right pairs and their line in help."""
 
 
 @dataclass(frozen=True)
 class SdsOptions:
-    """Of the method `sds`; lengths in mm, as its terms have them.
+    """Options of the pair method sds, a population search; lengths are in mm, as in the specification.
 
     Attributes:
-        apart_weight: How much it counts that the two points keep apart (e0).
-        ray_weight: How much the distances of the points to the rays count (e1).
-        equidistance_weight: How much it counts that both are as far from the centre (e2).
-        opposite_weight: How much it counts that the centre lies between them (e3).
-        separation_mm: Points farther apart than this need not keep apart any more.
-        jitter_mm: The spread of the population about the centre at the start.
-        agents: How many search.
-        max_iterations: When to stop at the latest.
-        tolerance_mm: When the population has shrunk to this, the search ends.
+        separation_weight: Weight of the term that keeps the two points apart (e0).
+        ray_weight: Weight of the distances between the points and the rays (e1).
+        equidistance_weight: Weight of the term that keeps both points equally far from the center (e2).
+        opposite_weight: Weight of the term that keeps the center between the two points (e3).
+        separation_mm: Distance between the two points beyond which the separation term is zero.
+        jitter_mm: Standard deviation of the initial population around the center.
+        agents: Number of agents in the population.
+        max_iterations: Maximum number of iterations.
+        tolerance_mm: Length of the agents' last steps at which the search stops.
     """
 
-    apart_weight: float = 1.0
-    ray_weight: float = 1.0
-    equidistance_weight: float = 1.0
-    opposite_weight: float = 1.0
-    separation_mm: float = 20.0
-    jitter_mm: float = 15.0
-    agents: int = 25
-    max_iterations: int = 5000
-    tolerance_mm: float = 0.01
+    separation_weight: float = option(1.0, at_least=0.0)
+    ray_weight: float = option(1.0, at_least=0.0)
+    equidistance_weight: float = option(1.0, at_least=0.0)
+    opposite_weight: float = option(1.0, at_least=0.0)
+    separation_mm: float = option(20.0, above=0.0)
+    jitter_mm: float = option(15.0, above=0.0)
+    agents: int = option(25, at_least=2)
+    max_iterations: int = option(5000, at_least=1)
+    tolerance_mm: float = option(0.01, above=0.0)
 
     def __post_init__(self) -> None:
-        for name in ("apart_weight", "ray_weight", "equidistance_weight", "opposite_weight"):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise OptionsError(f"pair_search.sds.{name} must be 0 or more, got {value}.")
-        for name in ("separation_mm", "jitter_mm", "tolerance_mm"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise OptionsError(f"pair_search.sds.{name} must be positive, got {value}.")
-        if self.agents < 2:
-            raise OptionsError(f"pair_search.sds.agents must be at least 2, got {self.agents}.")
-        if self.max_iterations < 1:
-            raise OptionsError(f"pair_search.sds.max_iterations must be at least 1, got {self.max_iterations}.")
+        check_fields(self, "pair_search.sds")
 
 
 @dataclass(frozen=True)
 class PairOptions:
-    """How left and right keypoints are told apart.
+    """Options of the search for the two points of a left/right pair.
 
     Attributes:
-        prior_m: How far a keypoint moves from one frame to the next, in m; between two explanations that fit about as
-            well, the one nearer to the frame before is taken. By default every frame is solved by itself.
-        seed: Of the draws of sds.
-        sds: Of the method of that name.
+        motion_sd_m: Standard deviation of a keypoint's motion between frames, which resolves ambiguous labelings; inf
+            solves every frame independently.
+        seed: Random seed of the method sds.
+        sds: Options of the pair method sds.
     """
 
-    prior_m: float = math.inf
-    seed: int = 0
+    motion_sd_m: float = option(math.inf, above=0.0, infinite=True)
+    seed: int = option(0, at_least=0)
     sds: SdsOptions = field(default_factory=SdsOptions)
 
     def __post_init__(self) -> None:
-        if not self.prior_m > 0.0:
-            raise OptionsError(f"pair_search.prior_m must be positive (inf: no evidence), got {self.prior_m}.")
-        if self.seed < 0:
-            raise OptionsError(f"pair_search.seed must be 0 or more, got {self.seed}.")
+        check_fields(self, "pair_search")

@@ -1,155 +1,142 @@
-"""What a user can choose about gaps and filters; the text of each attribute is the help."""
+"""Options of postprocessing: dropping, gap filling, filters and rigid bones."""
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal
 
-from posefuse.errors import OptionsError, choices, suggestion
+from posefuse.errors import OptionsError, choices
+from posefuse.model.options.bounds import check_fields, option
 
 Fill = Literal["none", "linear", "pchip", "smoother"]
 Filter = Literal["hampel", "median", "butterworth", "savgol", "one_euro", "kalman"]
 
 
-def _must_be_positive(table: str, **values: float) -> None:
-    for name, value in values.items():
-        if not value > 0:
-            raise OptionsError(f"postprocess.{table}{name} must be positive, got {value}.")
-
-
 @dataclass(frozen=True)
 class HampelOptions:
-    """A median that only replaces outliers.
+    """Options of the Hampel filter, a running median that replaces outliers only.
 
     Attributes:
-        window_s: How long the window around a point is, in seconds.
-        sigma: A coordinate farther from the window's median than so many robust standard deviations becomes it.
+        window_s: Length of the Hampel filter's window around a point.
+        sigma: Distance from the window's median, in robust standard deviations, beyond which a coordinate is replaced.
     """
 
-    window_s: float = 0.25
-    sigma: float = 3.0
+    window_s: float = option(0.25, above=0.0)
+    sigma: float = option(3.0, above=0.0, unit="standard deviations")
 
     def __post_init__(self) -> None:
-        _must_be_positive("hampel.", window_s=self.window_s, sigma=self.sigma)
+        check_fields(self, "postprocess.hampel")
 
 
 @dataclass(frozen=True)
 class MedianOptions:
-    """A running median.
+    """Options of the running median.
 
     Attributes:
-        window_s: How long the window around a point is, in seconds.
+        window_s: Length of the running median's window around a point.
     """
 
-    window_s: float = 0.1
+    window_s: float = option(0.1, above=0.0)
 
     def __post_init__(self) -> None:
-        _must_be_positive("median.", window_s=self.window_s)
+        check_fields(self, "postprocess.median")
 
 
 @dataclass(frozen=True)
 class ButterworthOptions:
-    """A Butterworth low-pass filter, run forwards and backwards so that nothing is late.
+    """Options of the zero-phase Butterworth low-pass filter, which runs forward and backward.
 
     Attributes:
-        order: Of both passes together: 4 is a second order forwards and a second order backwards.
-        cutoff_hz: Where both passes together leave 71 % of an amplitude (-3 dB).
+        order: Order of the Butterworth filter over both passes; 4 is second order forward and second order backward.
+        cutoff_hz: Butterworth cutoff frequency. The amplitude is -3 dB there, over both passes.
     """
 
-    order: int = 4
-    cutoff_hz: float = 6.0
+    order: int = option(4, at_least=2, at_most=16)
+    cutoff_hz: float = option(6.0, above=0.0, common=True)
 
     def __post_init__(self) -> None:
-        _must_be_positive("butterworth.", cutoff_hz=self.cutoff_hz)
-        if self.order < 2 or self.order % 2 or self.order > 16:
+        check_fields(self, "postprocess.butterworth")
+        if self.order % 2:
             raise OptionsError(
-                "postprocess.butterworth.order counts both passes together: an even number from 2 to 16, got "
-                f"{self.order}."
+                "postprocess.butterworth.order counts both passes together, so it must be an even number from 2 to 16, "
+                f"got {self.order}."
             )
 
 
 @dataclass(frozen=True)
 class SavgolOptions:
-    """Savitzky and Golay's filter: a polynomial through the points around each point.
+    """Options of the Savitzky-Golay filter, which fits a polynomial to the points around each point.
 
     Attributes:
-        window_s: How long the window around a point is, in seconds.
-        degree: Of the polynomial.
+        window_s: Length of the Savitzky-Golay filter's window around a point.
+        degree: Degree of the Savitzky-Golay filter's polynomial.
     """
 
-    window_s: float = 0.2
-    degree: int = 3
+    window_s: float = option(0.2, above=0.0)
+    degree: int = option(3, at_least=0, at_most=8)
 
     def __post_init__(self) -> None:
-        _must_be_positive("savgol.", window_s=self.window_s)
-        if not 0 <= self.degree <= 8:
-            raise OptionsError(f"postprocess.savgol.degree must lie between 0 and 8, got {self.degree}.")
+        check_fields(self, "postprocess.savgol")
 
 
 @dataclass(frozen=True)
 class OneEuroOptions:
-    """The one-euro filter: causal, a low-pass whose cut-off rises with speed.
+    """Options of the one-euro filter, a causal low-pass filter whose cutoff frequency increases with speed.
 
     Attributes:
-        min_cutoff_hz: The cut-off of a point at rest.
-        beta: By how much the cut-off rises with speed, in Hz for each m/s.
-        speed_cutoff_hz: The cut-off with which the speed itself is filtered.
+        min_cutoff_hz: Cutoff frequency of the one-euro filter at rest.
+        beta: Increase of the one-euro filter's cutoff frequency with speed.
+        speed_cutoff_hz: Cutoff frequency of the filter that the one-euro filter applies to the speed.
     """
 
-    min_cutoff_hz: float = 1.5
-    beta: float = 3.0
-    speed_cutoff_hz: float = 2.0
+    min_cutoff_hz: float = option(1.5, above=0.0)
+    beta: float = option(3.0, at_least=0.0, unit="Hz per m/s")
+    speed_cutoff_hz: float = option(2.0, above=0.0)
 
     def __post_init__(self) -> None:
-        _must_be_positive("one_euro.", min_cutoff_hz=self.min_cutoff_hz, speed_cutoff_hz=self.speed_cutoff_hz)
-        if not self.beta >= 0:
-            raise OptionsError(f"postprocess.one_euro.beta cannot be negative, got {self.beta}.")
+        check_fields(self, "postprocess.one_euro")
 
 
 @dataclass(frozen=True)
 class KalmanOptions:
-    """The smoother of Rauch, Tung and Striebel: each point weighed by its own covariance, over true times.
+    """Options of the Rauch-Tung-Striebel smoother, which weights each point by its covariance and uses true times.
 
     Attributes:
-        acceleration: Spectral density of the accelerations of points, taken for white, in m^2 / s^3.
-        error_memory_s: For how long errors of measured points last: so much less a frame counts. 0 takes them for
-            white.
+        acceleration: Spectral density of the white-noise acceleration that the Kalman smoother assumes.
+        error_memory_s: Correlation time of the errors of measured points; 0 assumes white noise.
     """
 
-    acceleration: float = 20.0
-    error_memory_s: float = 0.06
+    acceleration: float = option(20.0, above=0.0, unit="m^2/s^3")
+    error_memory_s: float = option(0.06, at_least=0.0)
 
     def __post_init__(self) -> None:
-        _must_be_positive("kalman.", acceleration=self.acceleration)
-        if not self.error_memory_s >= 0:
-            raise OptionsError(f"postprocess.kalman.error_memory_s cannot be negative, got {self.error_memory_s}.")
+        check_fields(self, "postprocess.kalman")
 
 
 @dataclass(frozen=True)
 class PostprocessOptions:
-    """What is done with points once they are solved, in this order: drop, fill, smooth, make bones rigid.
+    """Options of the processing of solved points, in this order: drop, fill, smooth, make bones rigid.
 
     Attributes:
-        drop_beyond_px: Points whose mean reprojection error is larger are dropped first; by default none.
-        drop_beyond_sd_m: Likewise those known worse than this, root mean square of the standard deviations along the
-            axes.
-        fill: What gaps are filled with: nothing, lines (linear), monotone cubics (pchip), or what the smoother
-            expects there (smoother). Never beyond the first and the last point of a keypoint.
-        max_gap_s: Gaps in which points are missing for longer stay as they are.
-        smooth: Filters, one after the other; by default none.
-        rigid_bones: Whether bones get the median of their lengths, from the root outwards, along their directions.
-        hampel: Of the filter that only replaces outliers.
-        median: Of the running median.
-        butterworth: Of the zero-phase low-pass filter.
-        savgol: Of Savitzky and Golay's filter.
-        one_euro: Of the causal filter.
-        kalman: Of the smoother, for filling too.
+        drop_beyond_px: Mean reprojection error beyond which a point is dropped; no limit by default.
+        drop_beyond_sd_m: Standard deviation (RMS over the axes) beyond which a point is dropped; no limit by default.
+        fill: Gap filling: none, linear, pchip or smoother. Pchip is monotone cubic interpolation, smoother the
+            Kalman smoother's estimate; points are never extrapolated beyond a keypoint's first and last point.
+        max_gap_s: Longest gap that is filled.
+        smooth: Filters to apply, in this order.
+        rigid_bones: Set every bone to its median length. Bones keep their directions, from the root outward.
+        hampel: Options of the Hampel filter.
+        median: Options of the running median.
+        butterworth: Options of the Butterworth filter.
+        savgol: Options of the Savitzky-Golay filter.
+        one_euro: Options of the one-euro filter.
+        kalman: Options of the Kalman smoother, which postprocess.fill = smoother also uses.
     """
 
-    drop_beyond_px: float | None = None
-    drop_beyond_sd_m: float | None = None
-    fill: Fill = "none"
-    max_gap_s: float = 0.2
-    smooth: tuple[Filter, ...] = ()
-    rigid_bones: bool = False
+    drop_beyond_px: float | None = option(None, above=0.0)
+    drop_beyond_sd_m: float | None = option(None, above=0.0)
+    fill: Fill = option("none", common=True)
+    max_gap_s: float = option(0.2, above=0.0, common=True)
+    smooth: tuple[Filter, ...] = option((), common=True, example='["hampel", "butterworth"]')
+    rigid_bones: bool = option(False, common=True)
     hampel: HampelOptions = field(default_factory=HampelOptions)
     median: MedianOptions = field(default_factory=MedianOptions)
     butterworth: ButterworthOptions = field(default_factory=ButterworthOptions)
@@ -158,25 +145,13 @@ class PostprocessOptions:
     kalman: KalmanOptions = field(default_factory=KalmanOptions)
 
     def __post_init__(self) -> None:
-        _must_be_positive("", max_gap_s=self.max_gap_s)
-        for name in ("drop_beyond_px", "drop_beyond_sd_m"):
-            value = getattr(self, name)
-            if value is not None:
-                _must_be_positive("", **{name: value})
-        if self.fill not in get_args(Fill):
-            raise OptionsError(f"postprocess.fill: no {self.fill!r}. {suggestion(str(self.fill), get_args(Fill))}")
-        if isinstance(self.smooth, str):
-            raise OptionsError(f"postprocess.smooth is a tuple of filters, got {self.smooth!r}.")
-        object.__setattr__(self, "smooth", tuple(self.smooth))
-        for name in self.smooth:
-            if name not in get_args(Filter):
-                raise OptionsError(f"postprocess.smooth: no filter {name!r}. {suggestion(str(name), get_args(Filter))}")
+        check_fields(self, "postprocess")
         repeated = sorted({name for name in self.smooth if self.smooth.count(name) > 1})
         if repeated:
-            raise OptionsError(f"postprocess.smooth names {choices(repeated)} twice.")
+            raise OptionsError(f"postprocess.smooth must name every filter once, got {choices(repeated)} twice.")
 
     @property
     def does_nothing(self) -> bool:
-        """Whether points come out as they went in."""
+        """Whether the options leave all points unchanged."""
         drops = self.drop_beyond_px is not None or self.drop_beyond_sd_m is not None
         return not (drops or self.fill != "none" or self.smooth or self.rigid_bones)

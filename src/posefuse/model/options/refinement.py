@@ -1,9 +1,10 @@
-"""What a user can choose of a refinement."""
+"""Options of calibration refinement."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError, choices
+from posefuse.model.options.bounds import check_fields, option
 
 Refine = Literal["extrinsics", "focal", "lens"]
 REFINES: tuple[Refine, ...] = get_args(Refine)
@@ -11,32 +12,27 @@ REFINES: tuple[Refine, ...] = get_args(Refine)
 
 @dataclass(frozen=True)
 class RefineOptions:
-    """How cameras are refined.
+    """Options of the refinement of cameras from the detections of a recording.
 
     Attributes:
-        refine: What may change: ``extrinsics``, these and the ``focal`` length, or also the first two distortion terms
-            of the ``lens``.
-        fix: Cameras that keep their place and lens, and hold the world.
-        relocate: Cameras located from scratch, their given pose ignored.
-        most_points: Points that cameras are adjusted to, at most.
-        seed: Of the samples by which cameras are located.
-        rigid: Points keep their places on a board, seen in many poses, rather than being a subject's.
+        refine: Parameters to refine: extrinsics, focal (also the focal length) or lens (also the first two distortion
+            coefficients).
+        fix: Cameras whose parameters stay fixed; they define the coordinate system.
+        relocate: Cameras whose pose is estimated from scratch, without the given pose.
+        max_points: Maximum number of points in the bundle adjustment.
+        seed: Random seed of the samples from which cameras are located.
+        rigid: Treat the points as fixed on a rigid board that appears in many poses, instead of as a subject's.
     """
 
     refine: Refine = "extrinsics"
     fix: tuple[str, ...] = ()
     relocate: tuple[str, ...] = ()
-    most_points: int = 6000
-    seed: int = 0
+    max_points: int = option(6000, at_least=200)
+    seed: int = option(0, at_least=0)
     rigid: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "fix", tuple(self.fix))
-        object.__setattr__(self, "relocate", tuple(self.relocate))
-        if self.refine not in REFINES:
-            raise OptionsError(f"refine: no {self.refine!r}. {suggestion(str(self.refine), REFINES)}")
+        check_fields(self, "")
         both = sorted(set(self.fix) & set(self.relocate))
         if both:
-            raise OptionsError(f"Camera {both[0]!r} cannot both stay fixed and be located from scratch.")
-        if self.most_points < 200:
-            raise OptionsError(f"most_points must be at least 200, got {self.most_points}.")
+            raise OptionsError(f"fix and relocate must not name the same camera, got {choices(both)} in both.")

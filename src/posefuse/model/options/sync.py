@@ -1,4 +1,4 @@
-"""How views are out of step, as ``posefuse sync`` measures it."""
+"""Time offsets and clock drifts of views, as ``posefuse sync`` measures them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,66 +6,64 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 
 NEAR_FRAMES = 0.1
-"""Views within this share of a frame's time are left as they are."""
+"""Views whose offset from the frame times is within this fraction of a frame period are not interpolated."""
 
 
 @dataclass(frozen=True)
 class SyncOptions:
-    """How late views are, as `posefuse sync` writes it; a row each, all rows of a view in the order of their times.
+    """Time offsets of views, as `posefuse sync` writes them; one row each, the rows of a view in order of time.
 
     Attributes:
-        cameras: Which camera each row is of, by name; several rows where frames were dropped.
-        since_s: From which time of the view on each row holds, in s; the first of a view holds before it too.
-        late_s: How much later than it says the view took its frames at that time, in s.
-        drift_ppm: How fast that grows, in millionths.
+        cameras: Camera of each row, by name; a camera has several rows if frames were dropped.
+        start_s: Time of the view from which each row applies; the first row of a view also applies before it.
+        offset_s: Time by which the view took its frames later than its timestamps state, at start_s.
+        drift_ppm: Rate at which the offset grows.
     """
 
     cameras: tuple[str, ...] = ()
-    since_s: tuple[float, ...] = ()
-    late_s: tuple[float, ...] = ()
-    drift_ppm: tuple[float, ...] = ()
+    start_s: tuple[float, ...] = ()
+    offset_s: tuple[float, ...] = ()
+    drift_ppm: tuple[float, ...] = option((), above=-1e6, below=1e6)
 
     def __post_init__(self) -> None:
-        for name in ("cameras", "since_s", "late_s", "drift_ppm"):
-            values = tuple(getattr(self, name))
-            object.__setattr__(self, name, values)
-            if len(values) != len(self.cameras):
+        check_fields(self, "sync")
+        for name in ("start_s", "offset_s", "drift_ppm"):
+            if len(getattr(self, name)) != len(self.cameras):
                 raise OptionsError(
-                    f"sync.{name} holds one value for each of sync.cameras: expected {len(self.cameras)}, got "
-                    f"{len(values)}."
+                    f"sync.{name} must hold one value per entry of sync.cameras ({len(self.cameras)}), got "
+                    f"{len(getattr(self, name))}."
                 )
-            if name != "cameras" and not np.all(np.isfinite(np.array(values, dtype=float))):
-                raise OptionsError(f"sync.{name} must be numbers, got {values}.")
 
     @property
     def does_nothing(self) -> bool:
-        """Whether no view is out of step."""
+        """Whether no view has a time offset."""
         return not self.cameras
 
-    def late(self, camera: str, time_s: np.ndarray) -> np.ndarray:
-        """How late a view is at times that it says, in s; 0 for a view that has no row.
+    def offset_at(self, camera: str, time_s: np.ndarray) -> np.ndarray:
+        """Return a view's time offset at times of the view, in s; 0 for a view without a row.
 
         Args:
-            camera: its name.
-            time_s: of any shape.
+            camera: Name of the view's camera.
+            time_s: Times by the view's clock, any shape.
         """
-        rows = sorted((since, i) for i, since in enumerate(self.since_s) if self.cameras[i] == camera)
-        late = np.zeros_like(time_s, dtype=float)
-        for number, (since, i) in enumerate(rows):
-            told = self.late_s[i] + 1e-6 * self.drift_ppm[i] * (time_s - since)
-            late = told if number == 0 else np.where(time_s >= since, told, late)
-        return late
+        rows = sorted((start, i) for i, start in enumerate(self.start_s) if self.cameras[i] == camera)
+        offset = np.zeros_like(time_s, dtype=float)
+        for number, (start, i) in enumerate(rows):
+            of_row = self.offset_s[i] + 1e-6 * self.drift_ppm[i] * (time_s - start)
+            offset = of_row if number == 0 else np.where(time_s >= start, of_row, offset)
+        return offset
 
-    def retimed(self, cameras: Sequence[str], time_s: np.ndarray, period_s: float) -> np.ndarray:
-        """Shape (frame, view), bool: where a view's points are put between two of its frames, at the frame's time.
+    def time_shifted(self, cameras: Sequence[str], time_s: np.ndarray, period_s: float) -> np.ndarray:
+        """Return which points are interpolated between two frames of their view, shape (frame, view), bool.
 
         Args:
-            cameras: names of the views.
-            time_s: shape (frame,): when frames were, as the views say, NaN where unknown.
-            period_s: between frames.
+            cameras: Names of the views' cameras.
+            time_s: Frame times by the views' clocks, shape (frame,), NaN where unknown.
+            period_s: Frame period.
         """
-        late = np.stack([self.late(name, time_s) for name in cameras], axis=1) / period_s
+        offset = np.stack([self.offset_at(name, time_s) for name in cameras], axis=1) / period_s
         with np.errstate(invalid="ignore"):
-            return np.abs(late - np.round(late)) > NEAR_FRAMES
+            return np.abs(offset - np.round(offset)) > NEAR_FRAMES

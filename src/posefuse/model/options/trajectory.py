@@ -1,78 +1,65 @@
-"""What a user can choose about the solve over the whole recording; the text of each attribute is the help."""
+"""Options of the trajectory solve over a whole recording."""
 
-import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from posefuse.errors import OptionsError, suggestion
+from posefuse.errors import OptionsError
+from posefuse.model.options.bounds import check_fields, option
 
 SmoothnessPrior = Literal["jerk", "acceleration"]
-"""White jerk: a path without noise may be any parabola, a cubic costs as much as its jerk. White acceleration: without
-noise it may be any straight line."""
+"""Derivative of the position that is modeled as white noise. Noise-free trajectories are parabolas with white jerk and
+straight lines with white acceleration."""
 
 
 @dataclass(frozen=True)
 class TrajectoryOptions:
-    """How paths are solved over a whole recording.
+    """Options of the trajectory solve, which estimates the points of all frames together.
 
     Attributes:
-        prior: What is white noise in a keypoint's motion: jerk, or acceleration.
-        density: The prior's spectral density, m^2/s^5 for jerk and m^2/s^3 for acceleration, of every keypoint; by
-            default fitted to the recording, keypoint by keypoint.
-        burst_s: The density follows how lively the motion is over about so long; 0 for one density all the time.
-        calm: How strongly that is drawn to the keypoint's own density, as if so many seconds had shown it.
-        bones: Whether the skeleton's edges keep their lengths, as well as the recording shows that they do.
-        least_bone_share: Bones keep their lengths no better than to this share.
-        rigid_bone_share: Bones that the skeleton calls rigid keep theirs at least this well.
-        correlation_s: How long detection errors last: the time in which their correlation falls to 1 / e; 0 if they
-            are white; by default estimated from the recording.
-        max_gap_s: Where no camera sees a keypoint for longer than this it has no point, and what comes before knows
-            nothing of what comes after.
-        max_sd_share: Points that no two views measured, and whose standard deviation is larger than this share of the
-            subject's size, are not given.
-        full_sigma: A view no farther from the path counts whole, in units of a detection's noise.
-        none_sigma: A view farther from the path is rejected; between the two its weight falls smoothly.
-        rounds: How often views are weighed and made linear anew.
+        prior: Derivative of a keypoint's position that is modeled as white noise: jerk or acceleration.
+        density: Spectral density of the prior for every keypoint, in m^2/s^5 for jerk and m^2/s^3 for acceleration; by
+            default fitted to the recording per keypoint.
+        density_window_s: Window over which the spectral density follows the motion; 0 uses one density throughout.
+        density_prior_s: Amount of data by which the windowed density is pulled toward the keypoint's overall density.
+        bones: Constrain the skeleton's bones to their lengths, as tightly as the recording supports.
+        min_bone_variation: Minimum standard deviation of bone lengths that the bone constraint assumes, as a fraction
+            of the length.
+        max_rigid_bone_variation: Maximum standard deviation of rigid bones that the bone constraint assumes, as a
+            fraction of the length.
+        correlation_s: Correlation time (1/e) of detection errors; 0 assumes white noise, and by default it is
+            estimated from the recording.
+        max_gap_s: Longest time without any observation of a keypoint that a trajectory bridges; longer gaps split it.
+        max_sd_share: Maximum standard deviation of a point that fewer than two views observe, as a fraction of the
+            subject's size; points above it are missing.
+        full_weight_sigma: Distance from the trajectory up to which an observation has full weight.
+        zero_weight_sigma: Distance from the trajectory beyond which an observation is rejected; the weight falls
+            smoothly in between.
+        iterations: Number of times that observations are reweighted and linearized.
     """
 
     prior: SmoothnessPrior = "jerk"
-    density: float | None = None
-    burst_s: float = 0.1
-    calm: float = 0.005
+    density: float | None = option(None, above=0.0, unit="m^2/s^5 or m^2/s^3")
+    density_window_s: float = option(0.1, at_least=0.0)
+    density_prior_s: float = option(0.005, above=0.0)
     bones: bool = True
-    least_bone_share: float = 0.003
-    rigid_bone_share: float = 0.03
-    correlation_s: float | None = None
-    max_gap_s: float = 0.5
-    max_sd_share: float = 0.05
-    full_sigma: float = 2.5
-    none_sigma: float = 5.0
-    rounds: int = 6
+    min_bone_variation: float = option(0.003, at_least=0.0)
+    max_rigid_bone_variation: float = option(0.03, at_least=0.0)
+    correlation_s: float | None = option(None, at_least=0.0)
+    max_gap_s: float = option(0.5, at_least=0.0)
+    max_sd_share: float = option(0.05, above=0.0)
+    full_weight_sigma: float = option(2.5, above=0.0)
+    zero_weight_sigma: float = option(5.0, above=0.0)
+    iterations: int = option(6, at_least=1)
 
     def __post_init__(self) -> None:
-        if self.prior not in get_args(SmoothnessPrior):
+        check_fields(self, "trajectory")
+        if not self.min_bone_variation <= self.max_rigid_bone_variation:
             raise OptionsError(
-                f"trajectory.prior: no {self.prior!r}. {suggestion(str(self.prior), get_args(SmoothnessPrior))}"
+                "trajectory.max_rigid_bone_variation must be at least min_bone_variation, got "
+                f"{self.max_rigid_bone_variation} and {self.min_bone_variation}."
             )
-        if self.density is not None and not 0.0 < self.density < math.inf:
-            raise OptionsError(f"trajectory.density must be positive, got {self.density}.")
-        for name in ("burst_s", "least_bone_share", "max_gap_s"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise OptionsError(f"trajectory.{name} must be 0 or more, got {getattr(self, name)}.")
-        if not self.least_bone_share <= self.rigid_bone_share < math.inf:
+        if not self.full_weight_sigma < self.zero_weight_sigma:
             raise OptionsError(
-                "trajectory.rigid_bone_share must be at least least_bone_share, got "
-                f"{self.rigid_bone_share} and {self.least_bone_share}."
+                "trajectory.full_weight_sigma must be below zero_weight_sigma, got "
+                f"{self.full_weight_sigma} and {self.zero_weight_sigma}."
             )
-        if self.correlation_s is not None and not 0.0 <= self.correlation_s < math.inf:
-            raise OptionsError(f"trajectory.correlation_s must be 0 or more, got {self.correlation_s}.")
-        for name in ("calm", "max_sd_share"):
-            if not getattr(self, name) > 0.0:
-                raise OptionsError(f"trajectory.{name} must be positive, got {getattr(self, name)}.")
-        if not 0.0 < self.full_sigma < self.none_sigma:
-            raise OptionsError(
-                "trajectory.full_sigma must be positive and less than none_sigma, got "
-                f"{self.full_sigma} and {self.none_sigma}."
-            )
-        if self.rounds < 1:
-            raise OptionsError(f"trajectory.rounds must be at least 1, got {self.rounds}.")

@@ -57,7 +57,7 @@ class BodyArrays:
     @classmethod
     def empty(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "BodyArrays":
         """Return arrays without any body, for (frame, person) of a shape."""
-        segments, bones, _ = skeleton.stood_names
+        segments, bones, _ = skeleton.body_names
         keypoints = len(skeleton)
         return cls(
             np.full((*shape, keypoints, 3), np.nan),

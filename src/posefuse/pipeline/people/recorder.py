@@ -111,7 +111,7 @@ class Recorder:
         starts = offsets[:-1].reshape(n_frames, 1, n_views)
         # Rows of a frame count through its views; a track's detections count within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
-        lengths = len(self.history.settings.skeleton.stood_names[2])
+        lengths = len(self.history.settings.skeleton.body_names[2])
         shape_m, shape_sd_m = (
             np.stack([each[i] for each in self.shapes.values()]) if names else np.empty((0, lengths)) for i in range(2)
         )

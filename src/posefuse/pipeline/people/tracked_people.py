@@ -132,7 +132,7 @@ class TrackedPeople:
         layer = model_layer(
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
-        names = self.skeleton.stood_names
+        names = self.skeleton.body_names
         angles = whole_angle_names(self.skeleton)
         return layer, Poses(
             *names, angles, out.turns, out.directions, out.angle_sd_deg, self.nis[start:stop],

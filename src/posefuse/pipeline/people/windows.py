@@ -15,7 +15,8 @@ import numpy as np
 
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
-from posefuse.model.options.options import NoiseOptions, Options
+from posefuse.model.options.noise import NoiseOptions
+from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks

@@ -1,12 +1,12 @@
-  // Bars and life lines.
+  // Bar charts and the chart of track states.
   const chart = { ...base, margin: { l: 60, r: 10, t: 60, b: 40 }, showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
-  const bars = (names, values, name, colour) => ({ type: "bar", x: names, y: values, name, marker: { color: colour } });
+  const bars = (names, values, name, color) => ({ type: "bar", x: names, y: values, name, marker: { color: color } });
   Plotly.newPlot("view-errors", [bars(charts.views, charts.view_median, "median", css("--left")),
-    bars(charts.views, charts.view_p90, "90 %", css("--middle"))],
-  { ...chart, yaxis: { ...grid, title: { text: "px" } }, barmode: "group" }, config);
-  const shareColours = { "used": css("--left"), "used swapped": css("--swapped"), "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
+    bars(charts.views, charts.view_p90, "90th percentile", css("--middle"))],
+  { ...chart, yaxis: { ...grid, title: { text: "reprojection error, px" } }, barmode: "group" }, config);
+  const shareColors = { "used": css("--left"), "used swapped": css("--swapped"), "outlier": css("--right"), "low confidence": "#cc79a7", "unseen": css("--line"), "other": css("--middle") };
   Plotly.newPlot("view-shares", Object.entries(charts.view_shares).map(([name, values]) =>
-    bars(charts.views, values, name, shareColours[name])),
+    bars(charts.views, values, name, shareColors[name])),
   { ...chart, yaxis: { ...grid, tickformat: ".0%", range: [0, 1] }, barmode: "stack" }, config);
   if (swaps) {
     element("swaps").style.height = `${90 + 16 * swaps.rows.length}px`;
@@ -17,73 +17,73 @@
     { ...base, margin: { l: 140, r: 10, t: 10, b: 40 }, xaxis: { ...grid, title: { text: swaps.unit } },
       yaxis: { autorange: "reversed", automargin: true } }, config);
   }
-  if (lives && lives.rows.length && lives.people) drawLives();
-  function drawLives() {
-    const times = lives.time, drawn = [];
+  if (tracks && tracks.rows.length && tracks.people) drawTrackStates();
+  function drawTrackStates() {
+    const times = tracks.time, drawn = [];
     const styles = { active: { width: 10 }, tentative: { width: 3 }, lost: { width: 3, dash: "2px,3px" } };
-    lives.runs.forEach((runs, p) => {
+    tracks.runs.forEach((runs, p) => {
       for (const [state, style] of Object.entries(styles)) {
         const x = [], y = [];
         for (const [of, from, to] of runs) if (of === state) { x.push(times[from], times[to], null); y.push(p, p, null); }
         if (x.length) drawn.push({ type: "scatter", mode: "lines", x, y, hoverinfo: "skip", showlegend: false,
-          line: { color: colourOf(p), ...style } });
+          line: { color: colorOf(p), ...style } });
       }
     });
     const symbols = { "born": "triangle-up", "lost": "triangle-down-open", "found": "diamond", "returned": "diamond",
       "forgotten": "x-thin-open", "identity uncertain": "star", "identities exchanged": "star-diamond",
       "limb set anew": "circle-open", "camera refused": "square", "camera trusted": "square-open",
       "camera silent": "hexagon2", "camera heard again": "hexagon2-open" };
-    const kinds = Object.keys(symbols).filter((kind) => lives.events.some((event) => event[2] === kind));
+    const kinds = Object.keys(symbols).filter((kind) => tracks.events.some((event) => event[2] === kind));
     for (const kind of kinds) {
-      const of = lives.events.filter((event) => event[2] === kind);
+      const of = tracks.events.filter((event) => event[2] === kind);
       drawn.push({ type: "scatter", mode: "markers", name: kind, showlegend: true, cliponaxis: false, x: of.map((event) => times[event[0]]),
         y: of.map((event) => event[1] - 0.32), customdata: of.map((event) => event[0]), hoverinfo: "text",
-        hovertext: of.map(([, row, what, why, number]) => plain(`${lives.rows[row]}, frame ${number}: ${what}${why ? ": " + why : ""}`)
+        hovertext: of.map(([, row, what, why, number]) => plain(`${tracks.rows[row]}, frame ${number}: ${what}${why ? ": " + why : ""}`)
           .replace(/(.{50,70}?) /g, "$1<br>")),
         marker: { symbol: symbols[kind], size: 9, color: css("--ink"), line: { width: 1.5, color: css("--ink") } } });
     }
-    const plot = element("lives"), n = lives.rows.length;
+    const plot = element("track-states"), n = tracks.rows.length;
     plot.style.height = `${80 + (n > 20 ? 18 : 30) * n}px`;
     Plotly.newPlot(plot, drawn, { ...base, margin: { l: 120, r: 10, t: 30, b: 40 }, hovermode: "closest",
       showlegend: kinds.length > 0, legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 },
-      xaxis: { ...grid, title: { text: lives.unit }, range: [times[0], times[times.length - 1]] },
-      yaxis: { ...grid, range: [n - 0.5, -0.75], tickvals: lives.rows.map((_, i) => i),
-        ticktext: lives.rows.map(plain),
+      xaxis: { ...grid, title: { text: tracks.unit }, range: [times[0], times[times.length - 1]] },
+      yaxis: { ...grid, range: [n - 0.5, -0.75], tickvals: tracks.rows.map((_, i) => i),
+        ticktext: tracks.rows.map(plain),
         ticks: "outside", ticklen: 8, tickcolor: "rgba(0,0,0,0)", automargin: true } }, config);
     plot.on("plotly_click", ({ points }) => {
       if (points[0].customdata !== undefined) jumpTo(points[0].customdata, null, plot);
     });
   }
-  // A chart for each group of keypoints; hands and faces are folded until they are asked for.
-  const across = (names, values, name, colour) => ({ type: "bar", orientation: "h", y: names, x: values, name, marker: { color: colour } });
-  function drawKeypoints(plot, places) {
-    const of = (values) => places.map((k) => values[k]);
-    plot.style.height = `${120 + (places.length > 40 ? 13 : 18) * places.length}px`;
-    Plotly.newPlot(plot, [across(of(charts.keypoints), of(charts.keypoint_median), "median px", css("--left")),
-      across(of(charts.keypoints), of(charts.keypoint_p90), "90 % px", css("--middle"))],
+  // One chart per group of keypoints; those of hands and faces are drawn when opened.
+  const horizontalBars = (names, values, name, color) => ({ type: "bar", orientation: "h", y: names, x: values, name, marker: { color: color } });
+  function drawKeypoints(plot, indices) {
+    const of = (values) => indices.map((k) => values[k]);
+    plot.style.height = `${120 + (indices.length > 40 ? 13 : 18) * indices.length}px`;
+    Plotly.newPlot(plot, [horizontalBars(of(charts.keypoints), of(charts.keypoint_median), "median", css("--left")),
+      horizontalBars(of(charts.keypoints), of(charts.keypoint_p90), "90th percentile", css("--middle"))],
     { ...chart, margin: { l: 60, r: 10, t: 40, b: 40 }, legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 }, barmode: "group",
-      xaxis: { ...grid, title: { text: "px" } },
-      yaxis: { autorange: "reversed", automargin: true, tickfont: { size: places.length > 40 ? 10 : 12 }, dtick: 1 } }, config);
+      xaxis: { ...grid, title: { text: "reprojection error, px" } },
+      yaxis: { autorange: "reversed", automargin: true, tickfont: { size: indices.length > 40 ? 10 : 12 }, dtick: 1 } }, config);
   }
-  charts.keypoint_groups.forEach(([name, places], i) => {
+  charts.keypoint_groups.forEach(([name, indices], i) => {
     const plot = document.createElement("div");
     if (charts.keypoint_groups.length === 1) {
       element("keypoint-errors").append(plot);
-      drawKeypoints(plot, places);
+      drawKeypoints(plot, indices);
       return;
     }
     const fold = document.createElement("details"), title = document.createElement("summary");
-    const worst = places.map((k) => charts.keypoint_median[k]).filter((v) => v !== null).sort((x, y) => x - y);
-    const middle = worst.length ? `, median of medians ${worst[worst.length >> 1].toFixed(1)} px` : "";
-    title.textContent = `${name}: ${places.length} keypoints${middle}`;
+    const medians = indices.map((k) => charts.keypoint_median[k]).filter((v) => v !== null).sort((x, y) => x - y);
+    const median = medians.length ? `, median of medians ${medians[medians.length >> 1].toFixed(1)} px` : "";
+    title.textContent = `${name}: ${indices.length} keypoints${median}`;
     fold.append(title, plot);
     element("keypoint-errors").append(fold);
-    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) drawKeypoints(plot, places); });
+    fold.addEventListener("toggle", () => { if (fold.open && !plot.firstChild) drawKeypoints(plot, indices); });
     fold.open = i === 0;
   });
 
-  // Printed pages show the table of keypoints, whatever is folded on the screen.
+  // Printed pages show the table of keypoints even if it is collapsed on the screen.
   addEventListener("beforeprint", () => document.querySelectorAll("details.printed").forEach((fold) => { fold.open = true; }));
-  for (const moment of ["beforeprint", "afterprint"]) addEventListener(moment, () => { readColours(); draw(); });
-  const seen = layers[0].points.map((points) => points.findIndex(Number.isFinite)).filter((i) => i >= 0);
-  if (nFrames) show(seen.length ? Math.floor(Math.min(...seen) / (3 * K)) : 0);
+  for (const moment of ["beforeprint", "afterprint"]) addEventListener(moment, () => { readColors(); draw(); });
+  const starts = layers[0].points.map((points) => points.findIndex(Number.isFinite)).filter((i) => i >= 0);
+  if (nFrames) show(starts.length ? Math.floor(Math.min(...starts) / (3 * K)) : 0);

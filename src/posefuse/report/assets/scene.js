@@ -1,5 +1,5 @@
-  // What is drawn: points unpacked, the two ways to look, and the picture of one frame.
-  const { scene, charts, cells, series, swaps, lives } = JSON.parse(document.getElementById("data").textContent);
+  // The 3D scene: decoding of points, free view and camera views, and drawing of one frame.
+  const { scene, charts, heatMap, series, swaps, tracks } = JSON.parse(document.getElementById("data").textContent);
   const element = (id) => document.getElementById(id);
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -10,16 +10,16 @@
     const bytes = bytesOf(text), steps = new DataView(bytes.buffer), out = new Float32Array(bytes.length / 2);
     for (let i = 0; i < out.length; i++) {
       const step = steps.getInt16(2 * i, true);
-      out[i] = step === -32768 ? NaN : scene.middle[i % 3] + step * scene.step;
+      out[i] = step === -32768 ? NaN : scene.origin[i % 3] + step * scene.step;
     }
     return out;
   }
   const layers = scene.layers.map(({ name, points }) => ({ name, points: points.map(unpack) }));
   const truth = scene.truth ? scene.truth.map(unpack) : null;
-  const spreads = scene.spreads.map(bytesOf);
+  const covariances = scene.covariances.map(bytesOf);
   const marks = scene.marks.map(bytesOf);
   const markBytes = (scene.markedViews ? scene.cameras.length || 1 : 0) + 1 + 3 >> 2;
-  // Two bits each: first of the point itself, then of every view.
+  // Two bits each: first the state of the point, then of its detection in each view.
   const mark = (person, frame, k, slot) => {
     const at = (frame * K + k) * markBytes + (slot >> 2);
     return marks[person][at] >> 2 * (slot & 3) & 3;
@@ -31,24 +31,24 @@
 
   const upAxis = scene.up.replace("-", ""), upIndex = "xyz".indexOf(upAxis) >= 0 && upAxis ? "xyz".indexOf(upAxis) : 2;
   const upSign = scene.up.startsWith("-") ? -1 : 1;
-  const flat = scene.unit !== "m";
-  let colours = {};
-  function readColours() {
+  const isPlanar = scene.unit !== "m";
+  let colors = {};
+  function readColors() {
     const names = ["ink", "faint", "line", "paper", "left", "right", "middle", "truth", "floor"];
-    colours = Object.fromEntries(names.map((name) => [name, css(`--${name}`)]));
-    colours.people = scene.people.map((_, i) => css(`--person-${i % 10}`));
+    colors = Object.fromEntries(names.map((name) => [name, css(`--${name}`)]));
+    colors.people = scene.people.map((_, i) => css(`--person-${i % 10}`));
   }
-  readColours();
+  readColors();
   const sideOf = ([a, b]) => {
     const of = [scene.sides[a], scene.sides[b]];
     return of[0] === of[1] ? of[0] : of.includes("left") && !of.includes("right") ? "left"
       : of.includes("right") && !of.includes("left") ? "right" : "middle";
   };
   const edgeSides = scene.edges.map(sideOf);
-  const keypointColour = (person, k) => several ? colours.people[person] : colours[scene.sides[k]];
-  const edgeColour = (person, e) => several ? colours.people[person] : colours[edgeSides[e]];
+  const keypointColor = (person, k) => several ? colors.people[person] : colors[scene.sides[k]];
+  const edgeColor = (person, e) => several ? colors.people[person] : colors[edgeSides[e]];
 
-  // Where people are, over all frames: what the free view begins with.
+  // Bounds of the people over all frames, which the free view initially shows.
   function extent() {
     const all = [[], [], []], stride = Math.max(1, Math.floor(nFrames * K / 20000));
     for (const points of layers[0].points) for (let i = 0; i < points.length; i += 3 * stride) {
@@ -60,26 +60,26 @@
     });
   }
   const bounds = extent();
-  const middleOf = (ranges) => ranges.map(([a, b]) => (a + b) / 2);
+  const centerOf = (ranges) => ranges.map(([a, b]) => (a + b) / 2);
   const size = Math.max(...bounds.map(([a, b]) => b - a)) || 1;
-  const reachOf = (ranges) => Math.hypot(...ranges.map(([a, b]) => b - a)) / 2 || 1;
-  const withCameras = bounds.map((range, i) => scene.cameras.reduce(
-    ([low, high], { centre }) => [Math.min(low, centre[i]), Math.max(high, centre[i])], range));
+  const radiusOf = (ranges) => Math.hypot(...ranges.map(([a, b]) => b - a)) / 2 || 1;
+  const boundsWithCameras = bounds.map((range, i) => scene.cameras.reduce(
+    ([low, high], { center }) => [Math.min(low, center[i]), Math.max(high, center[i])], range));
 
-  // The free view: an eye on a sphere about a target. Turn is about the up axis, tilt above the ground.
-  const state = { frame: 0, camera: -1, follow: -1, layer: 0, beside: false, spreads: false, truth: true, marked: null, zoom: { scale: 1, centre: null },
-    turn: 0.9, tilt: 0.35, distance: 0, target: middleOf(bounds), wide: false };
+  // The free view: a viewpoint on a sphere around a target; turn about the up axis, tilt above the ground.
+  const state = { frame: 0, camera: -1, follow: -1, layer: 0, sideBySide: false, covariances: false, truth: true, marked: null, zoom: { scale: 1, center: null },
+    turn: 0.9, tilt: 0.35, distance: 0, target: centerOf(bounds), wide: false };
   const FOCAL = 1.5;
   function fitView(wide) {
-    const ranges = wide ? withCameras : bounds;
+    const ranges = wide ? boundsWithCameras : bounds;
     state.wide = wide;
-    state.target = middleOf(ranges);
-    if (flat) { state.turn = 0; state.tilt = 0; }
-    // As near as all corners of the box stay in the picture, which may be wider than high.
+    state.target = centerOf(ranges);
+    if (isPlanar) { state.turn = 0; state.tilt = 0; }
+    // The smallest distance at which all corners of the bounding box are in the image.
     const { right, down, ahead } = axesOf(), corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => ranges.map((range, i) => range[(bits >> i) & 1]));
     const needed = corners.map((corner) => minus(corner, state.target)).map(
       (d) => Math.max(1.53 * FOCAL * Math.abs(dot(d, down)), 1.1 * FOCAL * Math.abs(dot(d, right))) - dot(d, ahead));
-    state.distance = Math.max(1.25 * FOCAL * reachOf(ranges) * (wide ? 1.1 : 1), ...needed);
+    state.distance = Math.max(1.25 * FOCAL * radiusOf(ranges) * (wide ? 1.1 : 1), ...needed);
   }
 
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -89,7 +89,7 @@
   function axesOf() {
     const up = [0, 0, 0];
     up[upIndex] = upSign;
-    if (flat) return { right: [1, 0, 0], down: [0, 1, 0], ahead: [0, 0, 1] };
+    if (isPlanar) return { right: [1, 0, 0], down: [0, 1, 0], ahead: [0, 0, 1] };
     const one = [0, 0, 0];
     one[(upIndex + 1) % 3] = 1;
     const other = cross(up, one), c = Math.cos(state.tilt), s = Math.sin(state.tilt);
@@ -99,7 +99,7 @@
   }
   fitView(false);
 
-  // A pane is a part of the canvas; its projection takes a point to x, y in it and the depth, or null.
+  // A pane is a part of the canvas; its projection maps a point to x, y and depth, or null.
   function freeProjection(pane) {
     const { right, down, ahead } = axesOf(), eye = state.target.map((v, i) => v - state.distance * ahead[i]);
     const scale = FOCAL * Math.min(pane.width, 1.4 * pane.height) / 2;
@@ -111,7 +111,7 @@
   }
   function cameraProjection(camera, pane) {
     const [width, height] = camera.size, scale = state.zoom.scale * 0.94 * Math.min(pane.width / width, pane.height / height);
-    const [x, y] = state.zoom.centre || [width / 2, height / 2];
+    const [x, y] = state.zoom.center || [width / 2, height / 2];
     const x0 = pane.x + pane.width / 2 - scale * x, y0 = pane.y + pane.height / 2 - scale * y;
     state.zoom.pixels = scale;
     const to = (p) => {
@@ -134,24 +134,24 @@
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     dots = [];
-    followNow();
-    if (!state.beside) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
+    followPerson();
+    if (!state.sideBySide) return drawPane({ x: 0, y: 0, width, height }, layers[state.layer], layers.length > 1);
     const tall = width < 600, half = tall ? height / 2 : width / 2, other = layers[(state.layer + 1) % layers.length];
     const panes = [0, 1].map((i) => tall ? { x: 0, y: i * half, width, height: half } : { x: i * half, y: 0, width: half, height });
     drawPane(panes[0], layers[state.layer], true);
     drawPane(panes[1], other, true);
-    context.strokeStyle = colours.line;
+    context.strokeStyle = colors.line;
     context.strokeRect(panes[1].x, panes[1].y, panes[1].width, panes[1].height);
   }
-  function followNow() {
+  function followPerson() {
     if (state.follow < 0) return;
-    const centre = bodyMiddle(state.follow);
-    if (centre) state.target = centre;
-    const pixel = centre && state.camera >= 0 && projectThrough(scene.cameras[state.camera], centre);
-    if (pixel) state.zoom.centre = [pixel[0], pixel[1]];
+    const center = personCenter(state.follow);
+    if (center) state.target = center;
+    const pixel = center && state.camera >= 0 && projectThrough(scene.cameras[state.camera], center);
+    if (pixel) state.zoom.center = [pixel[0], pixel[1]];
   }
-  // Look at a person through the camera, as large as suits the picture.
-  function zoomOn(person) {
+  // Zoom the camera view to a person.
+  function zoomToPerson(person) {
     const camera = scene.cameras[state.camera], points = layers[state.layer].points[person], xs = [], ys = [];
     for (let k = 0; k < K; k++) {
       const p = at(points, state.frame, k), pixel = p && projectThrough(camera, p);
@@ -161,9 +161,9 @@
     const span = (values, whole) => (Math.max(...values) - Math.min(...values)) / whole;
     const share = Math.max(span(xs, camera.size[0]), span(ys, camera.size[1]), 0.02);
     state.zoom.scale = Math.max(1, Math.min(12, 0.6 / share));
-    state.zoom.centre = [xs, ys].map((values) => (Math.max(...values) + Math.min(...values)) / 2);
+    state.zoom.center = [xs, ys].map((values) => (Math.max(...values) + Math.min(...values)) / 2);
   }
-  function bodyMiddle(person) {
+  function personCenter(person) {
     const points = layers[state.layer].points[person], sum = [0, 0, 0];
     let n = 0;
     for (let k = 0; k < K; k++) {
@@ -181,21 +181,21 @@
     context.rect(pane.x, pane.y, pane.width, pane.height);
     context.clip();
     const strokes = [];
-    if (!flat && scene.up) strokes.push(...ground(to));
+    if (!isPlanar && scene.up) strokes.push(...ground(to));
     if (camera) frameOfImage(to.image);
     else scene.cameras.forEach((each) => strokes.push(...frustum(each, to)));
-    if (truth && state.truth) truth.forEach((points) => strokes.push(...bones(points, to, () => several ? colours.faint : colours.truth, 2.5)));
-    layer.points.forEach((points, person) => strokes.push(...bones(points, to, (e) => edgeColour(person, e), 4)));
+    if (truth && state.truth) truth.forEach((points) => strokes.push(...bones(points, to, () => several ? colors.faint : colors.truth, 2.5)));
+    layer.points.forEach((points, person) => strokes.push(...bones(points, to, (e) => edgeColor(person, e), 4)));
     strokes.sort((a, b) => b.depth - a.depth).forEach(stroke);
-    if (state.spreads && layer === layers[0]) layer.points.forEach((points, person) => ellipsoids(points, person, to));
+    if (state.covariances && layer === layers[0]) layer.points.forEach((points, person) => ellipsoids(points, person, to));
     layer.points.forEach((points, person) => keypoints(points, person, to, camera));
-    if (!camera) scene.cameras.forEach((each) => label(each.name, to(each.centre), colours.faint, 12));
-    if (several) layer.points.forEach((points, person) => label(scene.people[person], head(points, to), colours.people[person], 13));
-    label([named ? `layer ${layer.name}` : "", camera ? camera.name : ""].filter(Boolean).join(", "), [pane.x + 8, pane.y + 18], colours.ink, 13, "left");
+    if (!camera) scene.cameras.forEach((each) => label(each.name, to(each.center), colors.faint, 12));
+    if (several) layer.points.forEach((points, person) => label(scene.people[person], head(points, to), colors.people[person], 13));
+    label([named ? `layer ${layer.name}` : "", camera ? camera.name : ""].filter(Boolean).join(", "), [pane.x + 8, pane.y + 18], colors.ink, 13, "left");
     context.restore();
   }
-  function stroke({ from, to, colour, width }) {
-    context.strokeStyle = colour;
+  function stroke({ from, to, color, width }) {
+    context.strokeStyle = color;
     context.lineWidth = width;
     context.lineCap = "round";
     context.beginPath();
@@ -203,21 +203,21 @@
     context.lineTo(to[0], to[1]);
     context.stroke();
   }
-  const segment = (from, to, colour, width, behind = 0) => from && to ? [{ from, to, colour, width, depth: (from[2] + to[2]) / 2 + behind }] : [];
-  const bones = (points, to, colour, width) => scene.edges.flatMap(([a, b], e) => {
+  const segment = (from, to, color, width, behind = 0) => from && to ? [{ from, to, color, width, depth: (from[2] + to[2]) / 2 + behind }] : [];
+  const bones = (points, to, color, width) => scene.edges.flatMap(([a, b], e) => {
     const p = at(points, state.frame, a), q = at(points, state.frame, b);
-    return p && q ? segment(to(p), to(q), colour(e), K > 60 && e > 24 ? 1.5 : width) : [];
+    return p && q ? segment(to(p), to(q), color(e), K > 60 && e > 24 ? 1.5 : width) : [];
   });
-  function frustum({ centre, corners }, to) {
-    const c = to(centre), q = corners.map(to);
-    return [0, 1, 2, 3].flatMap((i) => [...segment(c, q[i], colours.faint, 1), ...segment(q[i], q[(i + 1) % 4], colours.faint, i ? 1 : 2.5)]);
+  function frustum({ center, corners }, to) {
+    const c = to(center), q = corners.map(to);
+    return [0, 1, 2, 3].flatMap((i) => [...segment(c, q[i], colors.faint, 1), ...segment(q[i], q[(i + 1) % 4], colors.faint, i ? 1 : 2.5)]);
   }
   function frameOfImage([x, y, width, height]) {
-    context.strokeStyle = colours.faint;
+    context.strokeStyle = colors.faint;
     context.lineWidth = 1;
     context.strokeRect(x, y, width, height);
   }
-  // A grid at height 0 where people stand near it, else under the lowest of them.
+  // A grid at height 0 if people stand near it, else below the lowest point.
   const steps = [1, 2, 5, 10].map((n) => n * 10 ** Math.floor(Math.log10(size / 6)));
   const cell = steps.find((step) => size / step <= 10) || size;
   const lowest = upSign > 0 ? bounds[upIndex][0] : bounds[upIndex][1];
@@ -227,9 +227,9 @@
     const from = (axis) => Math.floor((bounds[axis][0] - cell) / cell) * cell, until = (axis) => Math.ceil((bounds[axis][1] + cell) / cell) * cell;
     const point = (a, b) => { const p = [0, 0, 0]; p[i] = a; p[j] = b; p[upIndex] = groundAt; return to(p); };
     for (let a = from(i); a <= until(i) + 1e-9; a += cell) for (let b = from(j); b < until(j) - 1e-9; b += cell)
-      out.push(...segment(point(a, b), point(a, b + cell), colours.floor, 1, 1e6));
+      out.push(...segment(point(a, b), point(a, b + cell), colors.floor, 1, 1e6));
     for (let b = from(j); b <= until(j) + 1e-9; b += cell) for (let a = from(i); a < until(i) - 1e-9; a += cell)
-      out.push(...segment(point(a, b), point(a + cell, b), colours.floor, 1, 1e6));
+      out.push(...segment(point(a, b), point(a + cell, b), colors.floor, 1, 1e6));
     return out;
   }
   function keypoints(points, person, to, camera) {
@@ -237,25 +237,25 @@
       const p = at(points, state.frame, k), q = p && to(p);
       if (!q) continue;
       dots.push({ x: q[0], y: q[1], person, k, p });
-      const radius = K > 60 ? 2 : 3.2, colour = keypointColour(person, k);
+      const radius = K > 60 ? 2 : 3.2, color = keypointColor(person, k);
       context.lineWidth = 1.5;
-      context.strokeStyle = colour;
-      context.fillStyle = mark(person, state.frame, k, 0) === 2 ? colours.paper : colour;
+      context.strokeStyle = color;
+      context.fillStyle = mark(person, state.frame, k, 0) === 2 ? colors.paper : color;
       disc(q, radius);
       if (camera && scene.markedViews) viewMark(q, mark(person, state.frame, k, 1 + state.camera), radius + 2.5);
       const m = state.marked;
       if (m && m.keypoint === k && (m.person === undefined || m.person === person)) {
-        context.strokeStyle = colours.ink;
+        context.strokeStyle = colors.ink;
         context.lineWidth = 2;
         ring(q, 11);
-        label(scene.keypoints[k], [q[0] + 15, q[1] + 4], colours.ink, 13, "left");
+        label(scene.keypoints[k], [q[0] + 15, q[1] + 4], colors.ink, 13, "left");
       }
     }
   }
   function disc(q, radius) { context.beginPath(); context.arc(q[0], q[1], radius, 0, 7); context.fill(); context.stroke(); }
   function ring(q, radius) { context.beginPath(); context.arc(q[0], q[1], radius, 0, 7); context.stroke(); }
   function viewMark(q, code, r) {
-    context.strokeStyle = colours.ink;
+    context.strokeStyle = colors.ink;
     context.lineWidth = 0.8;
     if (code === 1) ring(q, r);
     if (code === 2) {
@@ -263,17 +263,17 @@
       for (const s of [1, -1]) { context.beginPath(); context.moveTo(q[0] - r, q[1] - s * r); context.lineTo(q[0] + r, q[1] + s * r); context.stroke(); }
     }
   }
-  function label(text, q, colour, height, align = "center") {
+  function label(text, q, color, height, align = "center") {
     if (!q || !text) return;
     context.font = `${height}px system-ui, sans-serif`;
     context.textAlign = align;
     context.lineWidth = 3;
-    context.strokeStyle = colours.paper;
+    context.strokeStyle = colors.paper;
     context.strokeText(text, q[0], q[1]);
-    context.fillStyle = colour;
+    context.fillStyle = color;
     context.fillText(text, q[0], q[1]);
   }
-  // A hand's breadth above the highest point of a body.
+  // Position of the name: slightly above the highest point of a person.
   function head(points, to) {
     let best = null;
     for (let k = 0; k < K; k++) {
@@ -284,17 +284,17 @@
     best[upIndex] += 0.08 * upSign * Math.min(size, 2);
     return to(best);
   }
-  // The 68 % region of a normal distribution in three dimensions reaches 1.878 standard deviations far.
-  const REACH = 1.878;
+  // The 68 % region of a 3D normal distribution extends to 1.878 standard deviations.
+  const ELLIPSOID_SCALE = 1.878;
   function ellipsoids(points, person, to) {
-    const codes = spreads[person];
+    const codes = covariances[person];
     for (let k = 0; k < K; k++) {
       const p = at(points, state.frame, k), i = (state.frame * K + k) * 7;
       if (!p || !codes[i]) continue;
-      const s = REACH * 1e-6 * 1e9 ** ((codes[i] - 1) / 254) / 127;
+      const s = ELLIPSOID_SCALE * 1e-6 * 1e9 ** ((codes[i] - 1) / 254) / 127;
       const [a, b, c, d, e, f] = Array.from({ length: 6 }, (_, j) => s * (codes[i + 1 + j] << 24 >> 24));
       const on = (x, y, z) => [p[0] + a * x, p[1] + b * x + d * y, p[2] + c * x + e * y + f * z];
-      context.strokeStyle = keypointColour(person, k);
+      context.strokeStyle = keypointColor(person, k);
       context.lineWidth = 0.8;
       for (const circle of [(u, v) => on(u, v, 0), (u, v) => on(u, 0, v), (u, v) => on(0, u, v)]) {
         context.beginPath();

@@ -1,18 +1,18 @@
-  // What changes over time: lines, gaps, bones. A thin line in each stands at the frame shown; a click leads to one.
+  // Charts over time: lines, gaps, bones. A cursor in each chart marks the displayed frame; a click shows a frame.
   const font = { color: css("--ink"), family: "system-ui, sans-serif" };
   const base = { margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false, font, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)" };
   const config = { displaylogo: false, responsive: true, displayModeBar: false };
   const grid = { gridcolor: css("--line"), zeroline: false };
   const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;");
-  const colourOf = (i) => css(`--person-${i % 10}`);
+  const colorOf = (i) => css(`--person-${i % 10}`);
   const dashOf = (i) => ["solid", "dash", "dot", "dashdot"][Math.floor(i / 1) % 4];
   const timeOf = (frame) => series.unit === "s" ? secondsOf(frame) : scene.frames[frame];
   const first = series.time[0], end = series.time[series.time.length - 1];
   const timeAxis = { ...grid, title: { text: series.unit }, range: [first, end > first ? end : first + 1] };
-  function placeAt(time) {
+  function frameIndexAt(time) {
     let best = 0;
     series.time.forEach((t, i) => { if (Math.abs(t - time) < Math.abs(series.time[best] - time)) best = i; });
-    return series.place[best];
+    return series.frameIndex[best];
   }
   function cursor(plot) {
     const line = Object.assign(document.createElement("div"), { className: "cursor" });
@@ -23,41 +23,41 @@
       const x = full.xaxis.l2p(timeOf(state.frame)), inside = x >= 0 && x <= full.xaxis._length;
       Object.assign(line.style, { left: `${full.xaxis._offset + x}px`, top: `${full.yaxis._offset}px`, height: `${full.yaxis._length}px`, display: inside ? "block" : "none" });
     };
-    onShow.push(place);
+    frameListeners.push(place);
     plot.on("plotly_afterplot", place);
     plot.on("plotly_click", ({ points }) => {
       const of = points[0], k = plot.id === "gaps" ? of.y : undefined;
-      jumpTo(placeAt(of.x), k === undefined ? null : { keypoint: scene.keypoints.indexOf(of.customdata ?? k), person: gapPerson }, plot);
+      jumpTo(frameIndexAt(of.x), k === undefined ? null : { keypoint: scene.keypoints.indexOf(of.customdata ?? k), person: gapPerson }, plot);
     });
     plot.tabIndex = -1;
     place();
   }
   function lines(id, values, title, range) {
     const drawn = values.map((y, i) => ({ type: "scatter", mode: "lines", name: scene.people[i], x: series.time, y,
-      line: { color: several ? colourOf(i) : css("--left"), width: 1.5, dash: dashOf(i) }, hovertemplate: `%{y:.2f} at %{x:.2f}<extra>${plain(scene.people[i])}</extra>` }));
+      line: { color: several ? colorOf(i) : css("--left"), width: 1.5, dash: dashOf(i) }, hovertemplate: `%{y:.2f} at %{x:.2f}<extra>${plain(scene.people[i])}</extra>` }));
     Plotly.newPlot(id, drawn, { ...base, margin: { l: 60, r: 10, t: 24, b: 40 }, showlegend: several, legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 },
       hovermode: "closest", xaxis: timeAxis, yaxis: { ...grid, title: { text: title }, ...range } }, config);
     cursor(element(id));
   }
-  lines("time-error", series.error, "px", { rangemode: "tozero" });
+  lines("time-error", series.error, "reprojection error, px", { rangemode: "tozero" });
   lines("time-views", series.views, "views used", { range: [0, charts.views.length + 0.3] });
 
-  // Where points were measured, filled and missing.
+  // When points were measured, filled and missing.
   let gapPerson = 0;
   function drawGaps() {
-    const plot = element("gaps"), made = Boolean(plot.data), rows = series.how[gapPerson].map((text) => Array.from(text, (code) => code === "3" ? null : Number(code)));
-    const [none, measured, filled] = ["--missing", "--measured", "--filled"].map(css);
+    const plot = element("gaps"), made = Boolean(plot.data), rows = series.states[gapPerson].map((text) => Array.from(text, (code) => code === "3" ? null : Number(code)));
+    const [missing, measured, filled] = ["--missing", "--measured", "--filled"].map(css);
     const words = ["missing", "measured", "filled or held"];
     plot.style.height = `${70 + (K > 40 ? 11 : 16) * K}px`;
     Plotly.react(plot, [{ type: "heatmap", x: series.time, y: scene.keypoints.map((_, k) => k), z: rows, zmin: 0, zmax: 2, ygap: 1, showscale: false,
-      colorscale: [[0, none], [0.33, none], [0.33, measured], [0.67, measured], [0.67, filled], [1, filled]], hoverongaps: false,
+      colorscale: [[0, missing], [0.33, missing], [0.33, measured], [0.67, measured], [0.67, filled], [1, filled]], hoverongaps: false,
       customdata: rows.map((row, k) => row.map(() => scene.keypoints[k])), text: rows.map((row) => row.map((code) => words[code] ?? "")),
       hovertemplate: "%{customdata}, %{x:.2f}: %{text}<extra></extra>" }],
     { ...base, margin: { l: 120, r: 10, t: 10, b: 40 }, xaxis: timeAxis,
       yaxis: { autorange: "reversed", automargin: true, tickvals: scene.keypoints.map((_, k) => k), ticktext: scene.keypoints.map(plain), tickfont: { size: K > 40 ? 9 : 12 } } }, config);
     if (!made) cursor(plot);
   }
-  if (element("gaps") && series.how.length) {
+  if (element("gaps") && series.states.length) {
     if (several) {
       const menu = document.createElement("select");
       menu.setAttribute("aria-label", "Person");
@@ -68,23 +68,23 @@
     drawGaps();
   }
 
-  // The chosen bone, and its partner on the other side where there is one.
-  const partner = (name) => name.includes("left") ? name.replaceAll("left", "right") : name.includes("right") ? name.replaceAll("right", "left") : null;
+  // The selected bone and its counterpart on the other side, if there is one.
+  const counterpart = (name) => name.includes("left") ? name.replaceAll("left", "right") : name.includes("right") ? name.replaceAll("right", "left") : null;
   function drawBone(b) {
-    const other = partner(series.bones[b]) ? series.bones.indexOf(partner(series.bones[b])) : -1;
+    const other = counterpart(series.bones[b]) ? series.bones.indexOf(counterpart(series.bones[b])) : -1;
     const chosen = [b, other].filter((i) => i >= 0), drawn = [];
     series.lengths.forEach((bones, p) => chosen.forEach((i, n) => drawn.push({ type: "scatter", mode: "lines", x: series.time, y: bones[i],
       name: `${several ? `${scene.people[p]}: ` : ""}${series.bones[i]}`, hovertemplate: `%{y:.1f} ${series.boneUnit} at %{x:.2f}<extra></extra>`,
-      line: { width: 1.5, dash: n ? "dot" : "solid", color: several ? colourOf(p) : css(n ? "--right" : "--left") } })));
+      line: { width: 1.5, dash: n ? "dot" : "solid", color: several ? colorOf(p) : css(n ? "--right" : "--left") } })));
     const made = Boolean(element("bones").data);
     Plotly.react("bones", drawn, { ...base, margin: { l: 60, r: 10, t: 40, b: 40 }, showlegend: true, hovermode: "closest",
       legend: { orientation: "h", y: 1.0, yanchor: "bottom", x: 0 }, xaxis: timeAxis, yaxis: { ...grid, title: { text: series.boneUnit } } }, config);
-    element("bone-name").textContent = `${series.bones[b]}${other >= 0 ? `, and the other side dotted` : ""}`;
+    element("bone-name").textContent = `${series.bones[b]}${other >= 0 ? ` (dotted: other side)` : ""}`;
     if (!made) cursor(element("bones"));
   }
   if (element("bones")) {
-    const middle = (values) => { const known = values.filter((v) => v !== null).sort((a, b) => a - b); return known.length ? known[known.length >> 1] : 0; };
-    const lengths = series.bones.map((_, b) => Math.max(...series.lengths.map((bones) => middle(bones[b]))));
+    const median = (values) => { const known = values.filter((v) => v !== null).sort((a, b) => a - b); return known.length ? known[known.length >> 1] : 0; };
+    const lengths = series.bones.map((_, b) => Math.max(...series.lengths.map((bones) => median(bones[b]))));
     drawBone(lengths.indexOf(Math.max(...lengths)));
     document.addEventListener("click", (event) => { if (event.target.matches(".bone")) { drawBone(Number(event.target.dataset.bone)); element("bones").scrollIntoView({ block: "nearest" }); } });
   }

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State
-from posefuse.kernels.tracking.counts import add_identities
+from posefuse.kernels.tracking.frame_statistics import add_identity_scores
 from posefuse.kernels.tracking.matching import score_detections
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import Sight
 from posefuse.tracking.records import Evidence, Lately, Tentative, Track
@@ -76,7 +76,7 @@ class OddsScore:
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
         track_ids = frozen(frame.track_ids, np.int64)
-        add_identities(lately.ids, frame.view, track_ids, o.id_evidence, _EXPLAINED, scores, explained)
+        add_identity_scores(lately.ids, frame.view, track_ids, o.id_evidence, _EXPLAINED, scores, explained)
         return Likeness(scores, o.match_evidence, swapped, odds, explained)
 
     def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:

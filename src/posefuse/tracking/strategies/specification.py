@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.articulated import State
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import Sight

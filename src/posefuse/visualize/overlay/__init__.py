@@ -1,1 +1,1 @@
-"""Reprojected skeletons on the cameras' videos."""
+"""Overlay videos: reprojected skeletons on the cameras' videos."""

@@ -1,4 +1,4 @@
-"""How videos are drawn on, and what came out."""
+"""Options and output of overlay videos."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,17 +12,17 @@ Matching = Literal["time", "frame"]
 
 @dataclass(frozen=True)
 class OverlayOptions:
-    """How videos are drawn on.
+    """Options of overlay videos.
 
     Attributes:
-        layer: which points; the best there is by default.
-        grid: all cameras in one video, instead of one video a camera.
-        blank: cameras without a video are drawn on a plain background.
-        rescale: a video of another size than the calibration, but of its shape, is taken for the whole image.
-        match: pictures belong to frames by their times, or the n-th picture to frame number n (from 0).
-        start_s: time in the result to begin at.
-        end_s: time in the result to end before.
-        offset_s: camera to the result's time at which its video begins; 0 for those not named.
+        layer: Layer to draw. Default: the best one.
+        grid: Draw all cameras in one video instead of one video per camera.
+        blank: Draw cameras without a video on a plain background.
+        rescale: Accept videos with the aspect ratio but not the size of the calibration, as resized full images.
+        match: Match images to frames by time, or image n to frame number n (from 0).
+        start_s: Start time in the result.
+        end_s: End time in the result (exclusive).
+        offset_s: Start of each camera's video in the result's time. Default: 0.
     """
 
     layer: LayerName | None = None
@@ -36,17 +36,17 @@ class OverlayOptions:
 
 
 @dataclass(frozen=True)
-class Written:
-    """A video that was written.
+class OverlayVideo:
+    """An overlay video that was written.
 
     Attributes:
-        path: of the file.
-        n_images: pictures in it.
-        n_drawn: of these, pictures to which the result has a frame.
-        remarks: what is worth saying of it, in sentences.
+        path: Path of the file.
+        n_images: Number of images.
+        n_drawn: Number of images for which the result has a frame.
+        notes: Notes for the user, in sentences.
     """
 
     path: Path
     n_images: int
     n_drawn: int
-    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Drawing a result on videos and writing them, one picture in memory at a time."""
+"""Draw a result on videos and write them, with one image in memory at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,33 +8,33 @@ import numpy as np
 
 from posefuse.errors import OptionsError, ResultError
 from posefuse.io.results.names import safe_names
-from posefuse.io.videos.writing import write_video
+from posefuse.io.videos.writer import write_video
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent
-from posefuse.visualize.clock import Clock, nothing_between
+from posefuse.visualize.annotations import Annotations, Annotator
 from posefuse.visualize.colors import BACKGROUND
-from posefuse.visualize.drawing import Pen, draw
-from posefuse.visualize.mosaic import Board, resized
-from posefuse.visualize.overlay.options import OverlayOptions, Written
-from posefuse.visualize.overlay.sources import Follower, Source, open_sources
-from posefuse.visualize.skeleton_drawing import Sketch, Sketcher
+from posefuse.visualize.drawing import DrawingStyle, draw
+from posefuse.visualize.frame_times import FrameTimes, no_frames_error
+from posefuse.visualize.mosaic import Mosaic, resize_image
+from posefuse.visualize.overlay.options import OverlayOptions, OverlayVideo
+from posefuse.visualize.overlay.video_sources import VideoCursor, VideoSource, open_sources
 
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """What is drawn, and when: the same for every video."""
+    """What is drawn on every video."""
 
-    sketcher: Sketcher
-    clock: Clock
-    places: range
+    annotator: Annotator
+    frame_times: FrameTimes
+    frame_indices: range
     progress: Progress
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """From the middle before the first frame to the middle after the last."""
-        times_s, half_s = self.clock.time_s, self.clock.period_s / 2
-        return float(times_s[self.places[0]]) - half_s, float(times_s[self.places[-1]]) + half_s
+        """Half a frame before the first frame to half a frame after the last one."""
+        times_s, half_s = self.frame_times.time_s, self.frame_times.period_s / 2
+        return float(times_s[self.frame_indices[0]]) - half_s, float(times_s[self.frame_indices[-1]]) + half_s
 
 
 def write_overlays(
@@ -44,138 +44,142 @@ def write_overlays(
     options: OverlayOptions = OverlayOptions(),  # noqa: B008
     detections: Detections | None = None,
     progress: Progress | None = None,
-) -> tuple[Written, ...]:
-    """Draw a result's skeletons, through each camera's lens, on its video.
+) -> tuple[OverlayVideo, ...]:
+    """Draw a result's skeletons, projected with lens distortion, on the cameras' videos.
 
     Args:
-        result: what is drawn.
-        videos: camera to its video.
-        folder: gets ``<camera>_overlay.mp4`` each, or ``overlay.mp4``; made if absent.
-        options: how.
-        detections: of the result's skeleton, views in the order of its cameras; drawn as well.
-        progress: told how far the work is.
+        result: the result to draw.
+        videos: videos by camera name.
+        folder: output folder for ``<camera>_overlay.mp4`` of each camera, or ``overlay.mp4``; created if absent.
+        options: options of the overlay.
+        detections: detections of the result's skeleton, with views in the order of its cameras, to draw as well.
+        progress: receives the progress.
 
     Raises:
-        MatchError: if a video or an offset names no camera.
+        MatchError: if a video or an offset names an unknown camera.
         FileError: if a video cannot be read, or the output cannot be written.
-        ResultError: if there is nothing to draw, or a video has another size than its camera.
+        ResultError: if there is nothing to draw, or the size of a video differs from its camera's.
         OptionsError: if a video would be overwritten.
     """
     layer, _ = result.best_layer(options.layer)
-    clock = Clock.of(result)
-    sources = open_sources(result.rig, videos, options, clock.timed, result.options.sync)
-    places = clock.places(options.start_s, options.end_s)
-    if not places:
-        raise nothing_between(clock)
-    job = _Job(Sketcher(result, layer, detections), clock, places, progress or Silent())
+    frame_times = FrameTimes.of(result)
+    sources = open_sources(result.rig, videos, options, frame_times.timed, result.options.sync)
+    frame_indices = frame_times.indices_between(options.start_s, options.end_s)
+    if not frame_indices:
+        raise no_frames_error(frame_times)
+    job = _Job(Annotator(result, layer, detections), frame_times, frame_indices, progress or Silent())
     stems = [f"{stem}_overlay" for stem in safe_names([source.camera.name for source in sources])]
     paths = [folder / f"{stem}.mp4" for stem in (["overlay"] if options.grid else stems)]
-    _keep_videos(paths, videos)
+    _check_targets(paths, videos)
     if options.grid:
-        return (_side_by_side(job, sources, paths[0]),)
+        return (_draw_mosaic(job, sources, paths[0]),)
     return tuple(
-        _on_background(job, source, path) if source.reading is None else _on_video(job, source, path)
+        _draw_on_background(job, source, path) if source.reader is None else _draw_on_video(job, source, path)
         for source, path in zip(sources, paths, strict=True)
     )
 
 
-def _keep_videos(paths: Sequence[Path], videos: Mapping[str, Path]) -> None:
+def _check_targets(paths: Sequence[Path], videos: Mapping[str, Path]) -> None:
     taken = {path.resolve() for path in videos.values()}
     for path in paths:
         if path.resolve() in taken:
             raise OptionsError(f"{path} is one of the videos to be drawn on. Choose another folder for --output.")
 
 
-def _on_video(job: _Job, source: Source, path: Path) -> Written:
-    """Every picture of the video within the result's time, at its own time."""
-    assert source.reading is not None
+def _draw_on_video(job: _Job, source: VideoSource, path: Path) -> OverlayVideo:
+    """Draw on every image of the video within the result's time range; times of the images are kept."""
+    assert source.reader is not None
     start_s, end_s = job.span_s
-    rate_hz = source.reading.facts.rate_hz or 1.0 / job.clock.period_s
-    pen = Pen.of(source.size_px, source.camera.size_px)
+    rate_hz = source.reader.info.rate_hz or 1.0 / job.frame_times.period_s
+    style = DrawingStyle.of(source.size_px, source.camera.size_px)
     job.progress.start(f"drawing {path.name}", round((end_s - start_s) * rate_hz))
-    began_s, drawn, missed_s = None, 0, float("nan")
-    with write_video(path, source.size_px, rate_hz) as writing:
-        for time_s, image in source.images(job.clock, start_s):
-            missed_s = time_s
+    first_s, n_drawn, last_s = None, 0, float("nan")
+    with write_video(path, source.size_px, rate_hz) as writer:
+        for time_s, image in source.images(job.frame_times, start_s):
+            last_s = time_s
             if time_s < start_s:
                 continue
             if time_s >= end_s:
                 break
-            began_s = time_s if began_s is None else began_s
-            sketch = _sketch(job, source, time_s)
-            picture = image.rgb if image.rgb.flags.writeable else image.rgb.copy()
-            draw(picture, sketch, _heading(job, source, sketch, time_s), pen)
-            writing.add(picture, time_s - began_s)
-            drawn += sketch is not None
+            first_s = time_s if first_s is None else first_s
+            annotations = _annotate_time(job, source, time_s)
+            rgb = image.rgb if image.rgb.flags.writeable else image.rgb.copy()
+            draw(rgb, annotations, _caption(job, source, annotations, time_s), style)
+            writer.add(rgb, time_s - first_s)
+            n_drawn += annotations is not None
             job.progress.advance(1)
-        if not writing.n_written:
-            raise _nothing_in_time(source, job.span_s, missed_s)
+        if not writer.n_written:
+            raise _no_images_error(source, job.span_s, last_s)
     job.progress.finish()
-    return Written(path, writing.n_written, drawn, tuple(source.remarks(job.clock, end_s)))
+    return OverlayVideo(path, writer.n_written, n_drawn, tuple(source.notes(job.frame_times, end_s)))
 
 
-def _on_background(job: _Job, source: Source, path: Path) -> Written:
-    """Every frame of the result, on a plain background."""
-    width, height = source.size_px
-    pen = Pen.of(source.size_px, source.camera.size_px)
-    job.progress.start(f"drawing {path.name}", len(job.places))
-    with write_video(path, source.size_px, 1.0 / job.clock.period_s) as writing:
-        for place in job.places:
-            picture = np.full((height, width, 3), BACKGROUND, dtype=np.uint8)
-            time_s = float(job.clock.time_s[place])
-            sketch = job.sketcher.sketch(source.view, place)
-            draw(picture, sketch, _heading(job, source, sketch, time_s), pen)
-            writing.add(picture, time_s - float(job.clock.time_s[job.places[0]]))
+def _draw_on_background(job: _Job, source: VideoSource, path: Path) -> OverlayVideo:
+    """Draw every frame of the result on a plain background."""
+    style = DrawingStyle.of(source.size_px, source.camera.size_px)
+    job.progress.start(f"drawing {path.name}", len(job.frame_indices))
+    first_s = float(job.frame_times.time_s[job.frame_indices[0]])
+    with write_video(path, source.size_px, 1.0 / job.frame_times.period_s) as writer:
+        for frame_index in job.frame_indices:
+            rgb = _background(source.size_px)
+            time_s = float(job.frame_times.time_s[frame_index])
+            annotations = job.annotator.annotate(source.view, frame_index)
+            draw(rgb, annotations, _caption(job, source, annotations, time_s), style)
+            writer.add(rgb, time_s - first_s)
             job.progress.advance(1)
     job.progress.finish()
-    return Written(path, writing.n_written, writing.n_written)
+    return OverlayVideo(path, writer.n_written, writer.n_written)
 
 
-def _side_by_side(job: _Job, sources: Sequence[Source], path: Path) -> Written:
-    """Every frame of the result, with each camera's nearest picture."""
-    board = Board.of([source.size_px for source in sources])
+def _draw_mosaic(job: _Job, sources: Sequence[VideoSource], path: Path) -> OverlayVideo:
+    """Draw every frame of the result on the nearest image of each camera, side by side."""
+    mosaic = Mosaic.of([source.size_px for source in sources])
     start_s, end_s = job.span_s
-    followers = [Follower(source, job.clock, start_s) for source in sources]
-    pens = [Pen.of(size, source.camera.size_px) for size, source in zip(board.sizes_px, sources, strict=True)]
-    job.progress.start(f"drawing {path.name}", len(job.places))
-    with write_video(path, board.size_px, 1.0 / job.clock.period_s) as writing:
-        for place in job.places:
-            whole = board.empty()
-            time_s = float(job.clock.time_s[place])
-            for i, (source, follower, pen) in enumerate(zip(sources, followers, pens, strict=True)):
-                image = follower.at(time_s)
-                picture = _background(board.sizes_px[i]) if image is None else resized(image.rgb, board.sizes_px[i])
-                sketch = job.sketcher.sketch(source.view, place)
-                heading = _heading(job, source, sketch, time_s)
-                missing = ["no picture"] if image is None and source.reading is not None else []
-                draw(picture, sketch, [*heading, *missing], pen)
-                board.put(whole, i, picture)
-            writing.add(whole, time_s - float(job.clock.time_s[job.places[0]]))
+    cursors = [VideoCursor(source, job.frame_times, start_s) for source in sources]
+    sizes = mosaic.sizes_px
+    styles = [DrawingStyle.of(size, source.camera.size_px) for size, source in zip(sizes, sources, strict=True)]
+    job.progress.start(f"drawing {path.name}", len(job.frame_indices))
+    first_s = float(job.frame_times.time_s[job.frame_indices[0]])
+    with write_video(path, mosaic.size_px, 1.0 / job.frame_times.period_s) as writer:
+        for frame_index in job.frame_indices:
+            canvas = mosaic.empty()
+            time_s = float(job.frame_times.time_s[frame_index])
+            for i, (source, cursor, style) in enumerate(zip(sources, cursors, styles, strict=True)):
+                image = cursor.at(time_s)
+                rgb = _background(sizes[i]) if image is None else resize_image(image.rgb, sizes[i])
+                annotations = job.annotator.annotate(source.view, frame_index)
+                caption = _caption(job, source, annotations, time_s)
+                missing = ["no image"] if image is None and source.reader is not None else []
+                draw(rgb, annotations, [*caption, *missing], style)
+                mosaic.paste(canvas, i, rgb)
+            writer.add(canvas, time_s - first_s)
             job.progress.advance(1)
     job.progress.finish()
-    remarks = [remark for source in sources for remark in source.remarks(job.clock, end_s)]
-    return Written(path, writing.n_written, writing.n_written, tuple(remarks))
+    notes = [note for source in sources for note in source.notes(job.frame_times, end_s)]
+    return OverlayVideo(path, writer.n_written, writer.n_written, tuple(notes))
 
 
 def _background(size_px: tuple[int, int]) -> np.ndarray:
     return np.full((size_px[1], size_px[0], 3), BACKGROUND, dtype=np.uint8)
 
 
-def _sketch(job: _Job, source: Source, time_s: float) -> Sketch | None:
-    place = job.clock.nearest(time_s)
-    return None if place is None or place not in job.places else job.sketcher.sketch(source.view, place)
+def _annotate_time(job: _Job, source: VideoSource, time_s: float) -> Annotations | None:
+    frame_index = job.frame_times.nearest(time_s)
+    if frame_index is None or frame_index not in job.frame_indices:
+        return None
+    return job.annotator.annotate(source.view, frame_index)
 
 
-def _heading(job: _Job, source: Source, sketch: Sketch | None, time_s: float) -> list[str]:
-    frame = "no frame of the result" if sketch is None else f"frame {sketch.number}"
-    when = [f"{time_s:.3f} s"] if job.clock.timed else []
-    return [source.camera.name, frame, *when, f"layer {job.sketcher.layer}"]
+def _caption(job: _Job, source: VideoSource, annotations: Annotations | None, time_s: float) -> list[str]:
+    frame = "no frame of the result" if annotations is None else f"frame {annotations.number}"
+    time = [f"{time_s:.3f} s"] if job.frame_times.timed else []
+    return [source.camera.name, frame, *time, f"layer {job.annotator.layer}"]
 
 
-def _nothing_in_time(source: Source, span_s: tuple[float, float], last_s: float) -> ResultError:
-    assert source.reading is not None
-    said = f"the result's are from {span_s[0]:.3f} to {span_s[1]:.3f} s, its last picture read is at {last_s:.3f} s"
+def _no_images_error(source: VideoSource, span_s: tuple[float, float], last_s: float) -> ResultError:
+    assert source.reader is not None
     return ResultError(
-        f"{source.reading.facts.path.name} has no picture in the chosen time: {said}. If the video began at another "
-        f"time than the result: --offset-s {source.camera.name}=SECONDS."
+        f"{source.reader.info.path.name} has no image in the selected time range: the result's frames are from "
+        f"{span_s[0]:.3f} to {span_s[1]:.3f} s, and the last image read is at {last_s:.3f} s. If the video starts at "
+        f"another time than the result, use --offset-s {source.camera.name}=SECONDS."
     )

@@ -1,1 +1,1 @@
-"""To look at a result: in rerun's viewer, and drawn on pictures."""
+"""The viewer: a result in rerun."""

@@ -1,21 +1,21 @@
-"""How the viewer's window is laid out: the world, the cameras, numbers over time."""
+"""Layout of the viewer's window: world, cameras, time series."""
 
 from typing import Any
 
 from posefuse.model.reconstruction import LAYERS, Reconstruction
-from posefuse.visualize.viewer.library import rerun
+from posefuse.visualize.viewer.library import import_rerun
 from posefuse.visualize.viewer.scene import person_path
 
 _SERIES = (("error_px", "reprojection error, px"), ("views", "views used"), ("speed_m_s", "speed, m/s"))
 
 
-def layout(result: Reconstruction) -> Any:
-    """The blueprint: the best layer's people shown, the others one click away."""
-    rr = rerun()
+def build_layout(result: Reconstruction) -> Any:
+    """Return rerun's blueprint. The best layer is visible; the others can be switched on."""
+    rr = import_rerun()
     rrb = rr.blueprint
     best, _ = result.best_layer(result.options.layer)
     hidden = [name for name in LAYERS if name in result.layers and name != best]
-    flat = [
+    excluded_2d = [
         f"- world/cameras/{person_path(name)}/{kind}/**"
         for name in result.rig.names
         for kind in ("detected", "reprojected")
@@ -23,7 +23,7 @@ def layout(result: Reconstruction) -> Any:
     world = rrb.Spatial3DView(
         origin="world",
         name="world",
-        contents=["+ world/**", *flat],
+        contents=["+ world/**", *excluded_2d],
         overrides={f"world/people/{name}": [rrb.EntityBehavior(visible=False)] for name in hidden},
     )
     cameras = [_camera_view(rrb, name) for name in result.rig.names]

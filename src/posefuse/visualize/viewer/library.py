@@ -1,12 +1,12 @@
-"""rerun, which is needed only to view: the extra ``view``."""
+"""Import of rerun, the optional dependency of the viewer (extra ``view``)."""
 
 from typing import Any
 
 from posefuse.errors import ResultError
 
 
-def rerun() -> Any:
-    """The library of rerun's viewer.
+def import_rerun() -> Any:
+    """Return the module ``rerun``.
 
     Raises:
         ResultError: if it is not installed.
@@ -15,7 +15,7 @@ def rerun() -> Any:
         import rerun as rr
     except ImportError:
         raise ResultError(
-            "posefuse view needs rerun, which is not installed: pip install 'posefuse[view]'. Without it there is the "
-            "page that posefuse report writes."
+            "posefuse view needs rerun, which is not installed. Run: pip install 'posefuse[view]'. Or use posefuse "
+            "report, which writes an HTML page."
         ) from None
     return rr

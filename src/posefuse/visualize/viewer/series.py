@@ -1,4 +1,4 @@
-"""How fast people are."""
+"""Speeds of people over time."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import numpy as np
 def speeds_m_s(
     points_m: np.ndarray, time_s: np.ndarray, before: tuple[np.ndarray, float] | None
 ) -> tuple[np.ndarray, tuple[np.ndarray, float]]:
-    """Speed of each person: of the mean of the keypoints that this frame and the one before both have.
+    """Return the speed of each person: the mean motion of the keypoints present in both this and the previous frame.
 
     Args:
         points_m: shape (frame, person, keypoint, 3), NaN where missing.

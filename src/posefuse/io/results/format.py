@@ -1,0 +1,66 @@
+"""The description of a format of 3D results."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from posefuse.io.formats import Format
+from posefuse.model.options.options import LayerName
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.model.stored_points import StoredPoints
+
+LayerWriter = Callable[[Reconstruction, Path, LayerName], None]
+PersonWriter = Callable[[Reconstruction, str, Path, LayerName], None]
+FigureWriter = Callable[[Reconstruction, str, Path], list[str]]
+ResultWriter = Callable[[Reconstruction, Sequence[str], Path, LayerName], list[str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultFormat(Format):
+    """One format of 3D results. See :class:`posefuse.io.formats.Format` for the other attributes.
+
+    A format has at most one of the four writers; a writer's notes are sentences about what the file does not hold.
+
+    Attributes:
+        matches: Return whether a path is in this format, or None if it is not read as points.
+        read: Read one layer of 3D points, or None if the format is not read as points.
+        read_result: Read a whole reconstruction, or None if the format does not hold one.
+        write_layer: Write one layer of all people to a file.
+        write_person: Write one layer of one person to a file.
+        write_figure: Write the articulated body of one person to a file. Returns notes.
+        write_result: Write the people of a result, with everything the format has a place for. Returns notes.
+        holds_every_layer: Whether a file holds all layers.
+        holds_measured_layer: Whether a file of another layer holds the measured layer beside it.
+        is_folder: Whether a result is a folder.
+        name_words: Words of a file name that select this format among those with the same ending. Without any,
+            the ending alone selects it.
+        lacks: Fields of a layer for which the format has no place. Empty if it holds all of them.
+        complete_endings: Endings of files for which ``lacks`` does not apply.
+        additional_name: Name of the file or folder that ``--also`` writes into the folder of a result. Empty if
+            ``--also`` does not offer the format.
+    """
+
+    matches: Callable[[Path], bool] | None = None
+    read: Callable[[Path], StoredPoints] | None = None
+    read_result: Callable[[Path], Reconstruction] | None = None
+    write_layer: LayerWriter | None = None
+    write_person: PersonWriter | None = None
+    write_figure: FigureWriter | None = None
+    write_result: ResultWriter | None = None
+    holds_every_layer: bool = False
+    holds_measured_layer: bool = False
+    is_folder: bool = False
+    name_words: tuple[str, ...] = ()
+    lacks: str = ""
+    complete_endings: tuple[str, ...] = ()
+    additional_name: str = ""
+
+    @property
+    def reads(self) -> bool:
+        """Whether posefuse reads the format."""
+        return (self.read or self.read_result) is not None
+
+    @property
+    def writes(self) -> bool:
+        """Whether posefuse writes the format."""
+        return (self.write_layer or self.write_person or self.write_figure or self.write_result) is not None

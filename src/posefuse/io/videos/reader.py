@@ -1,0 +1,176 @@
+"""VideoReader videos image by image, each with its own time; never more than one image in memory."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posefuse.errors import FileError
+from posefuse.io.files import must_exist
+from posefuse.io.videos.library import import_pyav
+
+_QUARTER_DEG = 90
+_MIN_SEEK_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class VideoImage:
+    """One image of a video.
+
+    Attributes:
+        number: index of the image in the video, from 0.
+        time_s: time since the first image, from the video's timestamps.
+        rgb: shape (height, width, 3), uint8, rotated for display; may be read-only.
+    """
+
+    number: int
+    time_s: float
+    rgb: np.ndarray
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """Metadata of a video.
+
+    Attributes:
+        path: path of the file.
+        size_px: width and height for display, after the rotation that the file requests.
+        rate_hz: mean frame rate, or None if unknown.
+        n_frames: number of frames according to the file, or None if unknown.
+        codec: name of the codec.
+        container: names of the container format.
+        first_s: timestamp of the first image in the file.
+    """
+
+    path: Path
+    size_px: tuple[int, int]
+    rate_hz: float | None
+    n_frames: int | None
+    codec: str
+    container: str
+    first_s: float = 0.0
+
+
+@dataclass
+class VideoReader:
+    """A video being read.
+
+    Attributes:
+        info: metadata of the video.
+        n_read: number of images read so far.
+        last_s: time of the last image read.
+        error: why no further image can be read; empty at the regular end of the video.
+        ended: whether reading has ended.
+    """
+
+    info: VideoInfo
+    n_read: int = 0
+    last_s: float = float("nan")
+    error: str = ""
+    ended: bool = False
+
+    def images(self, from_s: float = 0.0) -> Iterator[VideoImage]:
+        """Yield the images in order of time, up to the end or the first unreadable one, which sets ``error``.
+
+        Args:
+            from_s: start time; earlier images may be yielded, too. If it is later than a few seconds, images are
+                numbered from the first one yielded.
+        """
+        av = import_pyav()
+        seeks = from_s > _MIN_SEEK_S
+        try:
+            with av.open(str(self.info.path)) as container:
+                stream = container.streams.video[0]
+                stream.thread_type = "AUTO"
+                if seeks:
+                    container.seek(int((self.info.first_s + from_s) / stream.time_base), stream=stream)
+                for frame in container.decode(stream):
+                    yield self._image(frame)
+        except (av.error.FFmpegError, EOFError) as error:
+            self.error = getattr(error, "strerror", None) or str(error)
+        n_frames = self.info.n_frames
+        if not self.error and not seeks and n_frames is not None and self.n_read < n_frames:
+            self.error = f"its header states {n_frames} images"
+        self.ended = True
+
+    def _image(self, frame: Any) -> VideoImage:
+        rate_hz = self.info.rate_hz
+        time_s = self.n_read / (rate_hz or 1.0) if frame.time is None else frame.time - self.info.first_s
+        image = VideoImage(self.n_read, time_s, upright(frame))
+        self.n_read += 1
+        self.last_s = image.time_s
+        return image
+
+
+def open_video(path: Path) -> VideoReader:
+    """Open a video and check that its first image can be read.
+
+    Raises:
+        FileError: if there is no such file, or no image can be read.
+    """
+    av = import_pyav()
+    must_exist(path, "video")
+    if path.is_dir():
+        raise FileError(f"{path} is a folder; give a video file.")
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise FileError(
+                    f"{path} has no video stream, only: {', '.join(s.type for s in container.streams) or 'nothing'}."
+                )
+            stream = container.streams.video[0]
+            first = next(container.decode(stream), None)
+            if first is None:
+                raise FileError(f"{path} is a video without images. Is it truncated?")
+            width, height = first.width, first.height
+            if _quarter_turns(first) % 2:
+                width, height = height, width
+            rate = stream.average_rate
+            info = VideoInfo(
+                path,
+                (width, height),
+                float(rate) if rate else None,
+                stream.frames or None,
+                stream.codec_context.name,
+                container.format.name,
+                first.time or 0.0,
+            )
+    except (av.error.FFmpegError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"{path} cannot be read as a video ({reason}). Is it truncated or not a video?") from None
+    return VideoReader(info)
+
+
+def upright(frame: Any) -> np.ndarray:
+    """Return the image of a decoded frame, rotated for display, shape (height, width, 3), uint8."""
+    rgb = frame.to_ndarray(format="rgb24")
+    quarters = _quarter_turns(frame)
+    return rgb if quarters == 0 else np.ascontiguousarray(np.rot90(rgb, quarters))
+
+
+def _quarter_turns(frame: Any) -> int:
+    """Return the number of counterclockwise quarter turns for display."""
+    return round((getattr(frame, "rotation", 0) or 0) / _QUARTER_DEG) % 4
+
+
+def image_times_s(path: Path) -> np.ndarray:
+    """Return the times of all images in s since the first one, shape (image,), ascending, without decoding.
+
+    Raises:
+        FileError: if the file cannot be read as a video.
+    """
+    av = import_pyav()
+    times: list[float] = []
+    try:
+        with av.open(str(must_exist(path, "video"))) as container:
+            stream = container.streams.video[0]
+            for packet in container.demux(stream):
+                if packet.pts is not None:
+                    times.append(float(packet.pts * packet.time_base))
+    except av.error.FFmpegError as error:
+        if not times:
+            raise FileError(f"{path} cannot be read as a video ({error.strerror}). Is it truncated?") from None
+    ascending = np.sort(np.array(times))
+    return ascending - ascending[0] if len(ascending) else ascending

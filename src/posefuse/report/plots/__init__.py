@@ -1,0 +1,1 @@
+"""Figures of a result as PNG and SVG, for papers and slides."""

@@ -1,0 +1,66 @@
+"""Time series and gaps against hand-computed values."""
+
+import numpy as np
+import pytest
+
+from posefuse.model.status import PointStatus
+from posefuse.report.series import (
+    FILLED,
+    MEASURED,
+    MISSING,
+    TimeSeries,
+    displayed_bones,
+    find_gaps,
+    gather_series,
+    majority_per_interval,
+    mean_per_interval,
+)
+from posefuse.skeleton.skeletons import shipped_skeleton
+from tests.people import crowd, followed
+
+
+@pytest.fixture(scope="module")
+def result():
+    return followed(crowd(people=3, seconds=2.0))
+
+
+def test_series_are_means_over_each_frame(result):
+    series = gather_series(result.chunks(16), "measured", result.skeleton)
+    layer = result.layers["measured"]
+    errors = np.asarray(layer.reprojection_error_px)[30]
+    for p, known in enumerate(np.isfinite(errors)):
+        expected = errors[p][known].mean() if known.any() else np.nan
+        np.testing.assert_allclose(series.error_px[30, p], expected)
+    a, b = (result.skeleton.index(name) for name in series.bones[0])
+    points = np.asarray(layer.points_m)
+    np.testing.assert_allclose(series.bones_m[5, 0, 0], np.linalg.norm(points[5, 0, a] - points[5, 0, b]), rtol=1e-6)
+
+
+def test_edges_of_hands_and_faces_are_not_displayed():
+    bones = displayed_bones(shipped_skeleton("coco_wholebody_133"))
+    assert ("left_shoulder", "left_elbow") in bones
+    assert not any("finger" in name or "face" in name for bone in bones for name in bone)
+
+
+def test_gaps_match_a_hand_computed_example():
+    point_state = np.full((10, 1, 2), MEASURED, dtype=np.int8)
+    point_state[2:5, 0, 0] = MISSING
+    point_state[3, 0, 0] = FILLED
+    point_state[8:, 0, 1] = FILLED
+    status = np.where(point_state == FILLED, PointStatus.FILLED, PointStatus.NOT_SEEN).astype(np.int8)
+    nothing = np.zeros((10, 1))
+    first, second = find_gaps(TimeSeries(nothing, nothing, (), np.zeros((10, 1, 0)), point_state, status))
+    assert (first.keypoint, first.start, first.stop, first.filled, first.status) == (0, 2, 5, 1, PointStatus.NOT_SEEN)
+    assert (second.keypoint, second.start, second.stop, second.filled, second.status) == (
+        1,
+        8,
+        10,
+        2,
+        PointStatus.FILLED,
+    )
+
+
+def test_interval_has_most_frequent_state_or_worse_one_of_a_tie():
+    point_state = np.array([MEASURED, MEASURED, FILLED, MEASURED, FILLED, MISSING])
+    assert majority_per_interval(point_state, np.array([0, 3])).tolist() == [MEASURED, MISSING]
+    assert mean_per_interval(np.array([1.0, np.nan, 3.0, np.nan]), np.array([0, 3])).tolist()[0] == 2.0

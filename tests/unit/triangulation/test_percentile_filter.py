@@ -1,0 +1,91 @@
+"""The method percentile_filter against its description."""
+
+import numpy as np
+import pytest
+from benchmarks.walking import walk
+
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import (
+    PercentileFilterOptions,
+    TriangulationOptions,
+)
+from posefuse.model.status import ViewStatus
+from posefuse.pipeline.reconstruct import triangulate
+from tests.reference import rejection
+
+from .conftest import triangulate_walk
+
+REFERENCE_CASES = ((4, 0.1, 0.0, 3, 1), (5, 0.1, 0.1, 3, 1), (5, 0.15, 0.0, 2, 2), (6, 0.1, 0.2, 3, 2))
+NOTE = "does not run"
+
+
+def test_matches_the_naive_reference():
+    data = walk(6, 5, outlier_share=0.12, missing_share=0.08, seed=4)
+    options = PercentileFilterOptions(threshold_px=9.0)
+    layer = triangulate_walk(data, "percentile_filter", percentile_filter=options)
+    expected = [
+        [rejection.percentile_filter(data.rig, data.pixels[f, :, k], 9.0, 3) for k in range(26)] for f in range(6)
+    ]
+    np.testing.assert_allclose(layer.points_m[:, 0], expected, atol=2e-4)
+
+
+def test_threshold_is_a_percentile_over_the_whole_recording(ugly):
+    result = triangulate(
+        ugly.rig, ugly.detections, Options(triangulation=TriangulationOptions(method="percentile_filter"))
+    )
+    plain = triangulate_walk(ugly, "simple", min_views=3)
+    expected = np.percentile(plain.view_error_px[plain.view_status == ViewStatus.USED], 90)
+    assert result.resolved.triangulation.percentile_filter.threshold_px == pytest.approx(expected, rel=1e-6)
+    assert any("percentile" in note for note in result.provenance.notes)
+
+
+def test_note_if_no_camera_can_be_dropped():
+    data = walk(20, 3)
+    result = triangulate(
+        data.rig, data.detections, Options(triangulation=TriangulationOptions(method="percentile_filter"))
+    )
+    assert any("does not run" in note for note in result.provenance.notes)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("cameras", "share", "missing", "min_views", "max_drop"), REFERENCE_CASES)
+def test_ten_thousand_points_match_the_reference(cameras, share, missing, min_views, max_drop):
+    data = walk(97, cameras, outlier_share=share, missing_share=missing, seed=cameras)
+    options = PercentileFilterOptions(threshold_px=9.0)
+    layer = triangulate_walk(data, "percentile_filter", min_views=min_views, percentile_filter=options)
+    assert_matches_reference(data, layer, lambda pixels: rejection.percentile_filter(data.rig, pixels, 9.0, min_views))
+
+
+@pytest.mark.filterwarnings("ignore:min_views lowered")
+@pytest.mark.parametrize(("cameras", "min_views"), [(2, None), (3, None), (3, 5), (4, 4)])
+def test_one_note_and_the_points_of_simple_if_no_camera_can_be_dropped(cameras, min_views):
+    data = walk(20, cameras, outlier_share=0.05)
+    threshold = PercentileFilterOptions(threshold_px=10.0)
+    chosen = TriangulationOptions(method="percentile_filter", min_views=min_views, percentile_filter=threshold)
+    result = triangulate(data.rig, data.detections, Options(triangulation=chosen))
+    assert sum(NOTE in note for note in result.provenance.notes) == 1
+    assert result.layers["measured"] == triangulate_walk(data, "simple", min_views=min_views)
+
+
+@pytest.mark.parametrize(("cameras", "min_views"), [(4, None), (3, 2)])
+def test_no_note_if_cameras_can_be_dropped(cameras, min_views):
+    data = walk(20, cameras)
+    chosen = TriangulationOptions(method="percentile_filter", min_views=min_views)
+    result = triangulate(data.rig, data.detections, Options(triangulation=chosen))
+    assert not any(NOTE in note for note in result.provenance.notes)
+
+
+def test_no_note_for_a_single_camera():
+    data = walk(5, 3)
+    chosen = Options(cameras=(data.rig.names[0],), triangulation=TriangulationOptions(method="percentile_filter"))
+    result = triangulate(data.rig, data.detections, chosen)
+    assert not any(NOTE in note for note in result.provenance.notes)
+
+
+def assert_matches_reference(data, layer, reference):
+    frames = len(data.pixels)
+    expected = np.array([[reference(data.pixels[f, :, k]) for k in range(26)] for f in range(frames)])
+    found = layer.points_m[:, 0]
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    # The solvers stop within a hundredth of a standard error of each other.
+    np.testing.assert_allclose(found, expected, atol=2e-4)

@@ -1,0 +1,35 @@
+"""The method ransac."""
+
+from benchmarks.walking import walk
+
+from posefuse.model.options.triangulation import (
+    RansacOptions,
+)
+from posefuse.model.status import PointStatus
+
+from .conftest import errors_mm, triangulate_walk
+
+
+def test_threshold_in_meters():
+    data = walk(60, 6, outlier_share=0.1)
+    layer = triangulate_walk(data, "ransac", ransac=RansacOptions(threshold=0.06, threshold_unit="m"))
+    judged = data.inlier.sum(axis=1) >= 3
+    assert (errors_mm(data, layer)[judged] > 60).mean() < 0.01
+
+
+def test_samples_depend_on_the_seed():
+    data = walk(30, 12, outlier_share=0.3)
+    few = {"max_iterations": 20}
+    one, same, other = (
+        triangulate_walk(data, "ransac", ransac=RansacOptions(seed=seed, **few))
+        for seed in (1, 1, 2)  # type: ignore[arg-type]
+    )
+    assert one == same
+    assert one != other
+
+
+def test_min_views_counts_inliers():
+    data = walk(60, 4, outlier_share=0.3)
+    layer = triangulate_walk(data, "ransac", min_views=3)
+    assert layer.n_views[layer.has_point].min() >= 3
+    assert (layer.status == PointStatus.OUTLIER).any()
