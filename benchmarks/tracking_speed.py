@@ -170,7 +170,8 @@ def memory(minutes: float) -> None:
             gc.collect()
             kb = len(pickle.dumps(tracker)) / 1e3
             print(
-                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.names} |", flush=True
+                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.confirmed.n_created} |",
+                flush=True,
             )
 
 

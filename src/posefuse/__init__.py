@@ -64,10 +64,18 @@ if TYPE_CHECKING:
     from posefuse.model.options.stream import StreamOptions as StreamOptions
     from posefuse.model.options.subject import SubjectOptions as SubjectOptions
     from posefuse.model.options.sync import SyncOptions as SyncOptions
-    from posefuse.model.options.tracker import BirthOptions as BirthOptions
-    from posefuse.model.options.tracker import MotionOptions as MotionOptions
-    from posefuse.model.options.tracker import PartOptions as PartOptions
     from posefuse.model.options.tracker import TrackerOptions as TrackerOptions
+    from posefuse.model.options.tracking_motion import MotionOptions as MotionOptions
+    from posefuse.model.options.tracking_motion import PartOptions as PartOptions
+    from posefuse.model.options.tracking_stages import CameraMonitorOptions as CameraMonitorOptions
+    from posefuse.model.options.tracking_stages import FastMotionOptions as FastMotionOptions
+    from posefuse.model.options.tracking_stages import IdentityAuditOptions as IdentityAuditOptions
+    from posefuse.model.options.tracking_stages import InitiationOptions as InitiationOptions
+    from posefuse.model.options.tracking_stages import LifecycleOptions as LifecycleOptions
+    from posefuse.model.options.tracking_stages import PartialDetectionOptions as PartialDetectionOptions
+    from posefuse.model.options.tracking_stages import ReidentificationOptions as ReidentificationOptions
+    from posefuse.model.options.tracking_stages import ReinitializationOptions as ReinitializationOptions
+    from posefuse.model.options.tracking_stages import SingleViewOptions as SingleViewOptions
     from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
     from posefuse.model.options.triangulation import ConsensusOptions as ConsensusOptions
     from posefuse.model.options.triangulation import PercentileFilterOptions as PercentileFilterOptions
@@ -147,7 +155,19 @@ _PUBLIC = {
     "model.options.stream": ("StreamOptions",),
     "model.options.subject": ("SubjectOptions",),
     "model.options.sync": ("SyncOptions",),
-    "model.options.tracker": ("BirthOptions", "MotionOptions", "PartOptions", "TrackerOptions"),
+    "model.options.tracker": ("TrackerOptions",),
+    "model.options.tracking_motion": ("MotionOptions", "PartOptions"),
+    "model.options.tracking_stages": (
+        "CameraMonitorOptions",
+        "FastMotionOptions",
+        "IdentityAuditOptions",
+        "InitiationOptions",
+        "LifecycleOptions",
+        "PartialDetectionOptions",
+        "ReidentificationOptions",
+        "ReinitializationOptions",
+        "SingleViewOptions",
+    ),
     "model.options.trajectory": ("TrajectoryOptions",),
     "model.options.triangulation": (
         "ConsensusOptions",

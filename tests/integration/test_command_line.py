@@ -228,7 +228,9 @@ class TestBadInput:
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations in", "--calibration PATH"])
+        refused(
+            "reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"]
+        )
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()
@@ -236,7 +238,7 @@ class TestBadInput:
 
     def test_two_calibrations(self, refused, recording, tmp_path):
         (recording / "other.toml").write_text((recording / "calibration.toml").read_text())
-        words = ["2 calibrations", "does not guess", "--calibration", "other.toml"]
+        words = ["2 calibrations", "Choose one", "--calibration", "other.toml"]
         refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
 
     def test_cameras_of_other_names(self, refused, recording, tmp_path):

@@ -52,7 +52,7 @@ def test_two_lasting_people_and_a_passer_by(follow, shared_data):
     assert len(others) == 1
     assert (detection[40:, others[0], :2] >= 0).all()
     assert not (detection[:, others[0], 2:] >= 0).any()
-    assert {event.what for event in result.events} == {"born"}
+    assert {event.what for event in result.events} == {"confirmed"}
 
 
 @pytest.mark.parametrize("layer", ["measured", "solved", "model"])

@@ -153,9 +153,7 @@ class Shape(HTMLParser):
 @cache
 def report_of() -> Reconstruction:
     result = replace(followed(crowd(people=2, seconds=0.6)), swaps=None, poses=None)
-    return replace(
-        result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Health: a finding.", "a note"))
-    )
+    return replace(result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Health: a finding.", "a note")))
 
 
 @given(st.lists(evil, min_size=8, max_size=8, unique=True))
@@ -169,7 +167,7 @@ def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
         skeleton = Skeleton(words[4], names, ((names[0], names[1]),), description=words[7])
         notes = ("Health: " + words[7], words[7])
         provenance = Provenance({"posefuse": words[7]}, {words[6]: "0" * 64}, notes)
-        events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera silent", words[7]))
+        events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera_silent", words[7]))
         return Shape(render_report(replace(result, skeleton=skeleton, provenance=provenance, events=events)))
 
     plain, hostile = page([f"name {i}" for i in range(8)]), page(names)

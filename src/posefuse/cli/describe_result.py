@@ -12,7 +12,7 @@ from posefuse.model.reconstruction import Reconstruction
 if TYPE_CHECKING:
     from posefuse.report.summary import Summary
 
-_MAJOR_EVENTS = ("identity uncertain", "camera refused", "camera silent")
+_MAJOR_EVENTS = ("possible_identity_switch", "camera_rejected", "camera_silent")
 
 
 def describe_result(result: Reconstruction) -> None:

@@ -9,7 +9,7 @@ from posefuse.io.calibration.read import read_cameras
 from posefuse.io.files import files_at, must_exist
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
-from posefuse.io.recording import choose_calibration, choose_keypoints, choose_timestamps, find_recording
+from posefuse.io.recording import choose_timestamps, find_inputs
 from posefuse.io.timestamps import read_timestamps
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -70,7 +70,7 @@ def open_recording(
         PosefuseError: if an input is missing, ambiguous or broken, or ``timed`` and no frame rate is known.
     """
     inputs, options = inputs or RecordingInputs(), options or Options()
-    calibration, keypoints = calibration_and_keypoints(folder, inputs)
+    calibration, keypoints = calibration_and_keypoints(folder, inputs, options)
     timestamps = inputs.timestamps
     nearby = None if timestamps is not None else timestamps_in(folder, keypoints, options)
     # Hashed before reading: if a file changes meanwhile, the digest does not match the new content.
@@ -83,18 +83,16 @@ def open_recording(
     return OpenedRecording(rig, detections, digests)
 
 
-def calibration_and_keypoints(folder: Path, inputs: RecordingInputs) -> tuple[Path, Path]:
+def calibration_and_keypoints(
+    folder: Path, inputs: RecordingInputs, options: Options | None = None
+) -> tuple[Path, Path]:
     """Return the paths of a recording's calibration and keypoints.
 
     Raises:
-        RecordingError: if the folder has none or several and ``inputs`` names none.
+        RecordingError: if an input is missing or ambiguous; one message names all problems.
     """
-    calibration, keypoints = inputs.calibration, inputs.keypoints
-    if calibration is None or keypoints is None:
-        recording = find_recording(folder)
-        calibration = calibration or choose_calibration(recording)
-        keypoints = keypoints or choose_keypoints(recording)
-    return must_exist(calibration, "calibration"), keypoints
+    found = find_inputs(folder, inputs.calibration, inputs.keypoints, options)
+    return must_exist(found.calibration, "calibration"), found.keypoints
 
 
 def keypoint_request(

@@ -131,7 +131,7 @@ def prepare_distributed(
     plan = prepare(rig, detections, options, progress, find=find)
     if not isinstance(plan.subjects, StitchedPeople):
         return plan
-    number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.forget_after_s
+    number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
     note = (
         f"People were tracked in {number} windows of about {runner.workers.window_s:g} s, each starting from the state "
         f"of a tracker that had run through all earlier frames and continuing more than {overlap_s:g} s beyond its "
@@ -195,7 +195,7 @@ def _track_windows(
     """Track people in all windows and stitch them."""
     skeleton, fixed = shared_settings(rig, detections, options)
     rate_hz = 1.0 / clock_of(detections).period_s
-    windows = tracking_windows(detections.n_frames, rate_hz, runner.workers.window_s, options.tracker.forget_after_s)
+    windows = tracking_windows(detections.n_frames, rate_hz, runner.workers.window_s, options.tracker.terminate_after_s)
     starts = [window.first for window in windows]
     trackers = save_trackers(rig, replace(detections, skeleton=skeleton), fixed, starts, progress, runner.folder)
 

@@ -8,7 +8,7 @@ from posefuse.calibration.outcome import Refinement
 from posefuse.errors import FileError
 from posefuse.io.boards import find_board, read_board
 from posefuse.io.calibration.read import read_cameras
-from posefuse.io.calibration.write import must_be_named, write_like
+from posefuse.io.calibration.write import check_name, write_like
 from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.open_recording import RecordingInputs, digest_path
@@ -56,7 +56,7 @@ def refine_recording(
     calibration, rig, detections = _read(recording, inputs or RecordingInputs(), source, options, progress)
     if output.exists() and output.resolve() == calibration.resolve():
         raise FileError(f"--output {output} is the calibration to refine, which is kept. Choose another file.")
-    must_be_named(output, calibration)
+    check_name(output, calibration)
     if source == "board":
         options, refining = replace(options, people="one"), replace(refining, rigid=True)
     result = refine_calibration(rig, detections, options, refining, progress=progress)

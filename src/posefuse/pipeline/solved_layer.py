@@ -20,8 +20,8 @@ from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.recipe import margin_s, postprocess
 from posefuse.trajectory import solve as trajectory
-from posefuse.trajectory.observed import Measured
-from posefuse.trajectory.priors import Laws, learn
+from posefuse.trajectory.observations import MeasuredRange
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors
 
 BLOCK_FRAMES = 1024
 """Number of frames solved at a time, besides the margin around them."""
@@ -116,20 +116,20 @@ class Trajectory:
         rig: calibrated cameras.
         detections: detections of the whole recording.
         noise: noise of the detections.
-        laws: priors of motion, bones and errors, fitted to the recording.
+        priors: priors of motion, bones and errors, fitted to the recording.
         options: options of the solve.
     """
 
     rig: CameraRig
     detections: Detections
     noise: NoiseModel
-    laws: Laws
+    priors: RecordingPriors
     options: TrajectoryOptions
 
     @property
     def margin_s(self) -> float:
         """Frames farther than this from a range do not visibly affect the range."""
-        return trajectory.margin_s(self.laws)
+        return trajectory.margin_s(self.priors)
 
     def apply(self, window: FrameWindow, layer: Layer) -> Layer:
         """Return the layer after the step, for all frames of the window."""
@@ -137,7 +137,7 @@ class Trajectory:
         assert part.tracks is not None
         detections = self.detections.frames(window.first, window.first + part.n_frames)
         return trajectory.solve(
-            self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.laws, self.options
+            self.rig, detections, part.tracks, layer, part.swaps, self.noise, self.priors, self.options
         )
 
     def frames(self, start: int, stop: int) -> "Trajectory":
@@ -164,17 +164,17 @@ def fit_trajectory(
         options: options of the solve.
     """
 
-    def measured() -> Iterator[Measured]:
+    def measured() -> Iterator[MeasuredRange]:
         for span in spans:
             part = measure(*span)
             assert part.tracks is not None
-            yield Measured(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
+            yield MeasuredRange(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
 
-    laws = learn(measured(), detections.skeleton, options)
+    priors = estimate_priors(measured(), detections.skeleton, options)
     if len(spans) > 1:
         # The solve of a single range estimates its own roughness equally well.
-        laws = trajectory.with_roughness(laws, measured(), options)
-    return Trajectory(rig, detections, noise, laws, options)
+        priors = trajectory.estimate_roughness(priors, measured(), options)
+    return Trajectory(rig, detections, noise, priors, options)
 
 
 def training_spans(states: np.ndarray) -> list[tuple[int, int]]:

@@ -18,7 +18,7 @@ _HIGH_REJECTED_SHARE = 0.15
 _HIGH_SWAPPED_SHARE = 0.1
 _LOW_USED_RATIO = 0.7
 """List a camera that is used less than this fraction of the median camera."""
-_NOTABLE_EVENTS = ("camera refused", "camera silent", "identity uncertain", "identities exchanged")
+_NOTABLE_EVENTS = ("camera_rejected", "camera_silent", "possible_identity_switch", "identities_swapped")
 _MAX_EVENTS = 6
 _HIGH_TWO_VIEW_SHARE = 0.2
 _LONG_GAP_S = 0.5

@@ -69,7 +69,7 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
 def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     scene = crowd_of(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels")
-    options = replace(options, tracker=replace(options.tracker, forget_after_s=0.5))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
@@ -106,7 +106,7 @@ def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
 def test_a_crowd_of_three_windows_equals_one_run(tmp_path, solve):
     scene = crowd_of(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
-    options = replace(options, tracker=replace(options.tracker, forget_after_s=5.0))
+    options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
     whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 40.0)
     check_same(whole, pieces)
 

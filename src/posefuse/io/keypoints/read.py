@@ -1,10 +1,14 @@
 """Read any 2D keypoints."""
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
 from posefuse.io.keypoints.format import KeypointFormat
+from posefuse.io.keypoints.frame_rates import find_frame_rate
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import on_one_line
@@ -29,7 +33,24 @@ def read_keypoints(path: Path, request: Request) -> Detections:
     if form is None:
         known = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
         raise FileError(f"{path} holds no keypoints in a known format. Known: {known}.")
-    return on_one_line(form.read(path, request), request)
+    return on_one_line(_with_stated_rate(form.read(path, request), path, request), request)
+
+
+def _with_stated_rate(detections: Detections, path: Path, request: Request) -> Detections:
+    """Return detections with the frame rate of files beside them, if neither they nor the request have times."""
+    requested = request.rate_hz is not None or request.timestamps is not None or request.nearby is not None
+    if requested or request.view_rates_hz or has_times(detections):
+        return detections
+    stated = find_frame_rate(path)
+    if stated is None:
+        return detections
+    note = f"Frame rate {stated.rate_hz:g} Hz read from {stated.source}."
+    return replace(detections.with_rate(stated.rate_hz), notes=(*detections.notes, note))
+
+
+def has_times(detections: Detections) -> bool:
+    """Return whether the times of frames are known."""
+    return detections.rate_hz is not None or bool(np.isfinite(detections.time_s).any())
 
 
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:

@@ -10,7 +10,7 @@ from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People
+from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 
@@ -55,9 +55,10 @@ class Recorder:
         entries, innovations = zip(*spooled, (np.array(self.entries), np.array(self.innovations)), strict=True)
         return np.concatenate(entries), np.concatenate(innovations)
 
-    def add(self, tracker: ArticulatedTracker, people: People) -> None:
+    def add(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
         """Record one frame."""
-        self.history.add(tracker, people)
+        people = tracked.people
+        self.history.add(tracker, tracked)
         for history, follower in zip(self.parts, tracker.parts, strict=True):
             history.add_parts(follower, tracker.tracks, people)
         place = len(self.history) - 1
@@ -71,10 +72,10 @@ class Recorder:
             self._add_entry(place, track.number, track.state, person.rows)
             if person.nis_dof:
                 self.innovations.extend((place, track.number, person.nis, person.nis_dof))
-            for each in tracker.remembered.get(track.name, []):
+            for each in tracked.past_states.get(track.name, []):
                 self._add_entry(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
-        for numbers, since_s in tracker.exchanged:
-            self._rename(tracker, numbers, self.history.place_at(since_s))
+        for swap in tracked.swaps:
+            self._rename(tracker, swap.numbers, self.history.place_at(swap.since_s))
         self.events.extend(people.events)
 
     def _add_entry(self, place: int, number: int, state: TrackState, rows: np.ndarray) -> None:

@@ -21,7 +21,7 @@ from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People
+from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
@@ -58,10 +58,10 @@ def track_subject(
     alone = replace(detections, offsets=offsets, **detections.rows(rows[assigned]))
     # Any person who appears is the subject: the track is never forgotten and always re-acquired.
     anywhere = replace(options.tracker.specification, reacquire_gate=_UNLIMITED_GATE)
+    always = replace(options.tracker.reidentification, min_log_odds=-_CERTAIN_LOG_ODDS)
     tracker = replace(
-        options.tracker, max_people=1, forget_after_s=_NEVER_S, reacquire_log_odds=-_CERTAIN_LOG_ODDS,
-        specification=anywhere,
-    )  # fmt: skip
+        options.tracker, max_people=1, terminate_after_s=_NEVER_S, reidentification=always, specification=anywhere
+    )
     return track_people(rig, alone, replace(options, tracker=tracker), progress, checkpoint)
 
 
@@ -209,23 +209,23 @@ class _Stage:
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = checkpoint.spool(name)
             assert spool is not None
-            history.goes_on_in(spool)
+            history.attach_spool(spool)
         return self
 
     def advance(self, chunk: Detections, times_s: np.ndarray) -> None:
         """Track people through more frames; ``times_s``: shape (frame,)."""
-        for people in _track(self.tracker, chunk, times_s):
-            self.recorder.add(self.tracker, people)
+        for tracked in _track(self.tracker, chunk, times_s):
+            self.recorder.add(self.tracker, tracked)
         self.done += chunk.n_frames
 
 
-def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[People]:
-    """Return the people of each frame; ``times_s``, shape (frame,), is used where no view recorded the frame."""
+def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
+    """Return the tracked people of each frame; ``times_s``, shape (frame,), is used where no view recorded the frame."""
     for i in range(chunk.n_frames):
         frame = Frame.of(chunk, i)
         if not frame.recorded.any():
             frame = replace(frame, time_s=np.full(len(frame.recorded), times_s[i]))
-        yield tracker.update(frame)
+        yield tracker.process(frame)
 
 
 def _spools(parts: int) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from posefuse.pipeline.people.poses import BodyArrays, DerivedStates, Offsets
 from posefuse.pipeline.people.selection import select_people
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.history import History
-from posefuse.tracking.parts import sure_directions
+from posefuse.tracking.parts import certain_directions
 from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 
 
@@ -144,7 +144,7 @@ class TrackedPeople:
     ) -> DerivedStates:
         """Return the directions and angle uncertainties of a part; those of its root include the body's."""
         part, tree, body = self.skeleton.parts[i], self.history.settings.tree, person.body
-        sure = sure_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
+        sure = certain_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
         s, b = len(tree.segments), len(tree.bones)
         stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
         own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
@@ -202,4 +202,4 @@ class WholeSmoother:
     def resume_from(self, memory: tuple[Memory, ...]) -> None:
         """Continue from the state of another smoother of the same people."""
         for each, state in zip((self.body, *self.parts), memory, strict=True):
-            each.goes_on_from(state)
+            each.resume_from(state)

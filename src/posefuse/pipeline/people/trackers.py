@@ -17,7 +17,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.pipeline.people.initial_noise import propose_from_all, propose_people
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.known_lengths import with_known_lengths
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 from posefuse.tracking.unknown_bodies import measured_tree
 
@@ -26,15 +26,15 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     """Return a sentence on each option that was set and has no effect, with what would give it one."""
     tracker, default = options.tracker, TrackerOptions()
     sentences = []
-    if tracker.preset != "specification" and tracker.specification != default.specification:
+    if tracker.strategy != "specification" and tracker.specification != default.specification:
         sentences.append(
-            "tracker.specification has options of the preset 'specification', but the preset is "
-            f"{tracker.preset!r}: they have no effect. Add --tracker.preset specification, or leave them out."
+            "tracker.specification has options of the strategy 'specification', but the strategy is "
+            f"{tracker.strategy!r}: they have no effect. Add --tracker.strategy specification, or leave them out."
         )
-    if tracker.preset == "specification" and tracker.smoother != "none":
+    if tracker.strategy == "specification" and tracker.smoother != "none":
         sentences.append(
-            f"tracker.smoother = {tracker.smoother!r} has no effect with the preset 'specification', whose states have "
-            "no covariances: nothing is smoothed. Add --smoother none, or use the preset 'posefuse'."
+            f"tracker.smoother = {tracker.smoother!r} has no effect with the strategy 'specification', whose states have "
+            "no covariances: nothing is smoothed. Add --smoother none, or use the strategy 'posefuse'."
         )
     if tracker.parts != default.parts and not skeleton.parts:
         sentences.append(
@@ -65,7 +65,7 @@ def tracker_of(rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: O
         SkeletonError: if the skeleton has no kinematic tree.
     """
     skeleton = with_known_lengths(skeleton, options.tracker)
-    settings = Settings.of(rig, skeleton, noise, options.tracker)
+    settings = TrackerSettings.of(rig, skeleton, noise, options.tracker)
     return ArticulatedTracker(settings, partial(propose_people, rig, noise, skeleton, options))
 
 

@@ -76,17 +76,17 @@ WindowBodies = tuple[Layer, Poses]
 """The model layer and the poses of a window, without the frames around it."""
 
 
-def tracking_windows(n_frames: int, rate_hz: float, window_s: float, forget_after_s: float) -> list[TrackingWindow]:
+def tracking_windows(n_frames: int, rate_hz: float, window_s: float, terminate_after_s: float) -> list[TrackingWindow]:
     """Divide a recording into windows of nearly equal length.
 
     Args:
         n_frames: number of frames of the recording.
         rate_hz: frame rate.
         window_s: approximate length of a window.
-        forget_after_s: time after which a lost track is terminated.
+        terminate_after_s: time after which a lost track is terminated.
     """
     number = max(round(n_frames / (window_s * rate_hz)), 1)
-    before, after = (math.ceil(time_s * rate_hz) for time_s in (_BEFORE_S, forget_after_s + _AFTER_S))
+    before, after = (math.ceil(time_s * rate_hz) for time_s in (_BEFORE_S, terminate_after_s + _AFTER_S))
     bounds = np.linspace(0, n_frames, number + 1).round().astype(int).tolist()
     return [
         TrackingWindow(max(start - before, 0), start, stop, min(stop + after, n_frames))

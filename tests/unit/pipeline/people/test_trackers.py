@@ -21,9 +21,9 @@ OF_SPECIFICATION = SpecificationOptions(promote_score=3.0)
 @pytest.mark.parametrize(
     ("tracker", "remedy"),
     [
-        (TrackerOptions(specification=OF_SPECIFICATION), "Add --tracker.preset specification"),
-        (TrackerOptions(preset="specification"), "Add --smoother none"),
-        (TrackerOptions(preset="specification", smoother="lag"), "Add --smoother none"),
+        (TrackerOptions(specification=OF_SPECIFICATION), "Add --tracker.strategy specification"),
+        (TrackerOptions(strategy="specification"), "Add --smoother none"),
+        (TrackerOptions(strategy="specification", smoother="lag"), "Add --smoother none"),
         (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), "such as coco_wholebody_133"),
         (TrackerOptions(lag_s=0.5), "Add --smoother lag"),
     ],
@@ -38,7 +38,7 @@ def test_unused_options_are_named_with_a_remedy(tracker, remedy):
     ("tracker", "skeleton"),
     [
         (TrackerOptions(), BODY),
-        (TrackerOptions(preset="specification", smoother="none", specification=OF_SPECIFICATION), BODY),
+        (TrackerOptions(strategy="specification", smoother="none", specification=OF_SPECIFICATION), BODY),
         (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), WHOLE),
         (TrackerOptions(smoother="lag", lag_s=0.5), BODY),
     ],

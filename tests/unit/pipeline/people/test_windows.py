@@ -57,7 +57,7 @@ def seen_in(tracks: Tracks, window: TrackingWindow, rng: np.random.Generator) ->
     names = tuple(f"person_{i + 1}" for i in range(len(there)))
     first = [int(np.argmax(state[:, p] != TrackState.ABSENT)) + window.first for p in there]
     events = tuple(
-        Event(number, 0.1 * number, name, "born", f"beside {names[0]}")
+        Event(number, 0.1 * number, name, "confirmed", f"beside {names[0]}")
         for name, number in zip(names, first, strict=True)
     )
     lengths = np.array(there, dtype=float)[:, None]
