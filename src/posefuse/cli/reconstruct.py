@@ -358,7 +358,7 @@ def describe(result: Reconstruction) -> None:
     for v, camera in enumerate(result.rig.names):
         error = summary.error_px_by_view[v]
         numbers = [f"{value:.2f}" if np.isfinite(value) else "-" for value in (error.median, error.p90)]
-        swaps = [] if swapped is None else [percent(summary.swapped_in(v))]
+        swaps = [] if swapped is None else [percent(summary.swapped_share(v))]
         rows.append([camera, percent(summary.used[v]) if summary.n_points else "-", *numbers, *swaps])
     table(None, ["camera", "used", "median px", "90 % px", *([] if swapped is None else ["sides swapped"])], rows)
 

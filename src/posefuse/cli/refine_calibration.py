@@ -49,7 +49,7 @@ def refine_calibration(
 
     The calibration that is read stays as it is. Cameras that cannot be helped are left out by name.
     """
-    from posefuse.io.calibration.write import must_be_named, write_like
+    from posefuse.io.calibration.write import check_name, write_like
     from posefuse.pipeline.refine_calibration import refine_calibration as refined
 
     progress = Bars()
@@ -57,7 +57,7 @@ def refine_calibration(
     place, rig, detections = _read(recording, calibration, keypoints, source, options, progress)
     if output.exists() and output.resolve() == place.resolve():
         raise FileError(f"--output {output} is the calibration that is refined, which stays as it is. Name another.")
-    must_be_named(output, place)
+    check_name(output, place)
     if source == "board":
         options = replace(options, people="one")
     result = refined(rig, detections, options, chosen, progress=progress)

@@ -150,7 +150,7 @@ def _text(values: np.ndarray) -> pa.Array:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one of points."""
+    """Return whether a file is a tidy table of points."""
     return {"frame", "time_s", "person", "keypoint"} <= set(tables.header(path))
 
 
@@ -158,7 +158,7 @@ def read(path: Path) -> StoredPoints:
     """Read a layer; which one, its file does not tell unless by its name.
 
     Raises:
-        FileError: if it is no such table, or cut short.
+        FileError: if it is not such a table, or truncated.
     """
     names = tables.header(must_exist(path, "table of points"))
     tidy.unit_of(names, path)

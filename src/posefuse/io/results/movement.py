@@ -1,7 +1,7 @@
 """netCDF that the package ``movement`` opens: ``position`` (time, space, keypoint, individual) and ``confidence``.
 
 Names of dimensions as movement has them since 0.17 (keypoint, individual); earlier ones are plural, see the docs.
-Metres, world axes. ``time`` is in seconds, or in frame numbers where times are unknown. A result has no confidence:
+Meters, world axes. ``time`` is in seconds, or in frame numbers where times are unknown. A result has no confidence:
 ``confidence`` is there, for movement asks for it, and NaN. Beside: ``status``, ``source`` (codes explain themselves),
 ``reprojection_error``, ``n_views``, ``covariance`` (.., covariance_entry), ``view_status``, ``view_error`` (.., view).
 """
@@ -40,7 +40,7 @@ _VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = 
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
-    """Write one layer of everybody."""
+    """Write one layer of all people."""
     timed = bool(np.isfinite(result.time_s).all())
     parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
@@ -97,7 +97,7 @@ def _attributes(name: str, unit: str, codes: type[IntEnum] | None) -> dict[str, 
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one of 3D poses."""
+    """Return whether a file contains 3D poses of movement."""
     try:
         with h5py.File(path, "r") as file:
             return _text(file, "ds_type") == _TYPE

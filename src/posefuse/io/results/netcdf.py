@@ -1,7 +1,7 @@
 """``reconstruction.nc``: everything a :class:`Reconstruction` holds, as netCDF-4 that xarray opens.
 
 Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
-(time, individual, keypoint, space) in metres, ``measured_covariance``, ``measured_status``, ... Codes explain
+(time, individual, keypoint, space) in meters, ``measured_covariance``, ``measured_status``, ... Codes explain
 themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance, skeleton and alignment (JSON) are
 attributes. Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction``
 (time, individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
@@ -85,7 +85,7 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
         path: a ``reconstruction.nc``.
 
     Raises:
-        FileError: if there is no such file, or it is cut short or another.
+        FileError: if there is no such file, or it is truncated or not a reconstruction.
     """
     path = must_exist(Path(path), "reconstruction")
     with reading(path, "reconstruction"):

@@ -1,6 +1,6 @@
 """One ``.npz`` a person with the arrays of :mod:`posefuse.io.results.freemocap`, by their files' names without folders.
 
-Millimetres, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
+Millimeters, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
 """
 
 import zipfile
@@ -23,7 +23,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """Write one person.
 
     Raises:
-        ResultError: if there is no frame, or one camera's image plane is no place in the world.
+        ResultError: if there are no frames, or the result comes from a single camera.
     """
     head = np.array(head_of(result, person, layer))
     arrays = [*arrays_of(result, person, layer), Array(_HEAD, (), head.dtype, lambda: iter([head]))]
@@ -40,7 +40,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one that we wrote."""
+    """Return whether a file was written by posefuse."""
     try:
         with zipfile.ZipFile(path) as archive:
             return f"{_HEAD}.npy" in archive.namelist()
@@ -52,7 +52,7 @@ def read(path: Path) -> StoredPoints:
     """Read a file that we wrote.
 
     Raises:
-        FileError: if it is none, or broken.
+        FileError: if it is not such a file, or corrupt.
     """
     must_exist(path, ".npz file")
     with reading(path, ".npz file"):

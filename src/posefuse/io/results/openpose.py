@@ -36,7 +36,7 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
     """Write all people as all cameras would see them.
 
     Returns:
-        What the files cannot say, in sentences.
+        Notes on what the files do not contain, in sentences.
 
     Raises:
         ResultError: if the points are no places in the world.

@@ -2,7 +2,7 @@
 
 Names are those that Pose2Sim and OpenPose use (``RKnee``, ``LBigToe``). ``markers.xml`` puts them on the bodies of the
 full-body model that comes with OpenSim (Rajagopal et al. 2016, ``Rajagopal2016.osim``; not part of posefuse), at its
-joint centres, rounded to the mm; toes and heels at the tips of its foot. Scaling is by distances between markers over
+joint centers, rounded to the mm; toes and heels at the tips of its foot. Scaling is by distances between markers over
 the longest stretch of frames in which all are there; angles are solved wherever the person is there.
 """
 
@@ -40,10 +40,10 @@ def write(
     """Write people, each their TRC and set-ups, and the markers.
 
     Returns:
-        What the files cannot say, in sentences.
+        Notes on what the files do not contain, in sentences.
 
     Raises:
-        ResultError: if the keypoints are not a human's, nobody is there, or the frame rate is unknown or uneven.
+        ResultError: if the keypoints are not a human's, nobody is there, or the frame rate is unknown or not constant.
         FileError: if the folder holds other files.
     """
     names = marker_names(result.skeleton)
@@ -216,7 +216,7 @@ def _scaling(person: str, known: list[str], span: tuple[float, float], mass_kg: 
     _put(scaler, "time_range", _times(span))
     _put(scaler, "preserve_mass_distribution", "true")
     _put(scaler, "output_model_file", f"{person}_scaled.osim")
-    # Without a MarkerPlacer: keypoints are joint centres; moving them to where a frame has them builds its errors in.
+    # Without a MarkerPlacer: keypoints are joint centers; moving them to where a frame has them builds its errors in.
     return root
 
 

@@ -1,6 +1,6 @@
 """Where markers are on the bodies of OpenSim's full-body model, and what tells how large its bodies are.
 
-Joint centres are those of the model of Rajagopal et al. 2016, IEEE Trans Biomed Eng 63(10), to the mm; axes of bodies
+Joint centers are those of the model of Rajagopal et al. 2016, IEEE Trans Biomed Eng 63(10), to the mm; axes of bodies
 are OpenSim's: x forward, y up, z to the right.
 """
 

@@ -33,7 +33,7 @@ _VERSION = 1
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
-    """Write one layer of everybody."""
+    """Write one layer of all people."""
     schema = _table(result.frames(0, 0), layer).schema.with_metadata(_metadata(result, layer))
     parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, parquet.ParquetWriter(temporary, schema, compression="zstd") as file:
@@ -93,7 +93,7 @@ def _lists(values: pa.Array, each: int, rows: int) -> pa.ListArray:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one."""
+    """Return whether a file is in this format."""
     try:
         return b"posefuse" in (parquet.read_schema(path).metadata or {})
     except (OSError, pa.ArrowException):

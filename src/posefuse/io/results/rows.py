@@ -18,7 +18,7 @@ def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
     """The row of each frame, and how many rows there are.
 
     Raises:
-        ResultError: if there is no frame, or nearly every row would be empty.
+        ResultError: if there are no frames, or almost all rows would be empty.
     """
     if not result.n_frames:
         raise ResultError(f"This result has no frames, so there is nothing that a file ({form}) could hold.")

@@ -50,7 +50,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     """Write one person.
 
     Raises:
-        ResultError: if the frame rate is unknown or uneven.
+        ResultError: if the frame rate is unknown or not constant.
     """
     rate = export_rate(result, "TRC")
     places, n_rows = regular_rows(result)
@@ -102,7 +102,7 @@ def read(path: Path) -> Trajectories:
     """Read a TRC file of any program.
 
     Raises:
-        FileError: if a line is not what the format says.
+        FileError: if the file does not conform to the format.
     """
     lines = read_text(path).splitlines()
     if len(lines) < 5 or not lines[0].startswith(_FIRST):
@@ -120,7 +120,7 @@ def read(path: Path) -> Trajectories:
     rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
     promised = header.get("NumFrames", "").strip()
     if promised.isdigit() and int(promised) != len(rows):
-        raise FileError(f"{path} has {len(rows)} rows, its header says {promised} frames. Was it cut short?")
+        raise FileError(f"{path} has {len(rows)} rows, its header says {promised} frames. Is it truncated?")
     table = np.full((len(rows), width), np.nan)
     for i, (number, line) in enumerate(rows):
         cells = line.split("\t")[:width]
@@ -133,7 +133,7 @@ def read(path: Path) -> Trajectories:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one."""
+    """Return whether a file is in this format."""
     with path.open("rb") as content:
         return content.read(len(_FIRST)) == _FIRST.encode()
 
@@ -144,7 +144,7 @@ def read_points(path: Path) -> StoredPoints:
     Frames are counted from 0: the format numbers rows.
 
     Raises:
-        FileError: if a line is not what the format says.
+        FileError: if the file does not conform to the format.
     """
     found = read(path)
     return StoredPoints(

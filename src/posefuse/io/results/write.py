@@ -191,7 +191,7 @@ def write_folder(
     Args:
         result: what to write.
         folder: where.
-        progress: told how far the work is.
+        progress: receives the progress.
         angles: finds the joint angles of bodies.
         tables: what else to write, by file name: ranges of columns by name.
 

@@ -1,4 +1,4 @@
-"""OpenCV's FileStorage, YAML and XML, and plain YAML: names to numbers, arrays, texts, lists. Nothing is executed."""
+"""Parsing of OpenCV's FileStorage (YAML and XML) and plain YAML to dictionaries; no code is executed."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import small_text
+from posefuse.io.calibration.camera_records import small_text
 from posefuse.io.files import parse_xml
 
 YAML_SUFFIXES = (".yml", ".yaml")
@@ -16,7 +16,7 @@ _MATRIX_TAG = "tag:yaml.org,2002:opencv-matrix"
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Plain values and OpenCV's matrices; LibYAML's, which is ten times faster, where PyYAML came with it."""
+    """A safe loader with OpenCV's matrices; uses LibYAML, which is ten times faster, if available."""
 
 
 def _matrix(loader: _Loader, node: Any) -> np.ndarray:
@@ -32,34 +32,34 @@ def _shaped(table: dict[Any, Any]) -> np.ndarray:
 
 
 def read_yaml(path: Path) -> Any:
-    """What a YAML file holds, OpenCV's header and matrices understood.
+    """Return the content of a YAML file, including OpenCV's matrices.
 
     Raises:
-        FileError: if it is not YAML, or a matrix is not what it says.
+        FileError: if it is not valid YAML, or a matrix does not have the stated shape.
     """
     lines = small_text(path).split("\n")
-    # OpenCV writes %YAML:1.0, which YAML does not allow.
+    # OpenCV writes %YAML:1.0, which is not valid YAML.
     text = "\n".join(line for line in lines if not line.startswith("%YAML"))
     try:
-        # With references (*name) a short text unfolds to any size, and a calibration has no use for them.
+        # Aliases (*name) can expand a short text to any size, and calibrations do not need them.
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, _Loader)):
-            raise ValueError("it holds references (*name), which a calibration has no use for")
+            raise ValueError("it contains aliases (*name), which are not allowed")
         return yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        said = " ".join(str(error).split())[:200]
-        raise FileError(f"{path} is not whole YAML: {said}. Was it cut short?") from None
+        reason = " ".join(str(error).split())[:200]
+        raise FileError(f"{path} is not valid YAML: {reason}. Is it truncated?") from None
 
 
 def yaml_matches(path: Path) -> Any:
-    """What a file named as YAML holds, for a format to look whether it is its own; None for any other file."""
+    """Return the content of a file named as YAML, for recognizing formats; None for any other file."""
     return read_yaml(path) if path.suffix in YAML_SUFFIXES and path.is_file() else None
 
 
 def read_storage(path: Path) -> dict[str, Any]:
-    """The entries of a FileStorage, YAML or XML.
+    """Return the entries of a FileStorage in YAML or XML.
 
     Raises:
-        FileError: if it is neither, or a matrix is not what it says.
+        FileError: if it is neither, or a matrix does not have the stated shape.
     """
     if path.suffix in YAML_SUFFIXES:
         data = read_yaml(path)
@@ -68,7 +68,7 @@ def read_storage(path: Path) -> dict[str, Any]:
     try:
         return {child.tag: _value(child) for child in root} if root.tag == "opencv_storage" else {}
     except (TypeError, ValueError, OverflowError) as error:
-        raise FileError(f"{path}: a matrix is not what it says: {error}.") from None
+        raise FileError(f"{path}: a matrix is invalid: {error}.") from None
 
 
 def _value(element: ElementTree.Element) -> Any:

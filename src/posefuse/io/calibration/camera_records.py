@@ -1,4 +1,4 @@
-"""From the numbers of a file to a rig: what every calibration format needs and none should do by itself."""
+"""Conversion of the camera parameters of a file to a rig, shared by all calibration formats."""
 
 import json
 from collections.abc import Sequence
@@ -10,29 +10,29 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import CameraError, FileError, choices
-from posefuse.io.calibration.tables import BEYOND_REASON, METRES, guessed_unit
+from posefuse.io.calibration.tables import MAX_PLAUSIBLE, METERS_PER_UNIT, guess_unit
 from posefuse.io.files import read_text
 from posefuse.model.cameras import Camera, CameraRig, UpAxis
 from posefuse.model.options.options import LengthUnit
 
 LARGEST_BYTES = 8_000_000
-"""No calibration is larger; what is, is something else, or a trap."""
+"""Largest size of a calibration file; larger files are not read."""
 
-_MOST_NUMBERS = 1_000_000
+_MAX_NUMBERS = 1_000_000
 
 
 @dataclass(frozen=True)
-class Found:
-    """A camera as a file describes it, in the file's unit of length.
+class CameraRecord:
+    """Parameters of a camera as read from a file, in the file's unit of length.
 
     Attributes:
-        name: its name.
-        matrix: K, 9 numbers in rows.
-        rotation: world to camera, a Rodrigues vector or a matrix in rows.
+        name: name of the camera.
+        matrix: camera matrix K, 9 numbers in row order.
+        rotation: world to camera, a Rodrigues vector or a matrix in row order.
         translation: world to camera, 3 numbers.
-        distortion: in OpenCV's order.
-        size_px: width and height, or None where the file does not say.
-        fisheye: whether the coefficients are a fisheye's.
+        distortion: coefficients in OpenCV's order.
+        size_px: width and height of the image, or None if the file does not state them.
+        fisheye: whether the coefficients belong to OpenCV's fisheye model.
     """
 
     name: str
@@ -46,48 +46,48 @@ class Found:
 
 def build_rig(
     path: Path,
-    found: Sequence[Found],
+    records: Sequence[CameraRecord],
     unit: LengthUnit | None,
-    usual: LengthUnit | None,
+    default_unit: LengthUnit | None,
     up: UpAxis | None = None,
     notes: tuple[str, ...] = (),
 ) -> CameraRig:
-    """The rig of what was found.
+    """Build a rig, in meters.
 
-    An image whose size is not said is taken to be twice as wide and high as the principal point lies inside it.
+    An unknown image size is assumed to be twice the principal point.
 
     Args:
         path: the file or folder, for messages.
-        found: the cameras, in order.
-        unit: what the user says the lengths are in.
-        usual: what the format says; None where it leaves that open: then metres, where the cameras stand less than 30
-            units apart, else mm, and a note.
-        up: the world's up axis, or None where nobody knows.
-        notes: what else is worth saying.
+        records: the cameras, in order.
+        unit: unit of length stated by the user, or None.
+        default_unit: unit of length of the format; None if the format leaves it open. Then it is guessed (see
+            :func:`posefuse.io.calibration.tables.guess_unit`), and the rig has a note.
+        up: up axis of the world, or None if unknown.
+        notes: further notes of the rig.
 
     Raises:
-        FileError: if no camera was found, or something is not made of numbers of the right count.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if there is no camera, or a field does not hold the right number of numbers.
+        CameraError: if a camera's parameters are invalid.
     """
-    if not found:
-        raise FileError(f"{path} describes no camera that has both a lens and a place.")
-    rows = [_numbers(path, camera) for camera in found]
-    chosen = unit or usual
+    if not records:
+        raise FileError(f"{path} has no camera with both intrinsic and extrinsic parameters.")
+    rows = [_numbers(path, camera) for camera in records]
+    chosen = unit or default_unit
     if chosen is None:
-        chosen = guessed_unit((row.rotation, row.translation) for row in rows)
+        chosen = guess_unit((row.rotation, row.translation) for row in rows)
         notes = (
             *notes,
-            f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",
+            f"{path.name} does not state its unit of length; assumed {chosen}. Set it with --length-unit.",
         )
-    sizeless = [camera.name for camera in found if camera.size_px is None]
+    sizeless = [camera.name for camera in records if camera.size_px is None]
     if sizeless:
         notes = (
             *notes,
-            f"{path.name} does not say how large the images of {choices(sizeless)} are; taken as twice the principal "
-            "point.",
+            f"{path.name} does not state the image size of {choices(sizeless)}; assumed twice the principal point.",
         )
-    cameras = tuple(_camera(path, camera, row, METRES[chosen]) for camera, row in zip(found, rows, strict=True))
-    return CameraRig(cameras, up, path.name, METRES[chosen], notes)
+    scale = METERS_PER_UNIT[chosen]
+    cameras = tuple(_camera(path, camera, row, scale) for camera, row in zip(records, rows, strict=True))
+    return CameraRig(cameras, up, path.name, scale, notes)
 
 
 @dataclass(frozen=True)
@@ -98,14 +98,14 @@ class _Numbers:
     distortion: np.ndarray
 
 
-def _numbers(path: Path, camera: Found) -> _Numbers:
+def _numbers(path: Path, camera: CameraRecord) -> _Numbers:
     counts = {"matrix": (9,), "rotation": (3, 9), "translation": (3,), "distortion": None}
     arrays = {}
-    for field, wanted in counts.items():
+    for field, sizes in counts.items():
         values = as_numbers(getattr(camera, field), f"{path}, camera {camera.name!r}: {field}")
-        if wanted is not None and values.size not in wanted:
+        if sizes is not None and values.size not in sizes:
             raise FileError(
-                f"{path}, camera {camera.name!r}: {field} should hold {' or '.join(map(str, wanted))} numbers, got "
+                f"{path}, camera {camera.name!r}: {field} should hold {' or '.join(map(str, sizes))} numbers, got "
                 f"{values.size}."
             )
         arrays[field] = values
@@ -116,20 +116,20 @@ def _numbers(path: Path, camera: Found) -> _Numbers:
 
 
 def as_numbers(values: Any, where: str) -> np.ndarray:
-    """Values as a flat array of finite numbers; truth values are none.
+    """Return values as a flat array of finite numbers; booleans are not accepted.
 
     Raises:
-        FileError: if they are something else, or beyond all reason.
+        FileError: if the values are not numbers, or implausibly large.
     """
     try:
         given = np.asarray(values)
-        if given.dtype == bool or given.size > _MOST_NUMBERS:
+        if given.dtype == bool or given.size > _MAX_NUMBERS:
             raise TypeError
         numbers = given.astype(np.float64).ravel()
     except (TypeError, ValueError, OverflowError):
-        raise FileError(f"{where} should be made of numbers, got {_short(values)}.") from None
-    if not np.all(np.abs(numbers) < BEYOND_REASON):
-        raise FileError(f"{where} holds numbers that no camera has: {_short(numbers.tolist())}.")
+        raise FileError(f"{where} should consist of numbers, got {_short(values)}.") from None
+    if not np.all(np.abs(numbers) < MAX_PLAUSIBLE):
+        raise FileError(f"{where} has implausible values: {_short(numbers.tolist())}.")
     return numbers
 
 
@@ -138,7 +138,7 @@ def _short(values: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _camera(path: Path, camera: Found, row: _Numbers, scale: float) -> Camera:
+def _camera(path: Path, camera: CameraRecord, row: _Numbers, scale: float) -> Camera:
     if camera.size_px is None:
         size = np.maximum(np.round(2.0 * row.matrix[:2, 2]), 1.0)
     else:
@@ -155,7 +155,7 @@ def _camera(path: Path, camera: Found, row: _Numbers, scale: float) -> Camera:
 
 
 def small_text(path: Path) -> str:
-    """The text of a file that may be a calibration; nothing of a file that is too large for one.
+    """Return the text of a file that may be a calibration; empty if it is too large for one.
 
     Raises:
         FileError: if it cannot be read as UTF-8.
@@ -168,7 +168,7 @@ def small_text(path: Path) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file holds; None for a file that is too large to be a calibration.
+    """Return the content of a JSON file; None if it is too large to be a calibration.
 
     Raises:
         FileError: if it is not JSON.
@@ -179,22 +179,22 @@ def read_json(path: Path) -> Any:
     try:
         return msgspec.json.decode(text)
     except msgspec.DecodeError:
-        pass  # Some programs write NaN, which is not JSON but is clear enough.
+        pass  # Some programs write NaN, which is not valid JSON, but the standard library accepts it.
     except RecursionError as error:
-        raise FileError(f"{path} is not whole JSON: {error}. Was it cut short?") from None
+        raise FileError(f"{path} is not valid JSON: {error}. Is it truncated?") from None
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FileError(f"{path} is not whole JSON: {error}. Was it cut short?") from None
+        raise FileError(f"{path} is not valid JSON: {error}. Is it truncated?") from None
 
 
 def json_matches(path: Path) -> Any:
-    """What a file named ``.json`` holds, for a format to look whether it is its own; None for any other file."""
+    """Return the content of a file named ``.json``, for recognizing formats; None for any other file."""
     return read_json(path) if path.suffix == ".json" and path.is_file() else None
 
 
 def dict_list(data: Any, key: str) -> list[dict[str, Any]]:
-    """The list of objects under a key, empty where there is none."""
+    """Return the list of objects at a key; empty if there is none."""
     values = data.get(key) if isinstance(data, dict) else None
     if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
         return []
