@@ -206,7 +206,7 @@ def test_frames_out_of_order_are_refused(scene: CrowdScene) -> None:
     tracker = Tracker(scene.rig, "body_20")
     tracker.update(frames[5])
     for i in (5, 4):
-        with pytest.raises(DetectionsError, match="Frames come in order"):
+        with pytest.raises(DetectionsError, match="Frames must be in order of time"):
             tracker.update(frames[i])
     assert tracker.update(frames[6]).number == 6
 
