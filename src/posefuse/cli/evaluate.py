@@ -71,9 +71,9 @@ def evaluate(
     Several people are matched in every frame, and by name over the whole recording.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.cli.results import open_result
     from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
+    from posefuse.io.results.open_result import open_result
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))

@@ -43,8 +43,8 @@ def overlay(
 
     Writes <camera>_overlay.mp4 per camera, or overlay.mp4 with --grid. Faint points are held, filled or lost.
     """
-    from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in, layer_of, offsets_by_camera, videos_by_camera
+    from posefuse.io.results.open_result import open_result
     from posefuse.visualize.overlay.options import OverlayOptions
     from posefuse.visualize.overlay.write import write_overlays
 

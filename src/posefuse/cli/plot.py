@@ -32,8 +32,8 @@ def plot(
     """Draw a result's figures as PNG and SVG, for papers and slides."""
     names = chosen_figures(figure)
 
-    from posefuse.cli.results import open_result
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.report.plots.data import gather_plot_data
     from posefuse.report.plots.registry import draw_plot
 

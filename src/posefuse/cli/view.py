@@ -32,9 +32,9 @@ def view(
 
     Requires pip install 'posefuse[view]'.
     """
-    from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.visualize.frame_times import frames_between
     from posefuse.visualize.viewer.library import import_rerun
     from posefuse.visualize.viewer.show import open_scene, require_display, save_scene
