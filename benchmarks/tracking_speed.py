@@ -24,7 +24,8 @@ from benchmarks.people import scene_of, tracker_for
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.reconstruct import measure, prepare
+from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene
