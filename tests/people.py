@@ -120,11 +120,11 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
         elif state[f, p] == TrackState.LOST:
             events.append(Event(*when, name, "lost", "not seen for 0.3 s, though 3 cameras should see them"))
         elif state[f, p] == TrackState.ABSENT:
-            events.append(Event(*when, name, "tracks_to_terminate", "lost for 0.1 s"))
+            events.append(Event(*when, name, "terminated", "lost for 0.1 s"))
     return tuple(events)
 
 
-def empty_state(scene: CrowdScene) -> Reconstruction:
+def without_people(scene: CrowdScene) -> Reconstruction:
     """The same recording with nobody found in it."""
     whole = followed(scene)
     empty = {

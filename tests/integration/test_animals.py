@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.animal_scenes import AnimalOptions, renamed, simulate_animals
 from benchmarks.animals import OF, OWN_TOML
 
 import posefuse
 from posefuse.cli.simulate import write_scene
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
-from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowds import CrowdScene
 
 PAGE = (Path(__file__).parents[2] / "docs" / "animals.md").read_text()

@@ -17,7 +17,7 @@ from posefuse.model.status import PointStatus
 from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
 from tests.laws import examples
-from tests.people import crowd, followed, nobody
+from tests.people import crowd, followed, without_people
 
 FRAMES = 30
 
@@ -178,7 +178,7 @@ class TestLaws:
 
     def test_everybody_may_go(self, result, scene):
         edited = apply_edits(result, [Drop(name) for name in result.person_ids])
-        assert edited.layers["model"] == nobody(scene).layers["model"]
+        assert edited.layers["model"] == without_people(scene).layers["model"]
         assert (edited.person_ids, edited.events) == ((), ())
 
 

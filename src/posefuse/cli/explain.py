@@ -11,8 +11,9 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, note, say, table, warn
 from posefuse.cli.types import TimestampsPath
 from posefuse.errors import MatchError, choices
-from posefuse.explain import AROUND_S, FrameAccount, PersonConsistency, Sighting, ViewAccount
+from posefuse.explain import AROUND_S
 from posefuse.model.detections import Detections
+from posefuse.model.frame_report import DetectionReport, FrameReport, PersonReport, ViewReport
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton
 
@@ -43,18 +44,18 @@ def explain(
     detections = None
     if recording is not None or keypoints is not None:
         detections = detections_for(opened, recording, keypoints, timestamps)
-    frame_account = explaining.explain(opened, frame, detections, person)
-    at = f", {frame_account.time_s:.3f} s" if np.isfinite(frame_account.time_s) else ""
-    say(f"frame {frame_account.number}{at}")
-    if not frame_account.complete:
+    report = explaining.explain(opened, frame, detections, person)
+    at = f", {report.time_s:.3f} s" if np.isfinite(report.time_s) else ""
+    say(f"frame {report.number}{at}")
+    if not report.complete:
         note(
             "Unassigned detections are not listed without the 2D keypoints. Add --recording FOLDER or --keypoints FILE."
         )
-    _print_events(frame_account)
-    _print_people(frame_account)
+    _print_events(report)
+    _print_people(report)
     if person is not None:
-        _print_keypoints(frame_account, opened.skeleton)
-    for view in frame_account.views:
+        _print_keypoints(report, opened.skeleton)
+    for view in report.views:
         _print_view(view, tuple(opened.layers))
 
 
@@ -100,25 +101,25 @@ def _views_of(result: Reconstruction, detections: Detections) -> list[str]:
     return chosen
 
 
-def _print_events(frame_account: FrameAccount) -> None:
+def _print_events(report: FrameReport) -> None:
     say("")
-    if not frame_account.events:
+    if not report.events:
         note(f"No events within {AROUND_S:g} s.")
         return
-    rows = [[str(event.number), event.person, event.what, event.why] for event in frame_account.events]
+    rows = [[str(event.number), event.person, event.what, event.why] for event in report.events]
     table(None, ["frame", "person", "event", "reason"], rows, words=True)
 
 
-def _print_people(frame_account: FrameAccount) -> None:
+def _print_people(report: FrameReport) -> None:
     say("")
-    if not frame_account.people:
+    if not report.people:
         note("No person is tracked in this frame.")
         return
-    rows = [row for person in frame_account.people for row in _person_rows(person)]
+    rows = [row for person in report.people for row in _person_rows(person)]
     table(None, ["person", "state", "layer", "points", "error px", "sd mm"], rows)
 
 
-def _person_rows(person: PersonConsistency) -> list[list[str]]:
+def _person_rows(person: PersonReport) -> list[list[str]]:
     state = f"{person.state.name.lower()} since {person.since}"
     rows = []
     for i, layer in enumerate(person.layers):
@@ -129,9 +130,9 @@ def _person_rows(person: PersonConsistency) -> list[list[str]]:
     return rows
 
 
-def _print_keypoints(frame_account: FrameAccount, skeleton: Skeleton) -> None:
+def _print_keypoints(report: FrameReport, skeleton: Skeleton) -> None:
     """Print the status of each keypoint of one person."""
-    for each in frame_account.people:
+    for each in report.people:
         for layer in each.layers:
             say("")
             how = ", ".join(f"{n} {code.label}" for code, n in layer.source.items())
@@ -155,17 +156,17 @@ def _summary_of_names(names: Sequence[str], skeleton: Skeleton) -> str:
     return ", ".join([*parts, *([choices(rest, _MOST_NAMED)] if rest else [])])
 
 
-def _print_view(view: ViewAccount, layers: tuple[str, ...]) -> None:
+def _print_view(view: ViewReport, layers: tuple[str, ...]) -> None:
     say("")
-    note(f"{view.name}: {count(len(view.sightings), 'detection')}")
-    if view.sightings:
+    note(f"{view.name}: {count(len(view.detections), 'detection')}")
+    if view.detections:
         columns = ["  #", "person", *(f"{layer} px" for layer in layers), "used", "reason"]
-        table(None, columns, [_sighting_row(each, layers) for each in view.sightings], words=True)
-    for name, why in view.unseen.items():
+        table(None, columns, [_detection_row(each, layers) for each in view.detections], words=True)
+    for name, why in view.undetected.items():
         note(f"  {name} not matched: {why}")
 
 
-def _sighting_row(each: Sighting, layers: tuple[str, ...]) -> list[str]:
+def _detection_row(each: DetectionReport, layers: tuple[str, ...]) -> list[str]:
     of = "" if each.n_keypoints is None else f" of {each.n_keypoints}"
     used = "-" if each.n_used is None else f"{each.n_used}"
     mark = "" if each.track_id is None else f" (id {each.track_id})"

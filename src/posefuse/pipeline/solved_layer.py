@@ -20,8 +20,8 @@ from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.recipe import margin_s, postprocess
 from posefuse.trajectory import solve as trajectory
-from posefuse.trajectory.observed import Measured
-from posefuse.trajectory.priors import Laws, learn
+from posefuse.trajectory.observations import MeasuredRange
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors
 
 BLOCK_FRAMES = 1024
 """So many frames are solved at a time, and those around them that count."""
@@ -123,7 +123,7 @@ class Trajectory:
     rig: CameraRig
     detections: Detections
     noise: NoiseModel
-    laws: Laws
+    laws: RecordingPriors
     options: TrajectoryOptions
 
     @property
@@ -164,16 +164,16 @@ def learned(
         options: of the solve.
     """
 
-    def told() -> Iterator[Measured]:
+    def told() -> Iterator[MeasuredRange]:
         for span in spans:
             part = measured(*span)
             assert part.tracks is not None
-            yield Measured(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
+            yield MeasuredRange(rig, detections.frames(*span), part.tracks, part.layers["measured"], part.swaps, noise)
 
-    laws = learn(told(), detections.skeleton, options)
+    laws = estimate_priors(told(), detections.skeleton, options)
     if len(spans) > 1:
         # One range would tell the solve of it no more than it finds itself.
-        laws = trajectory.with_roughness(laws, told(), options)
+        laws = trajectory.estimate_roughness(laws, told(), options)
     return Trajectory(rig, detections, noise, laws, options)
 
 

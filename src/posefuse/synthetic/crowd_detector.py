@@ -2,7 +2,7 @@
 
 Keypoints err as one person's do (:mod:`posefuse.synthetic.detector`), with errors of their own for every person in
 every view. On top, people hide each other, melt into one detection where they overlap, are detected twice or not at
-all, and the detector sees people where there are none; all of it in spells, as real faults last.
+all, and the detector sees people where there are none; all of it in on_intervals, as real faults last.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from posefuse.model.detections import Detections, frame_times
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.bodies import Capsules, bodies_of, hidden_keypoints
 from posefuse.synthetic.crowd_options import CrowdFaults
-from posefuse.synthetic.detector import Hidden, lasting, spells, spoil
+from posefuse.synthetic.detector import Hidden, add_errors, correlated_noise, on_intervals
 from posefuse.synthetic.options import DetectorOptions
 
 _MISS_DWELL_S, _MERGE_DWELL_S, _DUPLICATE_DWELL_S, _FALSE_DWELL_S = 0.3, 0.4, 0.2, 2.0
@@ -138,7 +138,7 @@ def detect_crowd(
     """
     exact = _exact(rig, points_m, staging)
     sizes = np.array([camera.size_px for camera in rig.cameras])
-    capsules = Capsules.together([bodies_of(points_m, skeleton), staging.things])
+    capsules = Capsules.concatenate([bodies_of(points_m, skeleton), staging.things])
     behind = hidden_keypoints(rig, points_m, capsules, 1.0 if skeleton.tree is None else skeleton.tree.scale)
     people = _see(exact, behind, sizes, skeleton, rate_hz, law, faults, rng)
     overlaps = _overlaps(exact, people.there, faults)
@@ -181,10 +181,10 @@ def _see(
         law = replace(law, swap_shares=tuple(np.repeat(law.swap_shares, n_people)))
     hidden = Hidden(behind.reshape(columns), faults.hidden_miss_share, faults.hidden_confidence, faults.hidden_error)
     column_sizes = np.repeat(sizes, n_people, axis=0)
-    pixels, confidence = spoil(exact.reshape(*columns, 2), column_sizes, skeleton, rate_hz, law, rng, hidden)
+    pixels, confidence = add_errors(exact.reshape(*columns, 2), column_sizes, skeleton, rate_hz, law, rng, hidden)
     shape = exact.shape[:4]
     seen = _Sightings.of(pixels.reshape(*shape, 2), confidence.reshape(shape), np.arange(n_people), Kind.PERSON)
-    missed = spells(shape[:3], faults.miss_share, _MISS_DWELL_S, rate_hz, rng)
+    missed = on_intervals(shape[:3], faults.miss_share, _MISS_DWELL_S, rate_hz, rng)
     seen.drop(missed | ~_noticeable(exact, behind, sizes, faults))
     return seen
 
@@ -235,7 +235,7 @@ def _merge(
     shape = people.there.shape[:2]
     taken = np.zeros(people.there.shape, dtype=bool)
     for (p, q), overlap in overlaps.items():
-        merged = overlap & spells(shape, faults.merge_share, _MERGE_DWELL_S, rate_hz, rng)
+        merged = overlap & on_intervals(shape, faults.merge_share, _MERGE_DWELL_S, rate_hz, rng)
         if staging.spared_view >= 0:
             merged[:, staging.spared_view] = False
         if (p, q) == (0, 1):
@@ -256,7 +256,7 @@ def _mix_keypoints(
     have_one, have_two = np.isfinite(one[..., 0]), np.isfinite(two[..., 0])
     # One of them tends to give most of it.
     lead = rng.normal(0.0, 0.7, (1, one.shape[1], 1))
-    from_one = (lasting(one.shape[:3], rate_hz, rng) + lead > 0) & have_one | ~have_two
+    from_one = (correlated_noise(one.shape[:3], rate_hz, rng) + lead > 0) & have_one | ~have_two
     here = merged[..., None]
     pixels = np.where(from_one[..., None], one, two)
     confidence = np.where(from_one, people.confidence[:, :, p], people.confidence[:, :, q])
@@ -279,11 +279,11 @@ def _duplicates(
 ) -> _Sightings:
     """Second detections of single people: shaken, less sure, with two fifths of the keypoints missing."""
     shape = people.confidence.shape
-    doubled = spells(shape[:3], faults.duplicate_share, _DUPLICATE_DWELL_S, rate_hz, rng)
+    doubled = on_intervals(shape[:3], faults.duplicate_share, _DUPLICATE_DWELL_S, rate_hz, rng)
     doubled &= people.there & (people.kind == Kind.PERSON)
     shake = _JITTER_PX_AT_1000 * sizes[:, 0] / 1000.0
-    pixels = people.pixels + shake[:, None, None, None] * lasting((*shape, 2), rate_hz, rng)
-    keep = doubled[..., None] & ~spells(shape, 0.4, _DUPLICATE_DWELL_S, rate_hz, rng)
+    pixels = people.pixels + shake[:, None, None, None] * correlated_noise((*shape, 2), rate_hz, rng)
+    keep = doubled[..., None] & ~on_intervals(shape, 0.4, _DUPLICATE_DWELL_S, rate_hz, rng)
     return _Sightings.of(
         np.where(keep[..., None], pixels, np.nan),
         np.where(keep, 0.8 * people.confidence, np.nan),
@@ -305,7 +305,7 @@ def _false_people(
     confidence = np.full((*shape, n_keypoints), np.nan)
     # A view shows a false person if either slot does.
     share = 1.0 - (1.0 - faults.false_share) ** (1.0 / _FALSE_PER_VIEW)
-    on = spells(shape, share, _FALSE_DWELL_S, rate_hz, rng)
+    on = on_intervals(shape, share, _FALSE_DWELL_S, rate_hz, rng)
     whole = np.isfinite(exact).all(axis=(3, 4))
     places = np.argwhere(whole)
     starts = on & ~np.concatenate([np.zeros((1, *shape[1:]), dtype=bool), on[:-1]])
@@ -315,7 +315,7 @@ def _false_people(
         pose = exact[tuple(places[rng.integers(len(places))])]
         length = frames.stop - first
         pixels[frames, view, slot] = _apparition(pose, sizes[view], np.arange(length) / rate_hz, rng)
-        sure = np.clip(rng.uniform(0.25, 0.7) + 0.1 * lasting((length, n_keypoints), rate_hz, rng), 0.05, 0.95)
+        sure = np.clip(rng.uniform(0.25, 0.7) + 0.1 * correlated_noise((length, n_keypoints), rate_hz, rng), 0.05, 0.95)
         confidence[frames, view, slot] = sure
         gone = rng.random(n_keypoints) < 0.25
         pixels[frames, view, slot, gone] = np.nan

@@ -16,7 +16,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.report.html import render_report
 from posefuse.report.people import format_event_counts, summarize_people, track_timeline
 from posefuse.report.summary import summarize
-from tests.people import TENTATIVE_FRAMES, crowd, followed, nobody
+from tests.people import TENTATIVE_FRAMES, crowd, followed, without_people
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_names_are_escaped(result):
 
 
 def test_result_without_people(scene):
-    page = render_report(nobody(scene))
+    page = render_report(without_people(scene))
     assert "0 people" in page
     assert "No person was found." in page
     assert "Nothing stands out" not in page

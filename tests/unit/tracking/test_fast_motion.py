@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.animal_scenes import animal_rig
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
@@ -12,7 +13,6 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
-from posefuse.synthetic.animals import animal_rig
 from posefuse.tracking import fast_motion, reinitialize
 from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
 from posefuse.tracking.records import Track

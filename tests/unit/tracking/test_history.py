@@ -13,7 +13,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.tracking import history as history_module
 from posefuse.tracking.body_states import empty_state, join_states, select_states
 from posefuse.tracking.history import History
-from posefuse.tracking.records import PastState, People, Person
+from posefuse.tracking.records import PastState, People, Person, TrackedFrame
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
 from posefuse.tracking.tempering import predict_states
@@ -37,8 +37,9 @@ def tell(history: History, frame: int, states: dict[str, State], past=None, lost
     lost = lost or {}
     told = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
     tracks = [SimpleNamespace(name=name, number=(numbers or {}).get(name, int(name[-1]))) for name in states]
-    tracker = SimpleNamespace(tracks=tracks, state=everybody, remembered=past or {})
-    history.add(tracker, People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ()))  # type: ignore[arg-type]
+    tracker = SimpleNamespace(tracks=tracks, state=everybody)
+    people = People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ())
+    history.add(tracker, TrackedFrame(people, past or {}, ()))  # type: ignore[arg-type]
 
 
 def history_of(settings: TrackerSettings, states: State, lost=None) -> History:

@@ -46,9 +46,9 @@ def somebody(settings: TrackerSettings, state: TrackState) -> tuple[Track, State
         ({}, 29.0, None),
         ({}, 31.0, "lost for 31.0 s"),
         ({"terminate_beyond_m": 0.6}, 1.0, None),
-        ({"terminate_beyond_m": 0.4}, 1.0, "where they are is known to 0.5 m only"),
+        ({"terminate_beyond_m": 0.4}, 1.0, "position uncertainty of 0.5 m"),
         ({"terminate_outside_after_s": 2.0}, 1.9, None),
-        ({"terminate_outside_after_s": 2.0}, 2.1, "outside of what two cameras see for 2.1 s"),
+        ({"terminate_outside_after_s": 2.0}, 2.1, "outside the overlap of two cameras for 2.1 s"),
     ],
 )
 def test_the_lost_are_forgotten_by_time_by_doubt_and_outside(options, time_s, why):
@@ -77,8 +77,8 @@ def test_inside_is_where_two_views_overlap(x_m, inside):
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("initiate_share", -3.0, "finite number of at least 0, got -3"),
-        ("initiate_share", 7.0, "is a share, at most 1, got 7"),
+        ("initiate_share", -3.0, "finite number from 0 to 1, got -3"),
+        ("initiate_share", 7.0, "finite number from 0 to 1, got 7"),
         ("anchor_sd_m", np.nan, "finite number"),
     ],
 )
@@ -89,7 +89,7 @@ def test_options_of_parts_are_checked(name, value, words):
 
 def test_limits_are_positive():
     for name in ("terminate_beyond_m", "terminate_outside_after_s"):
-        with pytest.raises(OptionsError, match=f"tracker.{name} must be positive, or left out, got 0"):
+        with pytest.raises(OptionsError, match=f"tracker.{name} must be a finite number above 0 .*got 0"):
             replace(TrackerOptions(), **{name: 0.0})
 
 

@@ -124,6 +124,6 @@ def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkey
             truth, told = seen_by_one(seed)
             ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
             off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
-        monkeypatch.setattr("posefuse.tracking.tracker.apply_posture_prior", lambda *_: None)
+        monkeypatch.setattr("posefuse.tracking.update.apply_posture_prior", lambda *_: None)
     told, untold = np.abs(np.mean(off_m, axis=1))
     assert told < 0.8 * untold

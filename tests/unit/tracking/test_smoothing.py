@@ -20,7 +20,7 @@ from posefuse.tracking.refiltering import refilter_run
 from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
 from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
 from posefuse.tracking.tempering import bone_axes, predict_states, refilter, temper_first_state
-from tests.reference import tempering as reference
+from tests.reference import refiltering as reference
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree

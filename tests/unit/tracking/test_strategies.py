@@ -67,7 +67,7 @@ def unknown() -> RecentHistory:
 
 
 def sight_of(state: State) -> ProjectedBodies:
-    return specification._foreseen(state, SETTINGS)
+    return specification._projected(state, SETTINGS)
 
 
 def frame_of(keypoints_px: np.ndarray, confidence: float = 1.0) -> Frame:
@@ -282,13 +282,13 @@ def test_near_proposals_are_one_at_their_centroid() -> None:
 def test_who_is_lost_returns_where_they_are_foretold() -> None:
     state, track = standing(), somebody()
     seen = proposal(sight_of(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
-    assert STRATEGY.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
+    assert STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
-    found = STRATEGY.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS)
+    found = STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS)
     assert found is not None
-    assert found[0] == 0
+    assert found.track == 0
     elsewhere = replace(seen, points_m=seen.points_m + np.array([0.0, 2.0, 0.0]))
-    assert STRATEGY.distance.returning([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
+    assert STRATEGY.distance.find_lost([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
 
 
 @pytest.fixture(scope="module")
@@ -306,13 +306,13 @@ def follow(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> lis
     return [tracker.update(Frame.of(scene.detections, i)) for i in frames]
 
 
-def track_scores(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
+def active_points(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
     return [{p.name: p.points_m for p in people.people if p.state == TrackState.ACTIVE} for people in told]
 
 
 def test_a_simple_crowd_is_followed(scene: CrowdScene) -> None:
     n = scene.detections.n_frames
-    told = active(follow(tracker_for(scene), scene, range(n)))
+    told = active_points(follow(tracker_for(scene), scene, range(n)))
     truth = np.asarray(scene.truth.layers["measured"].points_m)
     assert [sorted(people) for people in told[n // 2 :]] == [sorted(told[-1])] * (n - n // 2)
     assert len(told[-1]) == truth.shape[1]
@@ -332,7 +332,9 @@ def test_a_pickled_tracker_goes_on(scene: CrowdScene) -> None:
     follow(tracker, scene, range(half))
     again = pickle.loads(pickle.dumps(tracker))
     rest = range(half, scene.detections.n_frames)
-    for one, other in zip(active(follow(tracker, scene, rest)), active(follow(again, scene, rest)), strict=True):
+    for one, other in zip(
+        active_points(follow(tracker, scene, rest)), active_points(follow(again, scene, rest)), strict=True
+    ):
         assert list(one) == list(other)
         for name in one:
             np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-6)
@@ -353,9 +355,9 @@ def test_lengths_are_in_proportion_to_bodies() -> None:
 @pytest.mark.parametrize(
     ("given_", "message"),
     [
-        ({"tau_root_m": 0.0}, "tracker.specification.tau_root_m must be positive, got 0.0"),
+        ({"tau_root_m": 0.0}, "tracker.specification.tau_root_m must be a finite number above 0 m, got 0.0"),
         ({"max_noise": 0.1}, "max_noise must be at least min_noise"),
-        ({"id_bonus": math.inf}, "tracker.specification.id_bonus must be a finite number, got inf"),
+        ({"id_bonus": math.inf}, "tracker.specification.id_bonus must be a finite number of at least 0, got inf"),
     ],
 )
 def test_impossible_weights_are_named(given_: dict[str, float], message: str) -> None:
@@ -364,5 +366,5 @@ def test_impossible_weights_are_named(given_: dict[str, float], message: str) ->
 
 
 def test_an_unknown_preset_is_named() -> None:
-    with pytest.raises(OptionsError, match="No tracker.strategy is called 'seed'; there are posefuse"):
+    with pytest.raises(OptionsError, match="tracker.strategy must be one of posefuse, specification, got 'seed'"):
         TrackerOptions(strategy="seed")  # type: ignore[arg-type]

@@ -81,7 +81,7 @@ def test_two_creatures_are_followed(size, tree, edges):
 
 def test_live_a_skeleton_must_say_how_large_it_is():
     skeleton, rig = parse_skeleton(MOUSE, "mouse.toml"), small_rig(0.1)
-    with pytest.raises(SkeletonError, match="has no tree.*size_m"):
+    with pytest.raises(SkeletonError, match="has no kinematic tree.*size_m"):
         tracker_of(rig, skeleton, default_noise(rig, Options()), Options())
 
 

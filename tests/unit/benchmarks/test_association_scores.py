@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from benchmarks.association_scores import score_association
 
 from posefuse.errors import ResultError
-from posefuse.evaluation.proposals import score_association
 
 PERSON = np.array([[0.0, 0, 0], [0, 0, 0.5]])
 

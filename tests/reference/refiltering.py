@@ -1,4 +1,4 @@
-"""A person filtered again, frame by frame with dense matrices."""
+"""Refiltering of one person with discounted information, frame by frame with dense matrices."""
 
 import numpy as np
 

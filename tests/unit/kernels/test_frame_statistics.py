@@ -1,4 +1,4 @@
-"""Counts of a frame, beside the same in NumPy."""
+"""Per-frame statistics against NumPy."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,15 @@ from posefuse.kernels.tracking.frame_statistics import (
     record_matches,
     update_gated_time,
 )
+from posefuse.kernels.tracking.records import GATED, UNOBSERVED, USED
 from posefuse.tracking.body_states import KeypointUses
 
 SEEDS = range(5)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_what_became_of_keypoints(seed):
-    use = np.random.default_rng(seed).choice([USED, GATED, UNSEEN], size=(3, 4, 7))
+def test_observation_counts_match_numpy(seed):
+    use = np.random.default_rng(seed).choice([USED, GATED, UNOBSERVED], size=(3, 4, 7))
     uses = KeypointUses.of(use)
     np.testing.assert_array_equal(uses.of_view, (use == USED).sum(axis=2))
     np.testing.assert_array_equal(uses.used, (use == USED).sum(axis=1))
@@ -28,7 +29,7 @@ def test_what_became_of_keypoints(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_who_should_be_seen(seed):
+def test_predicted_visibility_matches_numpy(seed):
     rng = np.random.default_rng(seed)
     points, pixels = rng.normal(size=(3, 7, 3)), rng.uniform(-50.0, 150.0, size=(3, 4, 7, 2))
     points[rng.random((3, 7)) < 0.3] = np.nan
@@ -43,7 +44,7 @@ def test_who_should_be_seen(seed):
     np.testing.assert_allclose(middles, means)
 
 
-def test_half_of_the_core_is_enough_and_the_far_edge_is_outside():
+def test_visibility_needs_half_of_the_core_inside_the_image():
     pixels = np.array([[[[0.0, 0.0], [100.0, 0.0]], [[-0.1, 0.0], [0.0, 80.0]]]])
     expected, middles = np.empty((1, 2), dtype=bool), np.empty((1, 3))
     sizes, chosen = np.tile([100.0, 80.0], (2, 1)), np.arange(2)
@@ -53,7 +54,7 @@ def test_half_of_the_core_is_enough_and_the_far_edge_is_outside():
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_how_well_views_fit(seed):
+def test_view_support_matches_numpy(seed):
     rng = np.random.default_rng(seed)
     supported, expected = rng.random((5, 4)) < 0.6, rng.random((5, 4)) < 0.7
     free, before, dt_s, fade = rng.integers(0, 3, 4), rng.random((3, 4)), 0.04, 0.9
@@ -68,7 +69,7 @@ def test_how_well_views_fit(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_what_the_last_matches_were_like(seed):
+def test_recorded_matches_match_numpy(seed):
     rng = np.random.default_rng(seed)
     rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
     odds = rng.normal(0.0, 3.0, (5, 6, 2))
@@ -85,7 +86,7 @@ def test_what_the_last_matches_were_like(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_for_how_long_keypoints_are_seen_elsewhere(seed):
+def test_gated_time_matches_numpy(seed):
     rng = np.random.default_rng(seed)
     used, gated, displaced_s = rng.integers(0, 4, (3, 7)), rng.integers(0, 4, (3, 7)), rng.random((3, 7))
     expected = np.where((gated >= 2) & (gated > used), displaced_s + 0.1, 0.0)
@@ -94,7 +95,7 @@ def test_for_how_long_keypoints_are_seen_elsewhere(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_labels_of_detections(seed):
+def test_label_assignment_matches_numpy(seed):
     rng = np.random.default_rng(seed)
     rows, swapped = rng.integers(-1, 6, (5, 4)), rng.integers(0, 2, (5, 6, 2)).astype(np.int8)
     rows[0] = -1
@@ -111,7 +112,7 @@ def test_labels_of_detections(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_what_identities_are_worth(seed):
+def test_identity_scores_match_numpy(seed):
     rng = np.random.default_rng(seed)
     ids, view, track_ids = rng.integers(-1, 3, (4, 3)), rng.integers(0, 3, 7), rng.integers(-1, 3, 7)
     scores, explained = rng.normal(size=(4, 7)), np.empty(7, dtype=bool)

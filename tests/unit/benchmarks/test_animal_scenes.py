@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.animal_scenes import AnimalOptions, renamed, simulate_animals
 
 from posefuse.errors import OptionsError, SkeletonError
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
-from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowds import CrowdScene
 from posefuse.synthetic.options import CLEAN
 

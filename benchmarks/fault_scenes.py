@@ -10,7 +10,7 @@ from posefuse.errors import OptionsError, suggestion
 from posefuse.model.cameras import Camera, CameraRig, LensModel, rotation_from_vector
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
-from posefuse.synthetic.detector import spells, spoil
+from posefuse.synthetic.detector import add_errors, on_intervals
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion
 from posefuse.synthetic.options import Activity, DetectorOptions, LensKind
@@ -97,7 +97,7 @@ class Scene:
         points = points[which.ravel()].reshape(self.n_frames, len(self.rig), len(self.skeleton), 3)
         sizes = np.array([camera.size_px for camera in self.rig.cameras])
         exact = self._projected(points)
-        pixels, confidence = spoil(exact, sizes, self.skeleton, self.rate_hz, options or DetectorOptions(), rng)
+        pixels, confidence = add_errors(exact, sizes, self.skeleton, self.rate_hz, options or DetectorOptions(), rng)
         for change in self.after:
             pixels, confidence = change(pixels.copy(), confidence.copy(), rng)
         return self.given, Detections.from_dense(
@@ -344,7 +344,7 @@ def _sides(scene: Scene, views: tuple[int, ...], size: float, rng: np.random.Gen
 
     def change(pixels: np.ndarray, trust: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         for v in views:
-            wrong = spells((len(pixels), 1), size, 1.0, scene.rate_hz, rng)[:, 0] if size < 1 else slice(None)
+            wrong = on_intervals((len(pixels), 1), size, 1.0, scene.rate_hz, rng)[:, 0] if size < 1 else slice(None)
             pixels[wrong, v], trust[wrong, v] = pixels[wrong, v][:, mirror], trust[wrong, v][:, mirror]
         return pixels, trust
 
