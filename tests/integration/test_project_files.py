@@ -3,14 +3,19 @@
 import posefuse
 
 
-def test_reconstruct_runs_a_project_file_unchanged(run, recording):
+def test_reconstruct_runs_a_project_file_unchanged(run, recording, tmp_path):
     path = recording / "posefuse.toml"
     assert run("init", path)[0] == 0
     code, said, _ = run("reconstruct", "--options", path)
     assert code == 0, said
-    result = posefuse.read_reconstruction(recording / "out" / "reconstruction.nc")
-    assert result.options == posefuse.Options()
     assert run("reconstruct", "--options", path)[0] == 0
+    path.unlink()
+    assert run("reconstruct", recording, "--output", tmp_path / "plain")[0] == 0
+    plain, result = (
+        posefuse.read_reconstruction(folder / "reconstruction.nc") for folder in (tmp_path / "plain", recording / "out")
+    )
+    assert result.options == plain.options
+    assert result.layers == plain.layers
 
 
 def test_flags_override_a_project_file(run, recording, tmp_path):
@@ -29,5 +34,6 @@ def test_a_file_of_every_option_runs_too(run, recording, tmp_path):
     assert run("init", tmp_path / "all.toml", "--all")[0] == 0
     code, _, said = run("reconstruct", recording, "-o", tmp_path / "o", "--options", tmp_path / "all.toml")
     assert code == 0, said
-    result = posefuse.read_reconstruction(tmp_path / "o" / "reconstruction.nc")
-    assert result.options == posefuse.Options()
+    assert run("reconstruct", recording, "-o", tmp_path / "plain")[0] == 0
+    plain, result = (posefuse.read_reconstruction(tmp_path / name / "reconstruction.nc") for name in ("plain", "o"))
+    assert result.options == plain.options

@@ -16,7 +16,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.reconstruct import Tracker
+from posefuse.pipeline.track_live import Tracker
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
@@ -206,7 +206,7 @@ def test_frames_out_of_order_are_refused(scene: CrowdScene) -> None:
     tracker = Tracker(scene.rig, "body_20")
     tracker.update(frames[5])
     for i in (5, 4):
-        with pytest.raises(DetectionsError, match="Frames come in order"):
+        with pytest.raises(DetectionsError, match="Frames must be in order of time"):
             tracker.update(frames[i])
     assert tracker.update(frames[6]).number == 6
 

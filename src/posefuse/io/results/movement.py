@@ -23,7 +23,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.stored_points import StoredPoints
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _TYPE = "poses"
 _POINTS = ("keypoint", "individual")
@@ -42,7 +42,7 @@ _VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one layer of all people."""
     timed = bool(np.isfinite(result.time_s).all())
-    parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
+    parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         _write_head(file, result, layer, timed)
         start = 0

@@ -33,6 +33,7 @@ from posefuse.io.netcdf import (
     text_of,
 )
 from posefuse.io.options import options_to_toml, stored_options
+from posefuse.io.results.finding_records import findings_from_json, findings_to_json
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
@@ -113,7 +114,10 @@ def _read(path: Path) -> Reconstruction:
             "alignment": _read_alignment(file),
             "options": stored_options(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
+            "findings": findings_from_json(text_of(file, "findings")) if "findings" in file.attrs else (),
         }
+        if "resolved_options" in file.attrs:
+            head["resolved"] = stored_options(json.loads(text_of(file, "resolved_options")), path.name)
         if "noise_scale" in stored:
             head["noise"] = NoiseModel(
                 np.asarray(file.variables["noise_scale"][...]),
@@ -185,6 +189,8 @@ def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
     file.attrs["skeleton"] = skeleton_text(first.skeleton)
     file.attrs["options"] = json.dumps(asdict(first.options))
     file.attrs["options_toml"] = options_to_toml(first.options)
+    file.attrs["resolved_options"] = json.dumps(asdict(first.resolved))
+    file.attrs["findings"] = findings_to_json(first.findings)
     file.attrs["provenance"] = json.dumps(asdict(first.provenance))
     if first.rate_hz is not None:
         file.attrs["rate_hz"] = float(first.rate_hz)

@@ -22,7 +22,7 @@ from posefuse.model.cameras import Camera
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _VERSION = 1.3
 _DECIMALS = 3
@@ -48,7 +48,7 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
             (staging / each).mkdir()
-        parts = watched(result.chunks(), result.n_frames, f"writing {folder.name}", progress or Silent())
+        parts = report_ranges(result.chunks(), result.n_frames, f"writing {folder.name}", progress or Silent())
         for part in parts:
             for camera, each in zip(result.rig.cameras, folders, strict=True):
                 _write_view(part, camera, layer, staging / each)

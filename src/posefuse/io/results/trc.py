@@ -22,7 +22,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
 from posefuse.model.stored_points import StoredPoints
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _FIRST = "PathFileType"
 
@@ -73,7 +73,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         file.write("\n".join(header) + "\n")
         row = 0
         done = 0
-        for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+        for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
             points = np.asarray(part.layers[layer].points_m[:])[:, index] @ turn.T
             for place, values in zip(places[done : done + len(points)], points.reshape(len(points), -1), strict=True):
                 while row < place:

@@ -15,7 +15,7 @@ from posefuse.io.results.registry import RESULTS
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 
 @dataclass(frozen=True)
@@ -201,14 +201,14 @@ def write_folder(
     files = []
     for name in result.layers:
         file_name = csv.FILE_NAMES[name]  # type: ignore[index]
-        parts = watched(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
+        parts = report_ranges(result.chunks(), result.n_frames, f"writing {file_name}", progress or Silent())
         csv.write(parts, folder / file_name, name)  # type: ignore[arg-type]
         files.append(file_name)
     if result.events or result.poses is not None:
         csv.write_events(result.events, folder / csv.EVENTS)
         files.append(csv.EVENTS)
     if angles is not None and angles(result.frames(0, 1))[0]:
-        parts = watched(result.chunks(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
+        parts = report_ranges(result.chunks(), result.n_frames, f"writing {csv.ANGLES}", progress or Silent())
         csv.write_angles(parts, folder / csv.ANGLES, angles)
         files.append(csv.ANGLES)
     for file_name, columns in (tables or {}).items():
