@@ -141,8 +141,6 @@ RENAMED: dict[str, str] = {
 REMOVED: frozenset[str] = frozenset({"side_search.learn_every", "side_search.memory"})
 """Former options without a successor. Stored results that hold them are still read."""
 
-_RENAMED_VALUES = {("triangulation.weighted_subsets.target_unit", "normalised"): "normalized"}
-
 
 def matching_option(name: str, siblings: Iterable[str] = ()) -> str | None:
     """Return the dotted name of the option that an unknown name most probably means, or None.
@@ -194,12 +192,11 @@ def with_current_names(data: Mapping[str, Any], prefix: str = "") -> dict[str, A
         if name in REMOVED:
             continue
         new = RENAMED.get(name, name)
-        known = _RENAMED_VALUES.get((new, value)) if isinstance(value, str) else None
         *tables, key = new.removeprefix(prefix).split(".")
         table = current
         for each in tables:
             table = table.setdefault(each, {})
-        table[key] = value if known is None else known
+        table[key] = value
     return current
 
 
