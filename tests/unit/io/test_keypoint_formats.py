@@ -146,7 +146,7 @@ def test_a_table_whose_pickle_wants_gigabytes_is_refused(tmp_path):
     folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(b"(lp999999999\n.")
-    with pytest.raises(FileError, match="asks for room for 999999999 values"):
+    with pytest.raises(FileError, match="allocates memory for 999999999 values"):
         read_detections(folder)
 
 

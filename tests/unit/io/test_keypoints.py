@@ -121,7 +121,7 @@ class TestOpenPose:
         person = openpose_person(walk, 4 * 3 + 1)
         person["pose_keypoints_2d"][3] = float("inf")
         (tmp_path / "cam_1_json" / "cam_1_000000000004_keypoints.json").write_text(json.dumps({"people": [person]}))
-        with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, holds an infinite number"):
+        with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, contains an infinite number"):
             read_detections(tmp_path)
 
     def test_a_folder_is_no_frame(self, walk, tmp_path):

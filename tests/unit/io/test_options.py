@@ -129,5 +129,5 @@ def test_missing_or_invalid_file(tmp_path):
     with pytest.raises(FileError, match="No options file at"):
         read_options(tmp_path / "o.toml")
     (tmp_path / "o.toml").write_text("[a")
-    with pytest.raises(FileError, match="is not TOML"):
+    with pytest.raises(FileError, match="is not valid TOML"):
         read_options(tmp_path / "o.toml")

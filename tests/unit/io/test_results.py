@@ -112,14 +112,14 @@ class TestNetcdf:
         with pytest.raises(FileError, match="No reconstruction at"):
             posefuse.read_reconstruction(tmp_path / "reconstruction.nc")
         xarray.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
-        with pytest.raises(FileError, match="not reconstruction of posefuse's"):
+        with pytest.raises(FileError, match="not a posefuse reconstruction file"):
             posefuse.read_reconstruction(tmp_path / "other.nc")
 
     def test_an_attribute_that_is_not_there(self, result, tmp_path):
         posefuse.write(result, tmp_path / "r.nc", "netcdf")
         with h5py.File(tmp_path / "r.nc", "r+") as file:
             del file.attrs["noise_spread"]
-        with pytest.raises(FileError, match=r"r.nc does not say its noise_spread: another version"):
+        with pytest.raises(FileError, match=r"r.nc lacks the attribute noise_spread: another version"):
             posefuse.read_reconstruction(tmp_path / "r.nc")
 
 
