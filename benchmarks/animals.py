@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import posefuse
+from benchmarks.animal_scenes import AnimalOptions, AnimalScenario, renamed, simulate_animals
+from posefuse.evaluation.paired_results import people_points
 from posefuse.evaluation.people import PeopleScores, score_people
-from posefuse.evaluation.together import people_points
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
-from posefuse.synthetic.animals import AnimalOptions, AnimalScenario, renamed, simulate_animals
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import CrowdScene
 

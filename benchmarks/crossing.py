@@ -20,7 +20,7 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import CrowdScene, Kind, crowd_of_points
-from posefuse.synthetic.detector import spells
+from posefuse.synthetic.detector import on_intervals
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.options import DetectorOptions
 from posefuse.synthetic.rigs import look_at
@@ -68,7 +68,7 @@ def in_pieces(scene: CrowdScene, share: float, rng: np.random.Generator) -> Crow
     whole, legs = scene.detections, _legs(scene.detections.skeleton)
     cells = np.repeat(np.arange(len(whole.offsets) - 1), np.diff(whole.offsets))
     views, people = whole.n_views, scene.truth.layers["measured"].points_m.shape[1]
-    apart = spells((whole.n_frames, views, people), share, _PIECE_S, whole.rate_hz or 25.0, rng)
+    apart = on_intervals((whole.n_frames, views, people), share, _PIECE_S, whole.rate_hz or 25.0, rng)
     split = (scene.kind == Kind.PERSON) & apart[cells // views, cells % views, scene.owner]
     there = np.isfinite(np.asarray(whole.keypoints_px)[..., 0])
     split &= there[:, legs].any(axis=1) & there[:, ~legs].any(axis=1)

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.fault_scenes import FAULTS, Fault, Planted, healthy, plant
 from posefuse.errors import DetectionsError
 from posefuse.model.findings import Finding, FindingKind
 from posefuse.model.options.options import Options
 from posefuse.pipeline.diagnose import inspect_health, measure_sync
-from posefuse.synthetic.faults import FAULTS, Fault, Planted, healthy, plant
 
 NAMED_AS: dict[Fault, tuple[FindingKind, ...]] = {
     "turned": (FindingKind.CAMERA_POSE,),

@@ -67,7 +67,7 @@ class Heard:
     frames: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
     complete_s: list[float] = field(default_factory=list)
     incomplete_s: list[float] = field(default_factory=list)
-    outside_s: list[float] = field(default_factory=list)
+    terminate_outside_after_s: list[float] = field(default_factory=list)
     last: bytes = b""
 
 
@@ -146,7 +146,7 @@ def listen(process: subprocess.Popen, heard: Heard, last_sent_s: dict[int, float
         heard.frames[number] = positions(line.people)
         (heard.complete_s if line.complete else heard.incomplete_s).append(line.latency_s)
         if line.complete:
-            heard.outside_s.append(now_s - last_sent_s.pop(number, now_s))
+            heard.terminate_outside_after_s.append(now_s - last_sent_s.pop(number, now_s))
 
 
 def memory_mb(process: subprocess.Popen) -> float:
@@ -283,7 +283,7 @@ def main() -> None:
         live, memory, behind_s, frame_s = soak(scene, messages, n, rate_hz)
     print(f"load after: {os.getloadavg()[0]:.1f}; the sender was behind by at most {1e3 * behind_s:.0f} ms")
     print(shown("complete", live.complete_s))
-    print(shown("complete, from outside", live.outside_s))
+    print(shown("complete, from outside", live.terminate_outside_after_s))
     print(shown("incomplete", live.incomplete_s))
     print(f"CPU time of the stream: {1e3 * frame_s:.2f} ms a frame")
     print(

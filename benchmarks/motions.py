@@ -13,7 +13,7 @@ from benchmarks import panoptic
 from benchmarks.walking import RATE_HZ, Walk, observe, walk
 from posefuse.model.cameras import CameraRig
 from posefuse.skeleton.skeletons import find_skeleton
-from posefuse.synthetic.detector import spells, spoil
+from posefuse.synthetic.detector import add_errors, on_intervals
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import HumanMotion, smooth_step
 from posefuse.synthetic.options import Activity, DetectorOptions
@@ -46,7 +46,7 @@ def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
     exact = np.moveaxis(data.rig.project(data.points_m), 0, 1)
     sizes = np.array([camera.size_px for camera in data.rig.cameras])
     law = DetectorOptions(outlier_share=0.0, swap_share=0.0)
-    pixels, confidence = spoil(exact, sizes, find_skeleton(data.skeleton), data.rate_hz, law, rng)
+    pixels, confidence = add_errors(exact, sizes, find_skeleton(data.skeleton), data.rate_hz, law, rng)
     thrown = rng.random(confidence.shape) < DetectorOptions().outlier_share
     angle, distance = rng.uniform(0, 2 * np.pi, thrown.shape), rng.uniform(30.0, 300.0, thrown.shape)
     pixels += (thrown * distance)[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -71,7 +71,7 @@ def with_swapped_legs(data: Walk, share: float = 0.15, dwell_s: float = 0.0, see
     """
     rng = np.random.default_rng(seed)
     shape = data.pixels.shape[:2]
-    swapped = spells(shape, share, dwell_s, data.rate_hz, rng) if dwell_s else rng.random(shape) < share
+    swapped = on_intervals(shape, share, dwell_s, data.rate_hz, rng) if dwell_s else rng.random(shape) < share
     return exchanged(data, swapped)
 
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.association_scores import AssociationScores, score_association
 from posefuse.association.proposals import propose
 from posefuse.evaluation.matching import assign
-from posefuse.evaluation.proposals import AssociationScores, score_association
 from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.frames import Frame

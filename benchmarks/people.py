@@ -23,8 +23,8 @@ from scipy.stats import chi2
 import posefuse
 from benchmarks import rpt_kalman
 from posefuse.evaluation.matching import is_here, matches_of, mean_distances_m
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.evaluation.people import PeopleScores, ScoringOptions, score_people
-from posefuse.evaluation.together import PeoplePoints
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
@@ -37,7 +37,7 @@ from posefuse.synthetic.crowds import CrowdScene, Kind, simulate_crowd
 from posefuse.tracking.history import History
 from posefuse.tracking.records import People, Person
 from posefuse.tracking.smoothing import PeopleSmoother
-from posefuse.tracking.strategies import stages_of
+from posefuse.tracking.strategies import find_strategy
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _GATE_M = 0.5
@@ -138,10 +138,11 @@ def follow(
     for i in range(len(spent)):
         frame = Frame.of(scene.detections, i)
         start = time.process_time()
-        told.append(tracker.update(frame))
+        tracked = tracker.process(frame)
+        told.append(tracked.people)
         spent[i] = time.process_time() - start
         if smoothed:
-            history.add(tracker, told[-1])
+            history.add(tracker, tracked)
             numbers.append({track.name: track.number for track in tracker.tracks})
     events = tuple(event for people in told for event in people.events)
     data = _points(scene, _smoothed(history, told, numbers) if smoothed else told)
@@ -150,7 +151,7 @@ def follow(
         score_people(data, scoring or ScoringOptions()),
         is_right(data),
         events,
-        tuple(dict.fromkeys(event.person for event in events if event.what == "camera refused")),
+        tuple(dict.fromkeys(event.person for event in events if event.what == "camera_rejected")),
         scene.rig.names[bumped[0]] if bumped else None,
         spent,
         exclusive_folder(scene, told),
@@ -255,7 +256,7 @@ HEAD = (
 
 
 def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
-    """A line of the table: median (worst) of the seeds."""
+    """Return one row of the table: median (worst) of the seeds."""
     scores = [run.scores for run in runs]
     beside = ["-", "-"]
     if others:
@@ -318,7 +319,7 @@ def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
     """What a table does not say: which seeds are wrong, and what was said of identities and cameras."""
     said = [f"{name}: not right are the seeds {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
     if name in ("hug", "equal"):
-        for what in ("identity uncertain", "identities exchanged"):
+        for what in ("possible_identity_switch", "identities_swapped"):
             n = sum(any(event.what == what for event in run.events) for run in runs)
             said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
     if name == "one_camera":
@@ -346,41 +347,57 @@ class Ablation:
     """The tracker without one of its parts, or with another one.
 
     Attributes:
-        what: in a few words.
-        options: of the tracker.
-        stages: those that are the specification's; with its preset all are.
-        shape_spread: by how much more (variance) people differ in their bones than is believed.
-        smoothed: whether people are where all frames together have them.
+        what: Label of the row.
+        options: Options of the tracker.
+        components: Components that are replaced by those of the strategy `specification`.
+        shape_spread: Factor on the variance of bone lengths in the prior.
+        smoothed: Whether the smoothed results are scored.
     """
 
     what: str
     options: TrackerOptions = field(default_factory=TrackerOptions)
-    stages: tuple[str, ...] = ()
+    components: tuple[str, ...] = ()
     shape_spread: float = 1.0
     smoothed: bool = False
 
     def follow(self, scene: CrowdScene) -> Run:
-        """Follow everybody in a scene."""
+        """Track all people of a scene."""
         tracker = tracker_for(scene, self.options)
-        theirs = stages_of("specification")
-        tracker.stages = replace(tracker.stages, **{name: getattr(theirs, name) for name in self.stages})
-        tree = tracker.settings.tree
+        setup, other = tracker.setup, find_strategy("specification")
+        tree = setup.settings.tree
         wide = replace(tree, shape_covariance=self.shape_spread * tree.shape_covariance)
-        tracker.settings = replace(tracker.settings, tree=wide)
+        tracker.setup = replace(
+            setup,
+            strategy=replace(setup.strategy, **{name: getattr(other, name) for name in self.components}),
+            settings=replace(setup.settings, tree=wide),
+        )
         return follow(scene, tracker, smoothed=self.smoothed)
 
 
+STAGES = (
+    "fast_motion", "single_view", "camera_monitor", "identity_audit", "reinitialization", "partial_detections",
+)  # fmt: skip
+"""Stages of the tracker that an option turns off."""
+
+
+def without_stage(name: str) -> TrackerOptions:
+    """Return the default options with one stage off."""
+    options = TrackerOptions()
+    return replace(options, **{name: replace(getattr(options, name), enabled=False)})
+
+
 ABLATIONS = (
-    Ablation("as it is, causal"),
+    Ablation("defaults, causal"),
     Ablation("with the smoother (offline)", smoothed=True),
-    Ablation("weights not robust (`nu` 1e6)", TrackerOptions(nu=1e6)),
+    *(Ablation(f"`{name}.enabled` false", without_stage(name)) for name in STAGES),
+    Ablation("Gaussian errors (`nu` 1e6)", TrackerOptions(nu=1e6)),
     Ablation("no gates (`gate` 1e12)", TrackerOptions(gate=1e12)),
-    Ablation("noise believed white (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
+    Ablation("uncorrelated errors (`error_memory_s` 1e-6)", TrackerOptions(error_memory_s=1e-6)),
     Ablation("no swaps (`swap_log_odds` -1e6)", TrackerOptions(swap_log_odds=-1e6)),
-    Ablation("bones hardly known (variance x 25)", shape_spread=_WIDE),
-    Ablation("`preset` specification", TrackerOptions(preset="specification")),
+    Ablation("wide prior of bone lengths (variance x 25)", shape_spread=_WIDE),
+    Ablation("`strategy` specification", TrackerOptions(strategy="specification")),
     *(
-        Ablation(f"of it only the {what}", stages=(name,))
+        Ablation(f"only its {what}", components=(name,))
         for name, what in (
             ("score", "scores"),
             ("noise", "noise recursion"),
@@ -397,7 +414,7 @@ ABLATION_HEAD = (
 
 
 def ablations(seeds: int) -> None:
-    """Print what each part is worth on two scenes."""
+    """Print the effect of each part on two scenes."""
     print(ABLATION_HEAD)
     for each in ABLATIONS:
         for scene in (CrowdOptions("crowd", duration_s=_ABLATED_CROWD_S), CrowdOptions("hug")):
@@ -410,7 +427,7 @@ def ablations(seeds: int) -> None:
 
 
 def ablation_row(what: str, scene: str, runs: Sequence[Run]) -> str:
-    """A line of the table: median (worst) of the seeds."""
+    """Return one row of the table: median (worst) of the seeds."""
     return f"| {' | '.join([what, scene, *_common_cells(runs)])} |"
 
 

@@ -1,4 +1,4 @@
-"""Sides: which of two points is left, on a walking, a turning and a side-on figure whose labels are swapped.
+"""SideAssignment: which of two points is left, on a walking, a turning and a side-on figure whose labels are swapped.
 
 ``python -m benchmarks.sides [--seconds N] [--seeds N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 and 2.5 m
 high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a)
@@ -17,11 +17,9 @@ from time import process_time
 
 import numpy as np
 
-from posefuse.left_right.online import OnlineSides, advance
 from posefuse.left_right.pairs import enumerated
-from posefuse.left_right.pairs.results import SolvedPairs
-from posefuse.left_right.registry import decide_sides
-from posefuse.left_right.results import PairsInTime
+from posefuse.left_right.registry import assign_sides
+from posefuse.left_right.results import PairSequence
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
@@ -53,7 +51,7 @@ class Recording:
         truth_m: shape (frame, pair, 2, 3): left and right.
     """
 
-    given: PairsInTime
+    given: PairSequence
     truth_m: np.ndarray
 
     @property
@@ -147,7 +145,7 @@ def recording(
     return Recording(given, truth[:, columns])
 
 
-def solved(rig: CameraRig, detections: Detections) -> PairsInTime:
+def solved(rig: CameraRig, detections: Detections) -> PairSequence:
     """Pairs label-free, keypoints without a partner by consensus, both with the true noise."""
     skeleton = detections.skeleton
     detection = np.where(detections.people_counts > 0, 0, -1)[:, None].astype(np.int32)
@@ -157,24 +155,12 @@ def solved(rig: CameraRig, detections: Detections) -> PairsInTime:
     pairs = enumerated.solve(rig, detections, tracks, noise, options, columns)
     points = np.array(consensus.solve(rig, detections, tracks, noise, options).points_m)
     points[:, :, columns.ravel()] = np.nan
-    return PairsInTime.of(pairs, rig, detections, tracks, points)
+    return PairSequence.of(pairs, rig, detections, tracks, points)
 
 
-def online(given: PairsInTime) -> np.ndarray:
-    """Shape (frame, pair), bool: decided frame by frame."""
-    state, out = OnlineSides.start(given.skeleton), []
-    for t in range(given.n_frames):
-        now = SolvedPairs(*(getattr(given.pairs, field.name)[t : t + 1] for field in fields(SolvedPairs)))
-        midline = None if given.midline_m is None else given.midline_m[t : t + 1]
-        state, sides = advance(state, replace(given, pairs=now, time_s=given.time_s[t : t + 1], midline_m=midline))
-        out.append(sides.flipped[0, 0])
-    return np.array(out)
-
-
-DECISIONS: dict[str, Callable[[PairsInTime], np.ndarray]] = {
-    "votes": lambda given: decide_sides(given, "votes", SideOptions()).flipped[:, 0],
-    "chains": lambda given: decide_sides(given, "chains", SideOptions()).flipped[:, 0],
-    "online": online,
+DECISIONS: dict[str, Callable[[PairSequence], np.ndarray]] = {
+    "votes": lambda given: assign_sides(given, "votes", SideOptions()).flipped[:, 0],
+    "chains": lambda given: assign_sides(given, "chains", SideOptions()).flipped[:, 0],
 }
 
 
@@ -211,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", default="rates,half,faults,none")
     chosen = parser.parse_args(arguments)
     only = chosen.only.split(",")
-    print("Wrong joint-frames %, single-frame flips, CPU ms per frame; asked of chains, online may be twice that")
+    print("Wrong joint-frames %, single-frame flips, CPU ms per frame")
     print(f"{'':34}{'frames':>7}{'asked':>7}" + "".join(f"{name:>9}{'flips':>7}{'ms':>8}" for name in DECISIONS))
 
     def show(name: str, asked: float, cameras: int, law: str, sequences: Sequence[str], **given: object) -> None:

@@ -146,15 +146,15 @@ def per_frame(rig: CameraRig, detections: Detections) -> Layer:
 def solved(rig: CameraRig, detections: Detections) -> Layer:
     """Ours."""
     from posefuse.model.options.trajectory import TrajectoryOptions
-    from posefuse.trajectory.observed import Measured
-    from posefuse.trajectory.priors import learn
+    from posefuse.trajectory.observations import MeasuredRange
+    from posefuse.trajectory.priors import estimate_priors
     from posefuse.trajectory.solve import solve
 
     result = triangulate(rig, detections, Options())
     assert result.tracks is not None
     assert result.noise is not None
     parts = (result.rig, detections, result.tracks, result.layers["measured"], result.swaps, result.noise)
-    laws = learn([Measured(*parts)], detections.skeleton, TrajectoryOptions())
+    laws = estimate_priors([MeasuredRange(*parts)], detections.skeleton, TrajectoryOptions())
     return solve(*parts, laws, TrajectoryOptions())
 
 

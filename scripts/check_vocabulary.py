@@ -59,8 +59,8 @@ def help_texts() -> Iterator[tuple[str, str]]:
     """Yield the name and the complete help output of every command."""
     names = subprocess.run([sys.executable, "-m", "posefuse", "--help"], capture_output=True, text=True, check=True)
     yield "posefuse --help", names.stdout
-    for name in sorted(set(re.findall(r"^│ ([a-z][a-z-]+) ", names.stdout, re.MULTILINE))):
-        flag = "--help-all" if name == "reconstruct" else "--help"
+    for name in sorted(set(re.findall(r"^  ([a-z][a-z-]+)  ", names.stdout, re.MULTILINE))):
+        flag = "--help-all"
         shown = subprocess.run(
             [sys.executable, "-m", "posefuse", name, flag], capture_output=True, text=True, check=True
         )

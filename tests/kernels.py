@@ -1,4 +1,4 @@
-"""Steps of kernels, made callable from tests: alone they can be called from other kernels only."""
+"""Subroutines of kernels made callable from Python for tests."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import numba
 
 
-def from_python(step: Callable[..., Any]) -> Callable[..., Any]:
-    """A step with an entry from Python."""
+def from_python(subroutine: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a subroutine with an entry point from Python."""
 
     @numba.njit(error_model="numpy")
     def entry(*arguments):
-        return step(*arguments)
+        return subroutine(*arguments)
 
     return entry

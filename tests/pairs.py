@@ -1,4 +1,4 @@
-"""Solved pairs of a simulated person, without a solver: the true points with the noise that a solver would leave."""
+"""Simulated pair solutions: true points with the noise of a solver."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 
 BOUND = 16.0
-"""No observation costs more, in squared sigmas."""
+"""Bound of an observation's cost, in squared standard deviations."""
 
 
 def covariance_of(rig: CameraRig, points_m: np.ndarray, seen: np.ndarray, sigma_px: float) -> np.ndarray:
-    """Shape (..., 3, 3): of points that the views (..., view) in ``seen`` see."""
+    """Return covariances of points seen by the views in ``seen`` (..., view), shape (..., 3, 3)."""
     step = 1e-4
     shifted = np.stack([(rig.project(points_m + step * axis) - rig.project(points_m)) / step for axis in np.eye(3)])
     jacobian = np.moveaxis(np.nan_to_num(shifted), (0, 1), (-1, -3))
@@ -20,10 +20,10 @@ def covariance_of(rig: CameraRig, points_m: np.ndarray, seen: np.ndarray, sigma_
     return np.linalg.inv(information + 1e-6 * np.eye(3))
 
 
-def solved(
+def simulate_pairs(
     rig: CameraRig, truth_m: np.ndarray, detections: Detections, sigma_px: float, rng: np.random.Generator
 ) -> SolvedPairs:
-    """Pairs of one person of true keypoints (frame, keypoint, 3); each view's evidence is that of its detections.
+    """Simulate pairs of one person from true keypoints (frame, keypoint, 3), with evidence from the detections.
 
     The first point of a pair is the one that most labels call left.
     """

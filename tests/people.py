@@ -116,15 +116,15 @@ def _events(tracks: Tracks, scene: CrowdScene) -> tuple[Event, ...]:
         name, when = tracks.person_ids[p], (int(numbers[f]), float(time_s[f]))
         if state[f, p] == TrackState.ACTIVE:
             known = (state[:f, p] == TrackState.LOST).any()
-            events.append(Event(*when, name, "returned" if known else "born", "seen by 4 cameras"))
+            events.append(Event(*when, name, "reidentified" if known else "confirmed", "seen by 4 cameras"))
         elif state[f, p] == TrackState.LOST:
             events.append(Event(*when, name, "lost", "not seen for 0.3 s, though 3 cameras should see them"))
         elif state[f, p] == TrackState.ABSENT:
-            events.append(Event(*when, name, "forgotten", "lost for 0.1 s"))
+            events.append(Event(*when, name, "terminated", "lost for 0.1 s"))
     return tuple(events)
 
 
-def nobody(scene: CrowdScene) -> Reconstruction:
+def without_people(scene: CrowdScene) -> Reconstruction:
     """The same recording with nobody found in it."""
     whole = followed(scene)
     empty = {

@@ -232,7 +232,7 @@ def _retold(event: Event, casting: _Casting, states: np.ndarray, frame: int, per
     name = casting.names[person]
     why = event.why if name == event.person else f"{event.why} (then called {event.person})"
     earlier = _states_of(casting.source[:frame, person], states[:frame]) >= TrackState.ACTIVE
-    what = "returned" if event.what == "born" and earlier.any() else event.what
+    what = "reidentified" if event.what == "confirmed" and earlier.any() else event.what
     return replace(event, person=name, what=what, why=why)
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.animal_scenes import AnimalOptions, renamed, simulate_animals
 from benchmarks.animals import OF, OWN_TOML
 
 import posefuse
 from posefuse.cli.simulate import write_scene
 from posefuse.skeleton.skeletons import Skeleton, parse_skeleton
-from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowds import CrowdScene
 
 PAGE = (Path(__file__).parents[2] / "docs" / "animals.md").read_text()
@@ -69,7 +69,7 @@ def test_a_gate_can_be_given(scene: CrowdScene, run, tmp_path: Path) -> None:
 
 
 def test_the_truth_is_perfect_at_any_size(scene: CrowdScene) -> None:
-    from posefuse.evaluation.together import people_points
+    from posefuse.evaluation.paired_results import people_points
 
     found = posefuse.score_people(people_points(scene.truth, scene.truth))
     assert found.clear[0].mota == 1.0

@@ -62,7 +62,7 @@ def test_evaluate_against_a_trc(run, recording, tmp_path):
     posefuse.write(posefuse.read_reconstruction(tmp_path / "truth.nc"), tmp_path / "truth.trc")
     code, said, _ = run("evaluate", out, tmp_path / "truth.trc", "--json", tmp_path / "numbers.json")
     assert code == 0
-    assert "against the truth, by order: 30 frames" in said
+    assert "against the ground truth, by order: 30 frames" in said
     from_trc = json.loads((tmp_path / "numbers.json").read_text())
     run("evaluate", out, tmp_path / "truth.nc")
     from_nc = json.loads((out / "evaluation.json").read_text())
@@ -123,14 +123,14 @@ def test_simulate_and_report(run, tmp_path):
     assert sorted(entry.name for entry in folder.iterdir()) == ["calibration.toml", "keypoints.nc", "truth.nc"]
     assert run("reconstruct", folder, "-o", tmp_path / "out")[0] == 0
     assert run("report", tmp_path / "out", "--truth", folder / "truth.nc", "-o", tmp_path / "page.html")[0] == 0
-    assert "Against the truth" in (tmp_path / "page.html").read_text()
+    assert "Comparison with the ground truth" in (tmp_path / "page.html").read_text()
 
 
 def test_demo(run, tmp_path):
     code, said, _ = run("demo", "-o", tmp_path / "demo")
     assert code == 0
     assert "The report: file://" in said
-    assert "Against the truth" in (tmp_path / "demo" / "result" / "report.html").read_text()
+    assert "Comparison with the ground truth" in (tmp_path / "demo" / "result" / "report.html").read_text()
 
 
 def test_inspect(run, recording, tmp_path, clean_scene):
@@ -228,7 +228,9 @@ class TestBadInput:
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations in", "--calibration PATH"])
+        refused(
+            "reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"]
+        )
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()
@@ -236,7 +238,7 @@ class TestBadInput:
 
     def test_two_calibrations(self, refused, recording, tmp_path):
         (recording / "other.toml").write_text((recording / "calibration.toml").read_text())
-        words = ["2 calibrations", "--calibration", "other.toml"]
+        words = ["2 calibrations", "Choose one", "--calibration", "other.toml"]
         refused("reconstruct", recording, "-o", tmp_path / "o", words=words)
 
     def test_cameras_of_other_names(self, refused, recording, tmp_path):
@@ -260,9 +262,7 @@ class TestBadInput:
     def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
-        refused(
-            "reconstruct", recording, "-o", tmp_path / "o", words=["do not say how many frames a second", "--rate-hz"]
-        )
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["do not state their frame rate", "--rate-hz"])
 
     def test_empty_recording(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()

@@ -56,9 +56,9 @@ def test_calibrations(tmp_path):
     [
         ("x.xyz", [], 2, "Add --to"),
         ("x.csv", ["--to", "opnpose"], 2, "Did you mean 'openpose'"),
-        ("x.toml", [], 2, "not written as anipose"),
+        ("x.toml", [], 2, "does not write as anipose"),
         ("in/records.jsonl", [], 1, "exists already"),
-        ("x.csv", ["--onto", "fly_38"], 2, "nothing of it can be made"),
+        ("x.csv", ["--onto", "fly_38"], 2, "none of its keypoints can be derived"),
     ],
 )
 def test_wrong_calls_say_what_to_do_and_write_nothing(records, tmp_path, capsys, output, flags, code, said):

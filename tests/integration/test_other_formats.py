@@ -49,5 +49,5 @@ def test_formats_beside_a_result(run, recording, tmp_path, capsys):
 def test_a_format_that_is_not(run, recording, tmp_path):
     code, _, err = run("reconstruct", recording, "--output", tmp_path / "out", "--also", "parket")
     assert code == 2
-    assert "--also parket: no such format beside a result. Did you mean 'parquet'?" in " ".join(err.split())
+    assert "--also parket: there is no additional format of this name. Did you mean 'parquet'?" in " ".join(err.split())
     assert not (tmp_path / "out").exists()

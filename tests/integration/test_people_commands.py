@@ -85,7 +85,7 @@ def test_edits_are_done_again_by_reconstruct(run, recording, tmp_path):
 def test_explain(run, folder):
     code, said, wrong = run("explain", folder / "result", "--frame", 12, "--recording", folder / "recording")
     assert (code, wrong) == (0, "")
-    for words in ("frame 12, 0.480 s", "person_3  active since", "cam_4: ", "nobody"):
+    for words in ("frame 12, 0.480 s", "person_3  active since", "cam_4: ", "unassigned"):
         assert words in said
     assert all(len(line) <= 80 for line in said.splitlines())
     keypoints = folder / "recording" / "keypoints.nc"
@@ -108,7 +108,7 @@ def test_explain_notices_other_keypoints(run, folder):
     netcdf.write(list(known.chunks()), folder / "result2.nc")
     code, _, said = run("explain", folder / "result2.nc", "--frame", 3, "--recording", folder / "recording")
     assert code == 0
-    assert "keypoints.nc has changed since the result was made" in said
+    assert "keypoints.nc has changed since the result was written" in said
 
 
 def test_edits_that_leave_nobody(run, folder, monkeypatch):
@@ -139,7 +139,7 @@ def test_a_result_by_its_own_account(run, folder, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     code, said, wrong = run("evaluate", folder / "result")
     assert (code, wrong) == (0, "")
-    assert "layer model by its own account: 25 frames; no truth was given" in said
+    assert "layer model, self-consistency without ground truth: 25 frames" in said
     assert "NIS by its degrees of freedom, mean" in said
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("/"))
     numbers = json.loads((folder / "result" / "evaluation.json").read_text())

@@ -51,7 +51,7 @@ def test_a_turned_camera_is_put_right_and_what_was_read_stays(run, turned_record
     assert code == 0, err
     assert (turned_recording / "Calib.toml").read_bytes() == before
     assert "px before" in out
-    assert "pose2sim's format" in out
+    assert "in the format pose2sim" in out
     rig = posefuse.read_cameras(refined)
     assert np.degrees(np.abs(pose_changes(truth, rig)[:, :3]).max()) < 0.2 * TURN_DEG
     assert "SHA-256" in rig.notes[0]

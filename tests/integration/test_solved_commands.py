@@ -72,7 +72,7 @@ def test_the_world_laid_anew_is_evaluated_in_the_old_one(run, recording, tmp_pat
     assert (nose[:, 1] > 1.2).all()
     code, said, _ = run("evaluate", out, tmp_path / "truth.nc")
     assert code == 0
-    assert "compared in the calibration's world" in said.replace("\n", " ")
+    assert "compared in the calibration's coordinate system" in said.replace("\n", " ")
     assert "layer measured" in said
     median = next(line for line in said.splitlines() if line.startswith("median "))
     assert float(median.split()[1]) < 10

@@ -16,7 +16,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.reconstruct import Tracker
+from posefuse.pipeline.track_live import Tracker
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
@@ -117,7 +117,7 @@ def test_everybody_is_found_once(scene: CrowdScene, told: list[People]) -> None:
         np.nanmean(np.linalg.norm(truth[-1] - person.points_m, axis=-1), axis=-1).min() for person in found.values()
     ]
     assert max(apart) < 0.1
-    assert [e.what for e in events_of(told)].count("born") == PEOPLE
+    assert [e.what for e in events_of(told)].count("confirmed") == PEOPLE
 
 
 def test_the_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[People]) -> None:
@@ -163,8 +163,8 @@ def test_four_times_the_frames_give_the_same_lives() -> None:
     """One of two people leaves at 10.7 s and is back at 15.7 s; who is named first does not matter."""
     slow, fast = lives(25.0), lives(100.0)
     assert [[what for what, _ in life] for life in slow] == [[what for what, _ in life] for life in fast]
-    assert [what for what, _ in slow[0]] == ["born"]
-    assert [what for what, _ in slow[1]] in (["born", "lost", "returned"], ["born", "lost", "found"])
+    assert [what for what, _ in slow[0]] == ["confirmed"]
+    assert [what for what, _ in slow[1]] in (["confirmed", "lost", "reidentified"], ["confirmed", "lost", "reacquired"])
     for one, other in zip(slow, fast, strict=True):
         np.testing.assert_allclose([at_s for _, at_s in one], [at_s for _, at_s in other], rtol=0, atol=0.1)
 
@@ -206,7 +206,7 @@ def test_frames_out_of_order_are_refused(scene: CrowdScene) -> None:
     tracker = Tracker(scene.rig, "body_20")
     tracker.update(frames[5])
     for i in (5, 4):
-        with pytest.raises(DetectionsError, match="Frames come in order"):
+        with pytest.raises(DetectionsError, match="Frames must be in order of time"):
             tracker.update(frames[i])
     assert tracker.update(frames[6]).number == 6
 
@@ -245,7 +245,7 @@ def test_people_are_tentative_before_they_are_active_and_active_before_they_are_
     frames = frames_of(scene.detections)
     frames = frames[:50] + [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames[50:]]
     told = run(scene.rig, frames)
-    born = {e.person: e.number for e in events_of(told) if e.what == "born"}
+    born = {e.person: e.number for e in events_of(told) if e.what == "confirmed"}
     assert len(born) == PEOPLE
     order = [TrackState.ACTIVE, TrackState.LOST]
     for name, number in born.items():
@@ -325,7 +325,7 @@ def test_a_limb_in_the_wrong_place_is_set_anew(scene):
             inner.state.covariance[0, each, each] = 1e-7
     name = inner.tracks[0].name
     after = [tracker.update(frame) for frame in frames[50:90]]
-    assert any(event.what == "limb set anew" and event.person == name for event in events_of(after))
+    assert any(event.what == "limb_reinitialized" and event.person == name for event in events_of(after))
     truth = np.asarray(scene.truth.layers["measured"].points_m)[89]
     found = known(after[-1])[name].points_m
     assert np.nanmin(np.linalg.norm(truth - found, axis=-1).mean(axis=-1)) < 0.08
@@ -338,7 +338,7 @@ def test_a_camera_that_goes_dark_is_said_live_and_so_is_its_return(scene: CrowdS
         dark_frames = [gone(frame, 1) if 0.8 <= i / 25.0 < 3.4 else frame for i, frame in enumerate(frames)]
         said = [event for event in events_of(run(scene.rig, dark_frames)) if event.what.startswith("camera")]
         name = scene.rig.names[1]
-        assert [(event.person, event.what) for event in said] == [(name, "camera silent"), (name, "camera heard again")]
+        assert [(event.person, event.what) for event in said] == [(name, "camera_silent"), (name, "camera_back")]
         assert said[0].time_s == pytest.approx(2.8, abs=0.3)
         assert said[1].time_s == pytest.approx(3.6, abs=0.1)
 

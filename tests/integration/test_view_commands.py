@@ -4,7 +4,7 @@ import pytest
 
 import posefuse
 from posefuse.io.keypoints import native
-from tests.videos import N_FRAMES, coded_video, moving_sticks, images_of, exact_detections
+from tests.videos import N_FRAMES, coded_video, exact_detections, images_of, moving_sticks
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_overlay_of_one_video_names_the_cameras_left_out(run, stored, tmp_path):
     )
     assert code == 0
     assert f"{N_FRAMES - 1} images" in said
-    assert "no video of cam1: not drawn" in said
+    assert "no video of cam1; --blank" in said
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Laws, by Hypothesis: a few examples, always the same ones, in ``make test``; many new ones in ``make test-long``."""
+"""Property tests with Hypothesis: few fixed examples in ``make test``, many random ones in ``make test-long``."""
 
 import os
 
@@ -8,5 +8,5 @@ FACTOR = int(os.environ.get("POSEFUSE_EXAMPLES_FACTOR", "1"))
 
 
 def examples(n: int) -> settings:
-    """Run ``n`` examples, or that many times the factor of the environment; each may take its time."""
+    """Run ``n`` examples times the factor given by the environment, without a deadline."""
     return settings(max_examples=n * FACTOR, deadline=None, derandomize=FACTOR == 1)

@@ -1,4 +1,4 @@
-"""Written 2D keypoints are read back in every format, except for the losses that the format states."""
+"""Written 2D keypoints are read back in every format, except for the losses that the format reports."""
 
 import tempfile
 from dataclasses import replace
@@ -25,7 +25,7 @@ names = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), m
 
 
 def any_detections(seed: int, frames: int, views: list[str], skeleton: str | None = None) -> Detections:
-    """Return numbers of any size with missing values, unrecorded frames, and people without keypoints."""
+    """Return random numbers with gaps, unrecorded frames, and people without any keypoint."""
     rng = np.random.default_rng(seed)
     known = None if skeleton is None else shipped_skeleton(skeleton)
     given = ragged(rng, frames, len(views), 4 if known is None else len(known))
@@ -53,7 +53,7 @@ def any_detections(seed: int, frames: int, views: list[str], skeleton: str | Non
 
 
 def as_read(given: Detections) -> Detections:
-    """Add the note of the reader on views of unequal length."""
+    """Add the warning about views of unequal length."""
     said = uneven_lengths(given)
     return given if said is None else replace(given, notes=(*given.notes, said))
 
@@ -76,7 +76,7 @@ def test_tidy_parquet_is_lossless(seed, frames, views):
 
 @given(**recordings)
 @examples(25)
-def test_tidy_csv_keeps_everything_except_the_stated_losses(seed, frames, views):
+def test_tidy_csv_keeps_all_but_the_reported_losses(seed, frames, views):
     views = sorted(views)
     given = any_detections(seed, frames, views, "coco_17")
     if not given.recorded.any(axis=0).all():
@@ -111,8 +111,8 @@ def test_detection_tables_are_lossless(seed, frames, views):
 @pytest.mark.parametrize("form", ["keypoints.parquet", "replay.jsonl", "tables", "keypoints.nc"])
 @given(seed=seeds, gaps=st.lists(st.integers(1, 10**6), min_size=2, max_size=5))
 @examples(8)
-def test_sparse_frame_numbers_are_kept(form, seed, gaps):
-    """Manually labeled data are sparse. A table in CSV states that it cannot be read again."""
+def test_distant_frame_numbers_are_kept(form, seed, gaps):
+    """Hand-labeled frames are far apart; CSV tables report that they cannot be read back."""
     numbers = np.cumsum([0, 10_000, *gaps])
     given = any_detections(seed, len(numbers), ["a", "b"])
     given = replace(given, frame_numbers=numbers, recorded=np.ones_like(given.recorded))
@@ -143,7 +143,7 @@ def test_replays_are_lossless(seed, frames, views):
 
 @given(**recordings, skeleton=st.sampled_from(["body_25", "openpose_137"]))
 @examples(10)
-def test_openpose_files_keep_everything_except_the_stated_losses(seed, frames, views, skeleton):
+def test_openpose_files_keep_all_but_the_reported_losses(seed, frames, views, skeleton):
     views = sorted(f"v{i}_{frames}" for i in range(len(views)))
     given = any_detections(seed, frames, views, skeleton)
     there = np.isfinite(np.asarray(given.keypoints_px)).all(axis=-1)

@@ -1,4 +1,4 @@
-"""Results in other programs' formats: what is read is what was written, in all that a format has a place for."""
+"""Results in formats of other programs are read back, as far as the format represents them."""
 
 import tempfile
 from dataclasses import fields, replace
@@ -19,7 +19,7 @@ from posefuse.model.stored_points import StoredPoints, stored_points
 from tests.laws import examples
 from tests.laws.test_round_trips import any_result, any_rig, seeds
 
-# pandas and netCDF keep texts up to the first zero byte; carriage returns are what CSV writers end lines with.
+# pandas and netCDF truncate strings at the first zero byte; CSV writers end lines with carriage returns.
 names = st.text(st.characters(codec="utf-8", exclude_characters="\x00\r", exclude_categories=["Cs"]), max_size=8)
 hostile = st.sampled_from(
     ["../../x", "/etc/x", "..", ".", "a/b", "C:\\x", "CON", "nul.txt", "x" * 300, "a\nb", "a,b", '"', ""]
@@ -39,10 +39,10 @@ CARRIES = {
     "anipose": {"keypoints", "frame_numbers", "points_m", "n_views", "reprojection_error_px"},
     "dlc": {"keypoints", "person_ids", "frame_numbers", "points_m", "layer"},
 }
-"""What comes back of each format; the rest is None or empty."""
+"""Fields that each format keeps; the others are None or empty."""
 
 NEEDED = ("person_ids",)
-"""What is made up of the file's name where the file does not tell."""
+"""Fields derived from the file name because the file lacks them."""
 
 FILES = {
     "parquet": ("parquet", "p.parquet"),
@@ -61,7 +61,7 @@ ROWS_WITHOUT_GAPS = ("anipose", "dlc")
 
 
 def some_result(seed: int, people: list[str], keypoints: list[str], cameras: list[str], frames: int) -> Reconstruction:
-    """Numbers of any kind, a third of them missing, gaps between the frames."""
+    """Return random numbers, a third of them missing, with gaps between the frames."""
     rng = np.random.default_rng(seed)
     result = any_result(rng, any_rig(rng, cameras, [LensModel.BROWN] * len(cameras)), people, frames)
     layer = result.layers["measured"]
@@ -89,7 +89,7 @@ def results(most_frames: int = 6) -> st.SearchStrategy[dict[str, Any]]:
 
 
 def written_and_read(result: Reconstruction, kind: str) -> list[StoredPoints]:
-    """What comes back of each file, which all lie in the folder where they should."""
+    """Read all files, which must be in the expected folder."""
     form, name = FILES[kind]
     with tempfile.TemporaryDirectory() as outside:
         folder = Path(outside) / "result"
@@ -106,7 +106,7 @@ def expected(result: Reconstruction, kind: str) -> list[StoredPoints]:
 
 
 def check(found: StoredPoints, given: StoredPoints, kind: str, rtol: float = 0.0) -> None:
-    """All that the format carries is the same, all else is not there."""
+    """Check that the fields of the format are equal and all others absent."""
     places = np.arange(given.n_frames)
     if kind in ROWS_WITHOUT_GAPS:
         places = given.frame_numbers - given.frame_numbers[0]
@@ -131,9 +131,9 @@ def check(found: StoredPoints, given: StoredPoints, kind: str, rtol: float = 0.0
 @pytest.mark.parametrize("kind", [kind for kind in FILES if kind != "nwb"])
 @given(arguments=results())
 @examples(8)
-def test_what_is_written_is_read(kind, arguments):
+def test_written_results_are_read_back(kind, arguments):
     result = some_result(**arguments)
-    # Millimetres and back: the last digit may differ.
+    # Conversion to millimeters and back may change the last digit.
     rtol = 1e-15 if kind in ("npz", "freemocap") else 0.0
     for found, given_ in zip(written_and_read(result, kind), expected(result, kind), strict=True):
         check(found, given_, kind, rtol)
@@ -149,7 +149,7 @@ def test_nwb_is_read(arguments):
 
 @given(people=st.lists(anybody, min_size=1, max_size=6, unique=True))
 @examples(100)
-def test_names_stay_in_their_folder(people):
+def test_file_names_stay_in_their_folder(people):
     folder = Path("/somewhere/inside")
     paths = person_paths(folder / "x.csv", people)
     assert len({str(path).casefold() for path in paths}) == len(people)

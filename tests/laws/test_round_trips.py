@@ -1,4 +1,4 @@
-"""What is written is read back: everything where a format holds everything, else up to its stated digits."""
+"""Written files are read back: losslessly, or up to the documented precision of the format."""
 
 import re
 import tempfile
@@ -53,7 +53,7 @@ def any_rig(rng: np.random.Generator, names: list[str], lenses: list[LensModel])
 
 
 def any_result(rng: np.random.Generator, rig: CameraRig, people: list[str], frames: int) -> Reconstruction:
-    """Numbers of any kind in every field, a third of them missing."""
+    """Return random numbers in every field, a third of them missing."""
     shape = frames, len(people), 4
     views = len(rig)
 
@@ -126,7 +126,7 @@ OTHER_LENSES = {
     "pose2sim": (LensModel.RATIONAL, LensModel.FISHEYE, LensModel.BROWN),
     "qualisys": (LensModel.RATIONAL, LensModel.FISHEYE),
 }
-"""Which lenses the formats have no numbers for; of Pose2Sim's, those with k3."""
+"""Lenses that the formats cannot represent; for Pose2Sim, those with k3."""
 
 
 @pytest.mark.parametrize("form", CALIBRATIONS)
@@ -139,7 +139,7 @@ OTHER_LENSES = {
 )
 @examples(25)
 def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
-    """Or say what they cannot hold, and write nothing."""
+    """Formats report what they cannot represent, and then write nothing."""
     rig = any_rig(np.random.default_rng(seed), names, [lens] * len(names))
     rig = replace(rig, up_axis=up, notes=tuple(said), left_out=tuple(said))
     if form == "pose2sim" and lens is LensModel.BROWN and seed % 2:
@@ -170,7 +170,7 @@ def test_calibrations_keep_every_camera(form, seed, names, lens, up, said):
 
 @given(seed=seeds, frames=st.integers(1, 12), up=st.sampled_from([None, *UP_AXES]))
 @examples(25)
-def test_trc_keeps_micrometres(seed, frames, up):
+def test_trc_keeps_micrometers(seed, frames, up):
     rng = np.random.default_rng(seed)
     rig = replace(any_rig(rng, ["a", "b"], [LensModel.PINHOLE] * 2), up_axis=up)
     result = any_result(rng, rig, ["someone"], frames)
@@ -193,14 +193,14 @@ def test_trc_keeps_micrometres(seed, frames, up):
 
 
 def residuals_everywhere(content: ezc3d.c3d) -> np.ndarray:
-    """Shape (frame, point), as ezc3d reads them."""
+    """Return values as ezc3d reads them, shape (frame, point)."""
     return content["data"]["meta_points"]["residuals"][0].T
 
 
 @given(seed=seeds, frames=st.integers(1, 12), views=st.integers(1, 9))
 @examples(15)
-def test_c3d_keeps_what_it_says(seed, frames, views):
-    """As another program reads it: single precision, the views of up to seven, and which points were filled."""
+def test_c3d_keeps_its_documented_contents(seed, frames, views):
+    """Another program reads single precision, up to seven views, and which points were filled."""
     rng = np.random.default_rng(seed)
     rig = any_rig(rng, [f"camera {v}" for v in range(views)], [LensModel.PINHOLE] * views)
     result = any_result(rng, rig, ["someone"], frames)
@@ -251,7 +251,7 @@ def test_c3d_keeps_what_it_says(seed, frames, views):
 )
 @examples(8)
 def test_overlays_are_read_as_detections(seed, frames, people, skeleton):
-    """Each point where its camera would see it, to a thousandth of a pixel; nobody who is not in the image."""
+    """Each point has its projected pixel, to a thousandth of a pixel; people outside the image are absent."""
     rng = np.random.default_rng(seed)
     body, rig = shipped_skeleton(skeleton), ring(3)
     points = rng.normal((0.0, 0.0, 1.0), 0.8, (frames, people, len(body), 3))

@@ -1,4 +1,4 @@
-"""What no triangulation may change: the order of cameras, where the world's origin is, its scale, its people."""
+"""Invariances of triangulation: order of cameras, origin and scale of the world, and neighboring frames."""
 
 from dataclasses import replace
 
@@ -19,17 +19,17 @@ from tests.scenes import LENSES, body_points, ring, seen, skeleton_of
 
 seeds = st.integers(0, 2**32 - 1)
 lenses = st.sampled_from(sorted(LENSES))
-# Convergence stops at a thousandth of a point's standard error, which is some 7 mm here.
+# Convergence stops at a thousandth of the standard error of a point, which is about 7 mm here.
 CLOSE_M = 2e-5
 
 
 def measured(rig: CameraRig, detections: Detections) -> Layer:
-    """The measured layer at a fixed noise, so that only geometry matters."""
+    """Return the measured layer for a fixed noise scale, so that only geometry matters."""
     return reconstruct(rig, detections, Options(noise_scale_px=2.0)).layers["measured"]
 
 
 def scene(seed: int, lens: str, cameras: int = 5) -> tuple[CameraRig, Detections]:
-    """Ten frames with a fifth of the keypoints missing."""
+    """Return ten frames with a fifth of the keypoints missing."""
     rng = np.random.default_rng(seed)
     rig = ring(cameras, lens)
     detections = seen(rig, body_points(rng, 10), rng)
@@ -52,7 +52,7 @@ def test_the_order_of_cameras_does_not_matter(seed, lens):
 
 @given(seed=seeds, lens=lenses, shift=st.tuples(*[st.floats(-50, 50)] * 3))
 @examples(15)
-def test_the_world_may_be_moved(seed, lens, shift):
+def test_result_follows_a_change_of_world_coordinates(seed, lens, shift):
     rig, detections = scene(seed, lens)
     new_from_old = np.eye(4)
     new_from_old[:3, :3] = Rotation.random(random_state=seed % 2**31).as_matrix()
@@ -70,7 +70,7 @@ def test_the_world_may_be_moved(seed, lens, shift):
 
 @given(seed=seeds, lens=lenses, factor=st.floats(0.001, 1000))
 @examples(15)
-def test_the_world_may_be_scaled(seed, lens, factor):
+def test_result_scales_with_the_world(seed, lens, factor):
     rig, detections = scene(seed, lens)
 
     def scaled(camera: Camera) -> Camera:
@@ -87,7 +87,7 @@ def test_the_world_may_be_scaled(seed, lens, factor):
 
 @given(seed=seeds, lens=lenses)
 @examples(10)
-def test_a_frame_does_not_depend_on_its_neighbours(seed, lens):
+def test_frame_does_not_depend_on_its_neighbors(seed, lens):
     rig, detections = scene(seed, lens)
     whole = measured(rig, detections)
     for f in (0, 4, 9):
@@ -96,7 +96,7 @@ def test_a_frame_does_not_depend_on_its_neighbours(seed, lens):
 
 @given(seed=seeds)
 @examples(10)
-def test_coordinates_and_status_tell_the_same(seed):
+def test_coordinates_agree_with_the_status(seed):
     layer = measured(*scene(seed, "barrel"))
     has_point = layer.status < PointStatus.NOT_SEEN
     for array in (layer.points_m, layer.covariance_m2):
@@ -110,8 +110,8 @@ def test_coordinates_and_status_tell_the_same(seed):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_regions_of_the_covariance_hold_what_they_say(lens):
-    """68 and 95 % regions, the noise estimated from the recording itself."""
+def test_covariance_regions_have_nominal_coverage(lens):
+    """68 % and 95 % regions, with the noise estimated from the recording."""
     rng = np.random.default_rng(1)
     rig = ring(5, lens)
     truth = body_points(rng, 1200)
@@ -134,7 +134,7 @@ def test_missing_views_only_widen_the_covariance(rng):
 @given(seed=seeds, share=st.floats(0, 1))
 @examples(20)
 @pytest.mark.filterwarnings("ignore:The views do not agree", "ignore:Most of what camera")
-def test_any_pattern_of_missing_keypoints_is_survived(seed, share):
+def test_any_pattern_of_missing_keypoints_is_handled(seed, share):
     rng = np.random.default_rng(seed)
     rig = ring(4, "fisheye")
     pixels = rng.uniform(-500, 2500, (6, 4, 17, 2))

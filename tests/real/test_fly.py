@@ -7,7 +7,7 @@ from benchmarks import held_out, real
 
 import posefuse
 from posefuse.model.detections import Detections
-from posefuse.model.options.tracker import BirthOptions
+from posefuse.model.options.tracker import InitiationOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
 
 METRES_PER_UNIT = 0.72e-3
@@ -25,7 +25,7 @@ def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
     rig = replace(rig, cameras=tuple(cameras))
     fly = replace(detections, skeleton=shipped_skeleton("fly_38")).with_rate(100.0)
     # Fifteen frames are all there are.
-    births = BirthOptions(min_age_s=0.025, min_age_two_views_s=0.045)
+    births = InitiationOptions(min_age_s=0.025, min_age_two_views_s=0.045)
     options = posefuse.Options(
         people="one", bodies="fit", pairs="labels", exclude_camera=("camera_3",),
         tracker=posefuse.TrackerOptions(births=births),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import posefuse
-from posefuse.calibration.selection import held_out
+from posefuse.calibration.selection import held_out_frames
 from posefuse.errors import CalibrationError
 from posefuse.io.boards import find_board, read_board
 from posefuse.model.options.options import Options
@@ -29,8 +29,8 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
     assert np.linalg.norm(result.rig["side"].centre_m - good["side"].centre_m) < 0.003
     assert result.rig["side"].matrix[0, 0] == pytest.approx(good["side"].matrix[0, 0], rel=0.01)
     kept_back, _ = board.dense()
-    points = posefuse.triangulate(good, board, ONE).layers["measured"].points_m[held_out(board.n_frames), 0]
-    error = np.linalg.norm(result.rig["side"].project(points)[0] - kept_back[held_out(board.n_frames), 2], axis=-1)
+    points = posefuse.triangulate(good, board, ONE).layers["measured"].points_m[held_out_frames(board.n_frames), 0]
+    error = np.linalg.norm(result.rig["side"].project(points)[0] - kept_back[held_out_frames(board.n_frames), 2], axis=-1)
     assert np.nanmedian(error) < 1.0
 
 

@@ -9,8 +9,8 @@ from benchmarks import panoptic
 import posefuse
 from posefuse.cli.evaluate import truth_finder
 from posefuse.evaluation.accuracy import bone_variation
+from posefuse.evaluation.paired_results import people_points, with_truths
 from posefuse.evaluation.people import PeopleScores, score_people
-from posefuse.evaluation.together import people_points, with_truths
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import Source
 from posefuse.model.tracks import TrackState
@@ -52,7 +52,7 @@ def test_two_lasting_people_and_a_passer_by(follow, shared_data):
     assert len(others) == 1
     assert (detection[40:, others[0], :2] >= 0).all()
     assert not (detection[:, others[0], 2:] >= 0).any()
-    assert {event.what for event in result.events} == {"born"}
+    assert {event.what for event in result.events} == {"confirmed"}
 
 
 @pytest.mark.parametrize("layer", ["measured", "solved", "model"])

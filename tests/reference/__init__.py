@@ -1,1 +1,1 @@
-"""Naive twins: the kernels' specification in slow, obvious NumPy and SciPy."""
+"""Reference implementations of the kernels in slow, plain NumPy and SciPy."""

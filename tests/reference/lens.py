@@ -1,4 +1,4 @@
-"""Lenses, one point at a time, straight from the formulas."""
+"""Lens models, one point at a time, directly from the formulas."""
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
@@ -22,7 +22,7 @@ def fisheye_radius(camera: Camera, theta: float) -> float:
 
 
 def project(camera: Camera, point_m: np.ndarray) -> np.ndarray:
-    """A world point's pixel; no check of the domain."""
+    """Project a world point to a pixel, without a domain check."""
     x, y, z = camera.rotation @ point_m + camera.translation_m
     if camera.lens is LensModel.FISHEYE:
         rho = np.hypot(x, y)
@@ -34,7 +34,7 @@ def project(camera: Camera, point_m: np.ndarray) -> np.ndarray:
 
 
 def ray(camera: Camera, pixel: np.ndarray, max_radius: float) -> np.ndarray:
-    """A pixel's unit viewing direction in camera coordinates, by bracketing and least squares."""
+    """Return the unit viewing direction of a pixel in camera coordinates, by bracketing and least squares."""
     x_d, y_d, _ = np.linalg.solve(camera.matrix, [*pixel, 1.0])
     if camera.lens is LensModel.FISHEYE:
         radius = np.hypot(x_d, y_d)
@@ -49,7 +49,7 @@ def ray(camera: Camera, pixel: np.ndarray, max_radius: float) -> np.ndarray:
 
 
 def fold_radius(camera: Camera, furthest: float) -> float:
-    """Where the image radius stops growing, by walking outwards; inf if it never does up to ``furthest``."""
+    """Return the radius where the image radius stops growing, by a radial scan; inf if it grows up to ``furthest``."""
     radii = np.linspace(0.0, furthest, 200_001)
     if camera.lens is LensModel.FISHEYE:
         image = np.array(fisheye_radius(camera, radii))

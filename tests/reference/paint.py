@@ -1,10 +1,10 @@
-"""Painting, pixel by pixel over the whole picture."""
+"""Painting, pixel by pixel over the whole image."""
 
 import numpy as np
 
 
 def paint(image: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """A copy of the picture with shapes (x0, y0, x1, y1, radius, half width, r, g, b, opacity) over it."""
+    """Return a copy of the image with shapes (x0, y0, x1, y1, radius, half width, r, g, b, opacity) over it."""
     out = image.copy()
     y, x = np.mgrid[: image.shape[0], : image.shape[1]].astype(float)
     for x0, y0, x1, y1, radius, half, *colour, opacity in shapes[np.isfinite(shapes).all(axis=1)]:

@@ -1,4 +1,4 @@
-"""The cheapest two points of a pair by trying every state of every view, for cameras without distortion."""
+"""The cheapest two points of a pair by exhaustive search over view states, for cameras without distortion."""
 
 from itertools import product
 
@@ -7,23 +7,23 @@ import numpy as np
 from posefuse.model.cameras import CameraRig
 
 _ROUNDS = 60
-# A hundredth of a point's own standard error, squared.
+# A hundredth of the standard error of a point, squared.
 _SMALL_STEP = 1e-4
 
 
 def bounded(squared: np.ndarray, full: float, none: float) -> np.ndarray:
-    """The cost whose derivative is the weight ``(1 - u)^2`` of ``consensus``."""
+    """Return the cost whose derivative is the weight ``(1 - u)^2`` of ``consensus``."""
     u = np.clip((squared - full) / (none - full), 0.0, 1.0)
     return np.minimum(squared, full) + (none - full) * (1.0 - (1.0 - u) ** 3) / 3.0
 
 
 def every_set(views: int) -> np.ndarray:
-    """Shape (set, view): which observation a point may have in each view, 0 left, 1 right, -1 none."""
+    """Return all assignments of observations to a point, shape (set, view): 0 left, 1 right, -1 none."""
     return np.array(list(product((-1, 0, 1), repeat=views)))
 
 
 def cheapest(rig: CameraRig, pixels: np.ndarray, sigma_px: float, full: float, none: float) -> float:
-    """The least bounded cost of two points, each refined from every set of observations it may have.
+    """Return the lowest bounded cost of two points, each refined from every possible set of observations.
 
     For every state of every view there is the set of observations that a point then has; any two of these points, or
     one, are scored with every view in its cheapest state. A point rests on two rays; if there
@@ -65,7 +65,7 @@ def cheapest(rig: CameraRig, pixels: np.ndarray, sigma_px: float, full: float, n
 def squared_residuals(
     rig: CameraRig, pixels: np.ndarray, points: np.ndarray, sigma_px: float, none: float
 ) -> np.ndarray:
-    """Shape (point, view, 2): squared sigmas between points and observations, at most ``none``."""
+    """Return squared residuals in sigmas, at most ``none``, shape (point, view, 2)."""
     matrices = np.stack([camera.matrix @ camera.camera_from_world[:3] for camera in rig.cameras])
     projected = np.einsum("vij,sj->svi", matrices, np.concatenate([points, np.ones((len(points), 1))], axis=1))
     offset = projected[..., None, :2] / projected[..., None, 2:] - pixels[None]
@@ -76,7 +76,7 @@ def squared_residuals(
 def refined_points(
     rig: CameraRig, pixels: np.ndarray, sets: np.ndarray, sigma_px: float, full: float, none: float
 ) -> np.ndarray:
-    """Shape (set, 3): the point of the observations of each set, by reweighted Gauss-Newton from the algebraic one."""
+    """Return the point of each set of observations, shape (set, 3), by reweighted Gauss-Newton."""
     matrices = np.stack([camera.matrix @ camera.camera_from_world[:3] for camera in rig.cameras])
     member = sets >= 0
     observed = np.where(member[..., None], pixels[np.arange(len(rig)), np.maximum(sets, 0)], 0.0)

@@ -1,4 +1,4 @@
-"""Points, one at a time: maximum likelihood by SciPy, through the whole lens model."""
+"""Triangulation, one point at a time: maximum likelihood by SciPy, through the full lens model."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from tests.reference import lens
 
 
 def linear_point(cameras: Sequence[Camera], rays: np.ndarray) -> np.ndarray:
-    """The point that the rays' directions (view, 3), in camera coordinates, fix by direct linear transformation."""
+    """Return the point of ray directions (view, 3) in camera coordinates, by direct linear transformation."""
     rows = []
     for camera, (x, y, z) in zip(cameras, rays, strict=True):
         r0, r1, r2 = camera.camera_from_world[:3]
@@ -22,7 +22,7 @@ def linear_point(cameras: Sequence[Camera], rays: np.ndarray) -> np.ndarray:
 def maximum_likelihood_point(
     cameras: Sequence[Camera], pixels: np.ndarray, sigma_px: np.ndarray, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The point that makes independent Gaussian errors of the pixels (view, 2) most likely, and its covariance."""
+    """Return the maximum-likelihood point of pixels (view, 2) with independent Gaussian errors, and its covariance."""
 
     def residuals(point: np.ndarray) -> np.ndarray:
         return np.concatenate(
@@ -45,7 +45,7 @@ def _derivative(function, at: np.ndarray, axis: int, step: float = 1e-6) -> np.n
 
 
 def intersect_rays(origins: np.ndarray, directions: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The point nearest to lines through ``origins`` (view, 3) along unit ``directions`` (view, 3)."""
+    """Return the point closest to lines through ``origins`` (view, 3) along unit ``directions`` (view, 3)."""
     normal, right = np.zeros((3, 3)), np.zeros(3)
     for origin, direction, weight in zip(origins, directions, weights, strict=True):
         across = np.eye(3) - np.outer(direction, direction)

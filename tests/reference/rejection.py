@@ -1,4 +1,4 @@
-"""FreeMoCap's two ways of rejecting outliers, one point at a time, from the words of its documentation."""
+"""FreeMoCap's two outlier rejection methods, one point at a time, implemented from its documentation."""
 
 from itertools import combinations
 
@@ -10,7 +10,7 @@ from tests.reference.points import linear_point, maximum_likelihood_point
 
 
 def point_of(rig: CameraRig, pixels: np.ndarray, views: list[int]) -> np.ndarray:
-    """The standard triangulation: maximum likelihood from the views."""
+    """Return the maximum-likelihood point of the views."""
     cameras = [rig.cameras[v] for v in views]
     rays = np.stack([lens.ray(camera, pixels[v], np.inf) for v, camera in zip(views, cameras, strict=True)])
     start = linear_point(cameras, rays)
@@ -18,12 +18,12 @@ def point_of(rig: CameraRig, pixels: np.ndarray, views: list[int]) -> np.ndarray
 
 
 def errors_of(rig: CameraRig, pixels: np.ndarray, views: list[int], point: np.ndarray) -> list[float]:
-    """The reprojection error in each view, px."""
+    """Return the reprojection error in each view, px."""
     return [float(np.linalg.norm(lens.project(rig.cameras[v], point) - pixels[v])) for v in views]
 
 
 def weighted_subsets(rig: CameraRig, pixels: np.ndarray, target: float, max_drop: int, min_views: int) -> np.ndarray:
-    """The point of ``pixels`` (view, 2), NaN where not seen."""
+    """Return the point of ``pixels`` (view, 2), which are NaN where missing."""
     views = [v for v in range(len(rig)) if np.isfinite(pixels[v]).all()]
     if len(views) < min_views:
         return np.full(3, np.nan)
@@ -54,7 +54,7 @@ def weighted_subsets(rig: CameraRig, pixels: np.ndarray, target: float, max_drop
 
 
 def percentile_filter(rig: CameraRig, pixels: np.ndarray, threshold_px: float, min_views: int) -> np.ndarray:
-    """The point of ``pixels`` (view, 2), NaN where not seen or where its errors stay too large."""
+    """Return the point of ``pixels`` (view, 2); NaN if its errors remain too large."""
     views = [v for v in range(len(rig)) if np.isfinite(pixels[v]).all()]
     if len(views) < min_views:
         return np.full(3, np.nan)

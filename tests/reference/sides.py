@@ -1,4 +1,4 @@
-"""Naive twins of the kernels of sides: every sequence of orientations tried, every formula written out."""
+"""Left/right assignment by exhaustive search over orientation sequences."""
 
 from itertools import product
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def cheapest(time_cost, field, link_cost, members, links, link_ends) -> tuple[float, np.ndarray]:
-    """The least cost over all sequences of a block's orientations, shape (frame, J), and the sequence."""
+    """Return the lowest cost over all orientation sequences of a block, and the sequence, shape (frame, J)."""
     frames, width = len(field), len(members)
     best, chosen = np.inf, np.zeros((frames, width), dtype=bool)
     for bits in product(range(2), repeat=frames * width):
@@ -18,7 +18,7 @@ def cheapest(time_cost, field, link_cost, members, links, link_ends) -> tuple[fl
 
 
 def cost_of(state, time_cost, field, link_cost, members, links, link_ends) -> float:
-    """Of one sequence; before the first frame every orientation is free."""
+    """Return the cost of one sequence; before the first frame every orientation is free."""
     total = 0.0
     for t, now in enumerate(state):
         for j, p in enumerate(members):
@@ -31,7 +31,7 @@ def cost_of(state, time_cost, field, link_cost, members, links, link_ends) -> fl
 
 
 def cheapest_swaps(odds, time_s, share, rate) -> np.ndarray:
-    """Shape (frame,): the likeliest states of one view."""
+    """Return the likeliest states of one view, shape (frame,)."""
     best, chosen = np.inf, np.zeros(len(odds), dtype=int)
     for states in product(range(2), repeat=len(odds)):
         cost = -np.log(share if states[0] else 1.0 - share)
@@ -47,7 +47,7 @@ def cheapest_swaps(odds, time_s, share, rate) -> np.ndarray:
 
 
 def turn_cost(points, covariance, then, then_covariance, spread, nu=4.0, most=12.0) -> float:
-    """Of exchanging two points over keeping them, from the vector between them."""
+    """Return the cost of exchanging two points over keeping them, from the vector between them."""
     both = sum(full(c) for c in (*covariance, *then_covariance)) + spread * np.eye(3)
     d, e = points[1] - points[0], then[1] - then[0]
     kept, exchanged = ((d - s * e) @ np.linalg.solve(both, d - s * e) for s in (1.0, -1.0))
@@ -56,12 +56,12 @@ def turn_cost(points, covariance, then, then_covariance, spread, nu=4.0, most=12
 
 
 def full(entries) -> np.ndarray:
-    """A matrix from xx xy xz yy yz zz."""
+    """Return a symmetric matrix from xx xy xz yy yz zz."""
     return np.asarray(entries)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
 def label_cost(now, then, since_s, share, rate) -> np.ndarray:
-    """Shape (2, 2): of a view's labels, for each orientation then and now."""
+    """Return the cost of the labels of a view for each orientation before and now, shape (2, 2)."""
     forgotten = 1.0 - np.exp(-rate * since_s)
     stationary = np.array([1.0 - share, share])
     out = np.empty((2, 2))

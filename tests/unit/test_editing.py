@@ -14,10 +14,10 @@ from posefuse.io.edits import edits_to_toml, read_edits
 from posefuse.model.edits import Drop, Edit, Merge, Rename, Split, Swap, name_of
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus
-from posefuse.model.track_events import HAPPENINGS, Event
+from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
 from tests.laws import examples
-from tests.people import crowd, followed, nobody
+from tests.people import crowd, followed, without_people
 
 FRAMES = 30
 
@@ -99,19 +99,19 @@ class TestWhatTheyDo:
         cut = apply_edits(result, [Split("person_1", "late", 12)])
         state = np.array(cut.tracks.state)
         state[12:15, 0] = TrackState.LOST  # The old name is still waited for when the new one is born.
-        again = Event(12, 0.48, "late", "born", "seen by 4 cameras")
+        again = Event(12, 0.48, "late", "confirmed", "seen by 4 cameras")
         cut = replace(cut, tracks=replace(cut.tracks, state=state), events=(*cut.events, again))
         edited = apply_edits(cut, [Merge("late", "person_1")])
         assert_same(data_of(edited, "person_1"), data_of(result, "person_1"))
         told = [event for event in edited.events if event.number == 12]
-        assert told == [Event(12, 0.48, "person_1", "returned", "seen by 4 cameras (then called late)")]
+        assert told == [Event(12, 0.48, "person_1", "reidentified", "seen by 4 cameras (then called late)")]
 
     def test_the_end_of_the_second_name_is_told_of_the_first(self, result):
         cut = apply_edits(result, [Split("person_4", "late", 5)])
         edited = apply_edits(cut, [Merge("late", "person_4")])
         told = {(e.number, e.what) for e in edited.events}
         assert told == {(e.number, e.what) for e in result.events}
-        assert "forgotten" in {e.what for e in edited.events}
+        assert "terminated" in {e.what for e in edited.events}
         assert edited.person_ids == result.person_ids
 
     def test_merge_of_one_seen_twice(self, result):
@@ -124,7 +124,7 @@ class TestWhatTheyDo:
         assert edited.provenance.notes[-1] == "Edited: person_2 merged into person_1, person_2 where both were active."
 
     def test_events_of_cameras_stay(self, result):
-        event = Event(3, 0.12, "cam_1", "camera refused", "it disagrees with the others")
+        event = Event(3, 0.12, "cam_1", "camera_rejected", "it disagrees with the others")
         edited = apply_edits(replace(result, events=(event,)), [Drop("person_1"), Rename("person_2", "b")])
         assert edited.events == (event,)
 
@@ -135,7 +135,7 @@ def test_the_example_in_the_documents_is_right(tmp_path):
     assert [name_of(edit) for edit in read_edits(tmp_path / "edits.toml")] == [
         "merge", "split", "swap", "rename", "drop", "drop",
     ]  # fmt: skip
-    assert all(f"`{what}`" in page for what in HAPPENINGS)
+    assert all(f"`{what}`" in page for what in EVENT_KINDS)
 
 
 names = st.sampled_from([f"person_{i}" for i in range(1, 5)])
@@ -178,7 +178,7 @@ class TestLaws:
 
     def test_everybody_may_go(self, result, scene):
         edited = apply_edits(result, [Drop(name) for name in result.person_ids])
-        assert edited.layers["model"] == nobody(scene).layers["model"]
+        assert edited.layers["model"] == without_people(scene).layers["model"]
         assert (edited.person_ids, edited.events) == ((), ())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.errors import DetectionsError, ResultError
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
 from posefuse.explain import explain
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
@@ -34,8 +34,8 @@ def test_every_detection_is_told_of_once_with_its_owner(scene, result):
         told = explain(result, number, scene.detections)
         cells = scene.detections.offsets[number * 5 : number * 5 + 6]
         for v, view in enumerate(told.views):
-            assert [each.number for each in view.sightings] == list(range(cells[v + 1] - cells[v]))
-            for each in view.sightings:
+            assert [each.number for each in view.detections] == list(range(cells[v + 1] - cells[v]))
+            for each in view.detections:
                 p = -1 if each.person is None else result.person_ids.index(each.person)
                 assert p == -1 or result.tracks.detection[number, p, v] == each.number
                 assert (p == -1) == (each.number not in result.tracks.detection[number, :, v])
@@ -45,51 +45,51 @@ def test_every_detection_is_told_of_once_with_its_owner(scene, result):
 
 def test_the_errors_are_distances_to_the_projected_person(scene, result):
     told = explain(result, 10, scene.detections)
-    one = next(each for each in told.views[2].sightings if each.person == "person_1")
+    one = next(each for each in told.views[2].detections if each.person == "person_1")
     points = result.layers["model"].points_m[10, 0]
     row = scene.detections.offsets[10 * 5 + 2] + one.number
     off = np.linalg.norm(result.rig.cameras[2].project(points)[0] - scene.detections.keypoints_px[row], axis=-1)
     assert one.error_px["model"] == pytest.approx(np.nanmedian(off), rel=1e-5)
 
 
-def test_why_a_detection_is_nobodys(scene, result):
+def test_unassigned_detections_have_the_right_reason(scene, result):
     """The simulation knows which detections are of nobody and which are somebody seen twice."""
     reasons: dict[Kind, list[str]] = {}
     for number in range(result.n_frames):
         for v, view in enumerate(explain(result, number, scene.detections).views):
-            for each in view.sightings:
+            for each in view.detections:
                 row = scene.detections.offsets[number * 5 + v] + each.number
                 # Somebody whom the result does not have is nobody to it.
                 owner = scene.owner[row]
                 known = owner < 0 or np.isfinite(np.asarray(result.layers["model"].points_m)[number, owner]).any()
                 if each.person is None and known:
                     reasons.setdefault(Kind(scene.kind[row]), []).append(each.why)
-    assert all("nobody stands there" in why or "is followed" in why for why in reasons[Kind.FALSE])
+    assert all("no person here" in why or "is tracked" in why for why in reasons[Kind.FALSE])
     assert reasons[Kind.DUPLICATE]
-    assert all("seen twice" in why for why in reasons[Kind.DUPLICATE])
+    assert all("a duplicate" in why for why in reasons[Kind.DUPLICATE])
 
 
-def test_somebody_who_was_not_given_a_detection_is_told_where_it_is(scene, result):
+def test_a_missed_detection_is_reported_with_its_position(scene, result):
     detection = np.array(result.tracks.detection)
     number = int(detection[10, 0, 2])
     detection[10, 0, 2] = -1
     odd = replace(result, tracks=replace(result.tracks, detection=detection))
     view = explain(odd, 10, scene.detections).views[2]
-    assert view.unseen["person_1"] == f"should be seen; detected there: number {number} (nobody)"
-    assert view.sightings[number].why.startswith("near person_1 (active), who was not given it")
+    assert view.undetected["person_1"] == f"should be visible; detected there: detection {number} (unassigned)"
+    assert view.detections[number].why.startswith("near person_1 (active), not assigned")
     nothing = replace(odd, tracks=replace(odd.tracks, detection=np.full_like(detection, -1)))
-    assert "not known without the 2D keypoints" in explain(nothing, 10).views[2].unseen["person_1"]
+    assert "unknown without the 2D keypoints" in explain(nothing, 10).views[2].undetected["person_1"]
 
 
 def test_without_keypoints_it_tells_what_the_result_knows(scene, result):
     told, whole = explain(result, 10), explain(result, 10, scene.detections)
     assert (told.complete, whole.complete) == (False, True)
     for mine, theirs in zip(told.views, whole.views, strict=True):
-        theirs_owned = [each for each in theirs.sightings if each.person is not None]
-        assert [(e.number, e.person, e.n_used) for e in mine.sightings] == [
+        theirs_owned = [each for each in theirs.detections if each.person is not None]
+        assert [(e.number, e.person, e.n_used) for e in mine.detections] == [
             (e.number, e.person, e.n_used) for e in theirs_owned
         ]
-        assert all(each.n_keypoints is None for each in mine.sightings)
+        assert all(each.n_keypoints is None for each in mine.detections)
 
 
 def test_people_and_their_states(result):
@@ -105,8 +105,8 @@ def test_people_and_their_states(result):
 def test_one_person(scene, result):
     told = explain(result, 10, scene.detections, "person_2")
     assert [person.name for person in told.people] == ["person_2"]
-    assert {each.person for view in told.views for each in view.sightings} <= {"person_2", None}
-    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera refused", "b"))
+    assert {each.person for view in told.views for each in view.detections} <= {"person_2", None}
+    events = (Event(9, 0.36, "person_1", "lost", "a"), Event(9, 0.36, "cam_1", "camera_rejected", "b"))
     assert explain(replace(result, events=events), 10, None, "person_2").events == events[1:]
 
 
@@ -116,13 +116,13 @@ def test_events_of_the_second_before_and_after(result):
 
 
 def test_what_it_refuses(scene, result):
-    with pytest.raises(ResultError, match="No frame 77 in this result, whose frames are 0 to 49. Give one of them"):
+    with pytest.raises(ResultError, match="frames 0 to 49\\). Choose a frame"):
         explain(result, 77)
-    with pytest.raises(ResultError, match="Nobody is called 'person_9'"):
+    with pytest.raises(ResultError, match="No person 'person_9'"):
         explain(result, 7, None, "person_9")
     with pytest.raises(ResultError, match="not made from detections"):
         explain(replace(result, tracks=None), 7)
-    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9: the result was made from others"):
+    with pytest.raises(DetectionsError, match="have no frame 30, only 0 to 9; the result"):
         explain(result, 30, scene.detections.frames(0, 10))
     detection = np.array(result.tracks.detection)
     detection[7, 0, 1] = 12

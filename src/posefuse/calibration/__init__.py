@@ -1,1 +1,1 @@
-"""Cameras refined from what they see: bundle adjustment, cameras located from scratch, and how well both are known."""
+"""Refine calibrations by bundle adjustment of points that the cameras observed."""

@@ -1,4 +1,4 @@
-"""What a refinement found: the cameras before and after, and what can be said of each."""
+"""Result of a refinement: the cameras before and after, and the change of each."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,24 +11,23 @@ Role = Literal["refined", "fixed", "located", "left out"]
 
 @dataclass(frozen=True)
 class CameraOutcome:
-    """What became of one camera. NaN where there is no such number.
+    """Describe the refinement of one camera; NaN where a number does not apply.
 
     Attributes:
-        name: of the camera.
-        role: what was done with it: refined, kept fixed, located from scratch, or left out.
-        why: it was left out.
-        before_px: median distance of its detections in frames that were kept back from where their points project,
-            with the calibration as it was; of a camera left out, from points of the others, refined.
+        name: name of the camera.
+        role: what was done: refined, kept fixed, located from scratch, or left out.
+        why: reason why it was left out.
+        before_px: median reprojection error in held-out frames with the original calibration; for a camera left out,
+            from points of the other, refined cameras.
         after_px: the same with the refined calibration.
-        used_before: share of its detections in those frames that agree with other views, with the calibration as it
-            was.
+        used_before: share of its detections in those frames that agree with other views, with the original calibration.
         used_after: the same with the refined calibration.
-        turn_deg: by how much it turned.
-        turn_sd_deg: the standard deviation of that in the direction that is known worst.
-        shift_m: how far its centre moved.
-        shift_sd_m: the standard deviation of that in the direction that is known worst.
-        focal_share: by how much its focal length grew.
-        focal_sd: the standard deviation of that.
+        turn_deg: rotation angle.
+        turn_sd_deg: its standard deviation in the least certain direction.
+        shift_m: displacement of its center.
+        shift_sd_m: its standard deviation in the least certain direction.
+        focal_share: relative change of the focal length.
+        focal_sd: its standard deviation.
     """
 
     name: str
@@ -48,18 +47,18 @@ class CameraOutcome:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A refined calibration and how it came about.
+    """Hold a refined calibration and its validation.
 
     Attributes:
-        before: the cameras as they were.
-        rig: the refined cameras, those left out not among them; its notes say what was done.
-        cameras: what became of each camera, in the order of ``before``.
-        refine: what was free to change.
-        n_points: how many points the cameras were adjusted to.
-        n_frames: of how many frames.
-        n_held_out: how many frames were kept back to judge by.
-        before_px: median error of all detections of the cameras that are kept, in the frames kept back, before.
-        after_px: the same after.
+        before: original cameras.
+        rig: refined cameras, without those left out; its notes describe the refinement.
+        cameras: outcome of each camera, in the order of ``before``.
+        refine: which parameters were free.
+        n_points: number of points used for the adjustment.
+        n_frames: number of their frames.
+        n_held_out: number of frames held out for validation.
+        before_px: median error of all detections of the remaining cameras in the held-out frames, before.
+        after_px: the same, after.
     """
 
     before: CameraRig
@@ -77,5 +76,5 @@ class Refinement:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Names of the cameras that are not in the refined calibration."""
+        """Return the names of the cameras that are not in the refined calibration."""
         return tuple(camera.name for camera in self.cameras if camera.role == "left out")

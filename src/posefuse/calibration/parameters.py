@@ -1,8 +1,8 @@
-"""What may change of a camera: nine numbers, small changes of which are added to it.
+"""Parameters of a camera: nine numbers, to which small changes are added.
 
-In this order: three turns about the camera's own axes in radians, three shifts of its centre in the world in metres,
-the logarithm of its focal length, and the changes of k1 and k2. A turn is about the centre, so that a camera that was
-only turned stays where it is: ``x_camera = exp(turn) R (x_world - centre - shift)``.
+In this order: three rotations about the camera's own axes (rad), three shifts of its center in the world (m), the
+logarithm of its focal length, and the changes of k1 and k2. Rotations are about the center, so that a camera that was
+only rotated keeps its position: ``x_camera = exp(rotation) R (x_world - center - shift)``.
 """
 
 from dataclasses import dataclass, replace
@@ -14,16 +14,16 @@ from posefuse.model.options.refinement import Refine
 
 N_PARAMETERS = 9
 POSE = slice(0, 6)
-TURN = slice(0, 3)
-SHIFT = slice(3, 6)
+ROTATION = slice(0, 3)
+TRANSLATION = slice(3, 6)
 FOCAL = 6
 LENS = slice(6, 9)
-_COUNTS: dict[Refine, int] = {"extrinsics": 6, "focal": 7, "lens": 9}
+_N_FREE: dict[Refine, int] = {"extrinsics": 6, "focal": 7, "lens": 9}
 
 
 @dataclass(frozen=True, eq=False)
-class Freedom:
-    """Which numbers of which cameras may change.
+class FreeParameters:
+    """Select the free parameters of all cameras.
 
     Attributes:
         free: shape (view, 9), bool.
@@ -32,31 +32,32 @@ class Freedom:
     free: np.ndarray
 
     @classmethod
-    def of(cls, rig: CameraRig, refine: Refine, fixed: tuple[str, ...] = ()) -> "Freedom":
-        """The freedom that a user gives: all cameras alike, but for those that are fixed."""
+    def of(cls, rig: CameraRig, refine: Refine, fixed: tuple[str, ...] = ()) -> "FreeParameters":
+        """Return the same free parameters for all cameras except fixed ones."""
         free = np.zeros((len(rig), N_PARAMETERS), dtype=bool)
-        free[:, : _COUNTS[refine]] = True
+        free[:, : _N_FREE[refine]] = True
         for name in fixed:
             free[rig.index(name)] = False
         return cls(free)
 
     @property
     def columns(self) -> np.ndarray:
-        """Places of the free numbers among all, cameras one after the other."""
+        """Return the indices of the free parameters among those of all cameras."""
         return np.flatnonzero(self.free.ravel())
 
 
-def changed(rig: CameraRig, change: np.ndarray) -> CameraRig:
-    """The rig after a change, shape (view, 9)."""
-    return replace(rig, cameras=tuple(_changed(camera, row) for camera, row in zip(rig.cameras, change, strict=True)))
+def apply_changes(rig: CameraRig, change: np.ndarray) -> CameraRig:
+    """Return the rig after a parameter change, shape (view, 9)."""
+    return replace(rig, cameras=tuple(_apply(camera, row) for camera, row in zip(rig.cameras, change, strict=True)))
 
 
-def _changed(camera: Camera, row: np.ndarray) -> Camera:
+def _apply(camera: Camera, row: np.ndarray) -> Camera:
+    """Return one camera after a parameter change, shape (9,)."""
     if not row.any():
         return camera
     pose = np.eye(4)
-    pose[:3, :3] = rotation_from_vector(row[TURN]) @ camera.rotation
-    pose[:3, 3] = -pose[:3, :3] @ (camera.centre_m + row[SHIFT])
+    pose[:3, :3] = rotation_from_vector(row[ROTATION]) @ camera.rotation
+    pose[:3, 3] = -pose[:3, :3] @ (camera.centre_m + row[TRANSLATION])
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= np.exp(row[FOCAL])
     distortion = camera.distortion
@@ -66,7 +67,7 @@ def _changed(camera: Camera, row: np.ndarray) -> Camera:
 
 
 def with_distortion(rig: CameraRig) -> CameraRig:
-    """The same rig, with a lens model whose terms can change: a pinhole is a Brown lens without distortion."""
+    """Return the rig with lens models that have distortion; a pinhole becomes a Brown lens without distortion."""
     cameras = tuple(
         replace(camera, lens=LensModel.BROWN, distortion=(0.0,) * 5) if camera.lens is LensModel.PINHOLE else camera
         for camera in rig.cameras

@@ -1,7 +1,7 @@
-"""A calibration refined from what its cameras saw: triangulate, adjust, triangulate anew, until nothing changes.
+"""Refine a calibration from the observations of its cameras: triangulate, adjust, and repeat until nothing changes.
 
-In each round the detections that other views contradict are left out; cameras that cannot be helped are left out by
-name. See docs/calibration.md.
+In each iteration, detections that contradict other views are rejected, and cameras that cannot be corrected are left
+out by name. See docs/calibration.md.
 """
 
 from dataclasses import dataclass, field, replace
@@ -10,299 +10,324 @@ from typing import Protocol
 import numpy as np
 
 from posefuse.calibration import checks
-from posefuse.calibration.adjust import Adjusted, adjust
-from posefuse.calibration.gauge import align, gauge_of, pose_changes, reach_of, rescaled
+from posefuse.calibration.adjust import Adjustment, adjust
+from posefuse.calibration.gauge import align, choose_gauge, pose_changes, rescale_about_fixed, typical_distance_m
 from posefuse.calibration.locate import locate
-from posefuse.calibration.normal import rows_of
-from posefuse.calibration.parameters import Freedom, Refine, with_distortion
-from posefuse.calibration.selection import held_out, spread_out
-from posefuse.calibration.sightings import Sightings
-from posefuse.calibration.uncertainty import Certainty, certainty
+from posefuse.calibration.normal_equations import compute_rows
+from posefuse.calibration.parameters import FreeParameters, Refine, with_distortion
+from posefuse.calibration.point_observations import PointObservations
+from posefuse.calibration.selection import held_out_frames, select_spread_points
+from posefuse.calibration.uncertainty import Uncertainty, estimate_uncertainty
 from posefuse.errors import CalibrationError, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.refinement import RefineOptions
 from posefuse.progress import Progress
 
-_SHARES = (0.3, 0.6, 1.0, 1.0)
-_AGREES = 0.5
-_LARGEST_START = 0.05
-_SETTLED = 0.02
+_POINT_SHARES = (0.3, 0.6, 1.0, 1.0)
+_MIN_AGREEING_SHARE = 0.5
+_MAX_START_SHARE = 0.05
+_CONVERGED_DEG = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
-    """What a rig's cameras saw, triangulated with it.
+class TriangulatedObservations:
+    """Hold the observations of a rig, triangulated with it.
 
     Attributes:
-        sightings: all of it, of points that at least two views show.
+        observations: all observations of points that at least two views observe.
         used: shape (observation,), bool: whether it agrees with the other views.
-        error_px: shape (observation,): its distance from the projected point.
+        error_px: shape (observation,): reprojection error.
     """
 
-    sightings: Sightings
+    observations: PointObservations
     used: np.ndarray
     error_px: np.ndarray
 
     def medians(self, n_views: int, chosen: np.ndarray | None = None) -> np.ndarray:
-        """Shape (view,): median error in the chosen frames, NaN where a view saw nothing."""
+        """Return each view's median error in the chosen frames, shape (view,), NaN without observations."""
         return np.array([_median(each) for each in self._by_view(self.error_px, n_views, chosen)])
 
     def shares(self, n_views: int, chosen: np.ndarray | None = None) -> np.ndarray:
-        """Shape (view,): share of the observations that agree with other views, NaN where there are none."""
+        """Return each view's share of observations that agree with other views, shape (view,), NaN without any."""
         return np.array([each.mean() if len(each) else np.nan for each in self._by_view(self.used, n_views, chosen)])
 
     def _by_view(self, values: np.ndarray, n_views: int, chosen: np.ndarray | None) -> list[np.ndarray]:
-        seen = self.sightings
-        kept = np.ones(len(values), dtype=bool) if chosen is None else chosen[seen.frame][seen.point]
-        return [values[kept & (seen.view == v)] for v in range(n_views)]
+        observations = self.observations
+        kept = np.ones(len(values), dtype=bool) if chosen is None else chosen[observations.frame][observations.point]
+        return [values[kept & (observations.view == v)] for v in range(n_views)]
 
 
 def _median(values: np.ndarray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-class Evidence(Protocol):
-    """A recording, as a refinement needs it."""
+class RecordingSource(Protocol):
+    """Provide the observations of a recording to a refinement."""
 
     @property
     def n_frames(self) -> int:
-        """How many frames are looked at."""
+        """Return the number of frames."""
         ...
 
-    def gather(self, rig: CameraRig) -> Gathered:
+    def triangulate(self, rig: CameraRig) -> TriangulatedObservations:
         """Triangulate with some cameras."""
         ...
 
-    def seen_by(self, name: str, sightings: Sightings) -> np.ndarray:
-        """What one more camera saw of points: shape (point, 2), NaN where nothing."""
+    def pixels_of(self, name: str, observations: PointObservations) -> np.ndarray:
+        """Return one more camera's observations of points, shape (point, 2), NaN where there is none."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class Progressed:
-    """How far a refinement is.
+class RefinementState:
+    """Hold the state of a refinement.
 
     Attributes:
-        before: the cameras that are still in, as given; those located from scratch as they were located.
-        rig: the same, as refined so far.
-        located: names of those located from scratch.
-        left_out: name to why.
-        doubted: names of those that most others contradicted, as they were given.
-        covered: shape (view,), bool, of the last round: whether what a view saw is all over its image.
-        adjusted: of the last round.
-        sightings: that it was made from.
+        before: original cameras that are not left out; for cameras located from scratch, the located ones.
+        rig: the same cameras as refined so far.
+        located: names of the cameras located from scratch.
+        left_out: name and reason of each camera left out.
+        contradicted: names of the cameras that most others contradicted with their original poses.
+        covered: shape (view,), bool, of the last iteration: whether a view's observations cover its image.
+        adjustment: result of the last iteration.
+        observations: its observations.
     """
 
     before: CameraRig
     rig: CameraRig
     located: tuple[str, ...] = ()
     left_out: dict[str, str] = field(default_factory=dict)
-    doubted: tuple[str, ...] = ()
+    contradicted: tuple[str, ...] = ()
     covered: np.ndarray | None = None
-    adjusted: Adjusted | None = None
-    sightings: Sightings | None = None
+    adjustment: Adjustment | None = None
+    observations: PointObservations | None = None
 
-    def without(self, why: dict[str, str]) -> "Progressed":
-        """Without some cameras."""
-        kept = [name for name in self.rig.names if name not in why]
+    def without(self, reasons: dict[str, str]) -> "RefinementState":
+        """Return the state without some cameras, given by name and reason."""
+        kept = [name for name in self.rig.names if name not in reasons]
         if len(kept) < 2:
-            reasons = " ".join(f"Camera {name!r}: {reason}" for name, reason in {**self.left_out, **why}.items())
-            raise CalibrationError(f"Fewer than two cameras are left to refine. {reasons}")
+            explained = " ".join(f"Camera {name!r}: {why}" for name, why in {**self.left_out, **reasons}.items())
+            raise CalibrationError(f"Fewer than two cameras are left to refine. {explained}")
         return replace(
-            self, before=self.before.select(kept), rig=self.rig.select(kept), left_out={**self.left_out, **why}
+            self, before=self.before.select(kept), rig=self.rig.select(kept), left_out={**self.left_out, **reasons}
         )
 
     @property
     def trusted(self) -> np.ndarray:
-        """Shape (view,), bool: cameras whose given pose says where the world is."""
+        """Return which cameras have an informative original pose, shape (view,), bool."""
         return np.array([name not in self.located for name in self.rig.names])
 
 
 def refine(
-    given: CameraRig, evidence: Evidence, options: RefineOptions, progress: Progress
-) -> tuple[Progressed, Certainty]:
+    given: CameraRig, source: RecordingSource, options: RefineOptions, progress: Progress
+) -> tuple[RefinementState, Uncertainty]:
     """Refine the cameras of a rig.
 
     Args:
         given: the cameras, in the order of the recording's views.
-        evidence: what they saw.
-        options: what may change.
-        progress: told how far the work is.
+        source: observations of the recording.
+        options: which parameters may change.
+        progress: receives the progress.
 
     Returns:
-        The refined cameras, and how well they are known.
+        The final state, and the uncertainty of the refined cameras.
 
     Raises:
-        CalibrationError: if what was seen does not determine them.
+        CalibrationError: if the observations do not determine the cameras.
     """
     kept = [name for name in given.names if name not in options.relocate]
     for name in (*options.fix, *options.relocate):
         given.index(name)
     if len(kept) < 2:
-        raise CalibrationError("Two cameras at least must keep the poses they have; the others are located by them.")
+        raise CalibrationError("At least two cameras must keep their poses; the others are located by them.")
     rig = with_distortion(given) if options.refine == "lens" else given
-    state = Progressed(rig.select(kept), rig.select(kept))
-    progress.start("refining", len(_SHARES) * (2 if options.relocate else 1))
-    state = _rounds(state, evidence, options, progress)
+    state = RefinementState(rig.select(kept), rig.select(kept))
+    progress.start("refining", len(_POINT_SHARES) * (2 if options.relocate else 1))
+    state = _iterate(state, source, options, progress)
     if options.relocate:
-        state = _relocated(state, given, evidence, options)
-        state = _rounds(state, evidence, options, progress)
+        state = _locate_cameras(state, given, source, options)
+        state = _iterate(state, source, options, progress)
     progress.finish()
-    known = _known(state, options)
-    assert state.adjusted is not None
-    checks.must_determine(known, state.rig, reach_of(state.rig, state.adjusted.points_m))
-    return state, known
+    uncertainty = _uncertainty(state, options)
+    assert state.adjustment is not None
+    checks.require_determined(uncertainty, state.rig, typical_distance_m(state.rig, state.adjustment.points_m))
+    return state, uncertainty
 
 
-def _known(state: Progressed, options: RefineOptions) -> Certainty:
-    """How well the cameras are known after a round."""
-    assert state.adjusted is not None
-    assert state.sightings is not None
-    freedom, fixed = _freedom(state, options), _fixed(state, options)
-    gauge = gauge_of(state.before, state.rig, state.adjusted.points_m, fixed, state.trusted)
-    return certainty(state.adjusted, state.sightings, freedom, gauge)
+def _uncertainty(state: RefinementState, options: RefineOptions) -> Uncertainty:
+    """Return the uncertainty of the cameras after an iteration."""
+    assert state.adjustment is not None
+    assert state.observations is not None
+    free, fixed = _free_parameters(state, options), _fixed(state, options)
+    gauge = choose_gauge(state.before, state.rig, state.adjustment.points_m, fixed, state.trusted)
+    return estimate_uncertainty(state.adjustment, state.observations, free, gauge)
 
 
-def _rounds(state: Progressed, evidence: Evidence, options: RefineOptions, progress: Progress) -> Progressed:
-    """Rounds of triangulation and adjustment until the cameras stay where they are."""
-    for share in _SHARES:
-        last = state.rig
-        state, gathered = _joined(state, evidence)
-        state = _adjusted(state, gathered, evidence.n_frames, options, share)
+def _iterate(
+    state: RefinementState, source: RecordingSource, options: RefineOptions, progress: Progress
+) -> RefinementState:
+    """Repeat triangulation and adjustment until the cameras converge."""
+    for share in _POINT_SHARES:
+        previous = state.rig
+        state, triangulated = _connected_cameras(state, source)
+        state = _adjust_once(state, triangulated, source.n_frames, options, share)
         progress.advance(1)
-        hopeless = _hopeless(state, options, unfit=share == 1.0)
-        if hopeless:
-            state = state.without(hopeless)
+        reasons = _cameras_to_leave_out(state, options, check_misfits=share == 1.0)
+        if reasons:
+            state = state.without(reasons)
             continue
-        if share == 1.0 and _same(last, state):
+        if share == 1.0 and _has_converged(previous, state):
             break
     return state
 
 
-def _joined(state: Progressed, evidence: Evidence) -> tuple[Progressed, Gathered]:
-    """What the cameras see, those left out that are copies of others or share too little with them."""
+def _connected_cameras(
+    state: RefinementState, source: RecordingSource
+) -> tuple[RefinementState, TriangulatedObservations]:
+    """Triangulate, and leave out cameras that are copies of others or share too few points."""
     while True:
-        gathered = evidence.gather(state.rig)
+        triangulated = source.triangulate(state.rig)
         n, names = len(state.rig), state.rig.names
-        copy = checks.copy_of(state.rig, np.nan_to_num(gathered.shares(n)))
+        copy = checks.find_copy(state.rig, np.nan_to_num(triangulated.shares(n)))
         if copy is not None:
             a, b = names[copy[0]], names[copy[1]]
-            state = state.without({a: f"its pose is a copy of camera {b!r}'s, and fits the other views worse."})
+            state = state.without(
+                {a: f"its pose is a copy of the pose of camera {b!r} and fits the other views worse."}
+            )
             continue
-        checks.must_suffice(gathered.sightings)
-        alone = checks.strangers(gathered.sightings, n)
-        if not alone:
-            return state, gathered
-        why = {
-            names[v]: f"it shares no more than {shared} points with any other; {checks.FEWEST_SHARED} are needed."
-            for v, shared in alone.items()
+        checks.require_enough_points(triangulated.observations)
+        disconnected = checks.find_disconnected(triangulated.observations, n)
+        if not disconnected:
+            return state, triangulated
+        reasons = {
+            names[v]: f"it shares at most {shared} points with any other camera; {checks.MIN_SHARED_POINTS} are needed."
+            for v, shared in disconnected.items()
         }
-        state = state.without(why)
+        state = state.without(reasons)
 
 
-def _adjusted(state: Progressed, gathered: Gathered, n_frames: int, options: RefineOptions, share: float) -> Progressed:
-    """One adjustment, in the world of the cameras as given."""
+def _adjust_once(
+    state: RefinementState, triangulated: TriangulatedObservations, n_frames: int, options: RefineOptions, share: float
+) -> RefinementState:
+    """Run one adjustment, and align its result with the original cameras."""
     n = len(state.rig)
-    # A camera that most others contradict is off itself: all it saw counts. Else what agrees does.
-    doubted = np.nan_to_num(gathered.shares(n)) < _AGREES
-    seen, error = gathered.sightings, gathered.error_px
-    if state.adjusted is None:
-        state = replace(state, doubted=tuple(name for name, off in zip(state.rig.names, doubted, strict=True) if off))
-    kept = (gathered.used | doubted[seen.view]) & ~held_out(n_frames)[seen.frame][seen.point]
-    medians = np.array([_median(error[kept & (seen.view == v)]) for v in range(n)])
-    sightings = seen.keep(kept)
-    sightings = sightings.of_points(spread_out(sightings, n, int(share * options.max_points)))
-    checks.must_suffice(sightings)
+    # If most views contradict a camera, its pose is wrong, and all its observations are used; otherwise agreeing ones.
+    contradicted = np.nan_to_num(triangulated.shares(n)) < _MIN_AGREEING_SHARE
+    all_observations, error = triangulated.observations, triangulated.error_px
+    if state.adjustment is None:
+        state = replace(
+            state, contradicted=tuple(name for name, off in zip(state.rig.names, contradicted, strict=True) if off)
+        )
+    kept = (triangulated.used | contradicted[all_observations.view]) & ~held_out_frames(n_frames)[
+        all_observations.frame
+    ][all_observations.point]
+    medians = np.array([_median(error[kept & (all_observations.view == v)]) for v in range(n)])
+    observations = all_observations.select(kept)
+    observations = observations.select_points(select_spread_points(observations, n, int(share * options.max_points)))
+    checks.require_enough_points(observations)
     side = max(max(camera.size_px) for camera in state.rig.cameras)
-    start_px = min(float(np.nanmax(medians)), _LARGEST_START * side)
-    state = replace(state, covered=np.array([checks.covers(state.rig, seen, v) for v in range(n)]))
-    done = adjust(state.rig, sightings, _freedom(state, options), start_px)
-    rig, points = _in_world(state, done, _fixed(state, options))
-    done = replace(done, rig=rig, points_m=points, rows=rows_of(rig, sightings, points, done.scale))
-    return replace(state, rig=rig, adjusted=done, sightings=sightings)
+    start_px = min(float(np.nanmax(medians)), _MAX_START_SHARE * side)
+    state = replace(state, covered=np.array([checks.covers(state.rig, all_observations, v) for v in range(n)]))
+    adjustment = adjust(state.rig, observations, _free_parameters(state, options), start_px)
+    rig, points = _in_original_world(state, adjustment, _fixed(state, options))
+    adjustment = replace(
+        adjustment, rig=rig, points_m=points, rows=compute_rows(rig, observations, points, adjustment.scale)
+    )
+    return replace(state, rig=rig, adjustment=adjustment, observations=observations)
 
 
-def _in_world(state: Progressed, done: Adjusted, fixed: np.ndarray) -> tuple[CameraRig, np.ndarray]:
+def _in_original_world(
+    state: RefinementState, adjustment: Adjustment, fixed: np.ndarray
+) -> tuple[CameraRig, np.ndarray]:
+    """Return the adjusted cameras and points in the world of the original cameras."""
     if fixed.sum() >= 2:
-        return done.rig, done.points_m
+        return adjustment.rig, adjustment.points_m
     if fixed.any():
-        return rescaled(state.before, done.rig, done.points_m, fixed, state.trusted)
-    return align(state.before, done.rig, done.points_m, state.trusted)
+        return rescale_about_fixed(state.before, adjustment.rig, adjustment.points_m, fixed, state.trusted)
+    return align(state.before, adjustment.rig, adjustment.points_m, state.trusted)
 
 
-def _freedom(state: Progressed, options: RefineOptions) -> Freedom:
-    """What may change; the lens of a camera located by a board too, where the board was all over its image."""
+def _free_parameters(state: RefinementState, options: RefineOptions) -> FreeParameters:
+    """Return the free parameters; the lens of a camera located by a board is free if the board covered its image."""
     fixed = tuple(name for name in options.fix if name in state.rig.names)
-    free = Freedom.of(state.rig, options.refine, fixed).free
+    free = FreeParameters.of(state.rig, options.refine, fixed).free
     assert state.covered is not None
     if options.refine != "extrinsics":
         moving = [v for v, name in enumerate(state.rig.names) if name not in fixed]
-        checks.must_cover(state.rig, state.covered, moving)
+        checks.require_coverage(state.rig, state.covered, moving)
     for name in state.located:
         v = state.rig.index(name)
         if options.rigid and state.covered[v]:
-            free[v] = Freedom.of(state.rig.select([name]), "lens").free[0]
-    return Freedom(free)
+            free[v] = FreeParameters.of(state.rig.select([name]), "lens").free[0]
+    return FreeParameters(free)
 
 
-def _fixed(state: Progressed, options: RefineOptions) -> np.ndarray:
+def _fixed(state: RefinementState, options: RefineOptions) -> np.ndarray:
+    """Return which cameras are fixed, shape (view,), bool."""
     return np.array([name in options.fix for name in state.rig.names])
 
 
-def _hopeless(state: Progressed, options: RefineOptions, *, unfit: bool) -> dict[str, str]:
-    """Cameras to leave out: name to why; those that fit badly only where ``unfit``: early on many do."""
-    assert state.adjusted is not None
-    assert state.sightings is not None
-    # Who agreed with the others as it was given was not given a wrong pose.
+def _cameras_to_leave_out(state: RefinementState, options: RefineOptions, *, check_misfits: bool) -> dict[str, str]:
+    """Return name and reason of cameras to leave out.
+
+    Misfits are included only if ``check_misfits``, since many cameras fit badly in the first iterations.
+    """
+    assert state.adjustment is not None
+    assert state.observations is not None
+    # A camera that agreed with the others originally did not have a wrong pose.
     names, movable = state.rig.names, state.trusted & ~_fixed(state, options)
-    movable &= np.array([name in state.doubted for name in names])
-    length = np.sqrt(state.adjusted.rows.squared) * state.adjusted.scale[state.sightings.view]
-    length = length * state.sightings.sigma_px
-    errors = np.array([_median(length[state.sightings.view == v]) for v in range(len(names))])
-    why = {
-        names[v]: f"adjusted as well as can be, it is still {error:.1f} px off what the others see."
-        for v, error in (checks.unfit(state.rig, errors) if unfit else {}).items()
+    movable &= np.array([name in state.contradicted for name in names])
+    length = np.sqrt(state.adjustment.rows.squared) * state.adjustment.scale[state.observations.view]
+    length = length * state.observations.sigma_px
+    errors = np.array([_median(length[state.observations.view == v]) for v in range(len(names))])
+    reasons = {
+        names[v]: f"its reprojection error is still {error:.1f} px after the adjustment."
+        for v, error in (checks.find_misfits(state.rig, errors) if check_misfits else {}).items()
         if not _fixed(state, options)[v]
     }
-    given = checks.worthless(state.before, state.sightings, state.adjusted.points_m)
-    known = _known(state, options) if given else None
-    reach = reach_of(state.rig, state.adjusted.points_m)
+    given = checks.find_useless_poses(state.before, state.observations, state.adjustment.points_m)
+    uncertainty = _uncertainty(state, options) if given else None
+    distance_m = typical_distance_m(state.rig, state.adjustment.points_m)
     for v, error in given.items():
-        # Where the points do not tell how the camera stands they do not tell that it stood wrong either.
-        if movable[v] and known is not None and checks.determined(known, v, reach):
-            why[names[v]] = (
-                f"its pose in the calibration is {error:.0f} px off what the others see, worse than none: it is not "
-                f"this camera's. --relocate {names[v]} finds its place from scratch."
+        # If the points do not determine the camera, they do not prove that its pose was wrong either.
+        if movable[v] and uncertainty is not None and checks.is_determined(uncertainty, v, distance_m):
+            reasons[names[v]] = (
+                f"its calibrated pose has a reprojection error of {error:.0f} px, worse than no pose; it is probably "
+                f"of another camera. --relocate {names[v]} locates the camera from scratch."
             )
-    return why
+    return reasons
 
 
-def _same(last: CameraRig, state: Progressed) -> bool:
-    """Whether no camera moved by more than a small share of a degree, or as much at the distance of the subject."""
-    assert state.adjusted is not None
-    moved = pose_changes(last, state.rig)
-    reach = reach_of(state.rig, state.adjusted.points_m)
-    return bool(np.degrees(max(np.abs(moved[:, :3]).max(), np.abs(moved[:, 3:]).max() / reach)) < _SETTLED)
+def _has_converged(previous: CameraRig, state: RefinementState) -> bool:
+    """Return whether no camera moved by more than a small fraction of a degree, or as much at the typical distance."""
+    assert state.adjustment is not None
+    change = pose_changes(previous, state.rig)
+    distance_m = typical_distance_m(state.rig, state.adjustment.points_m)
+    return bool(np.degrees(max(np.abs(change[:, :3]).max(), np.abs(change[:, 3:]).max() / distance_m)) < _CONVERGED_DEG)
 
 
-def _relocated(state: Progressed, given: CameraRig, evidence: Evidence, options: RefineOptions) -> Progressed:
-    """The cameras that are to be located from scratch, located by points of the others."""
-    gathered = evidence.gather(state.rig)
-    sightings = gathered.sightings.keep(gathered.used)
-    sightings = sightings.of_points(~held_out(evidence.n_frames)[sightings.frame])
+def _locate_cameras(
+    state: RefinementState, given: CameraRig, source: RecordingSource, options: RefineOptions
+) -> RefinementState:
+    """Locate the cameras without usable poses by points of the others."""
+    triangulated = source.triangulate(state.rig)
+    observations = triangulated.observations.select(triangulated.used)
+    observations = observations.select_points(~held_out_frames(source.n_frames)[observations.frame])
     lens: Refine = "lens" if options.rigid or options.refine == "lens" else options.refine
-    source = with_distortion(given) if lens == "lens" else given
+    rig_with_lens = with_distortion(given) if lens == "lens" else given
     found, failed = [], {}
     for name in options.relocate:
-        place = locate(source[name], sightings.points_m, evidence.seen_by(name, sightings), lens, options.seed)
-        if place is None or place.agreeing < _AGREES:
-            failed[name] = "no place of it agrees with most of the points that the others see."
+        located = locate(
+            rig_with_lens[name], observations.points_m, source.pixels_of(name, observations), lens, options.seed
+        )
+        if located is None or located.agreeing < _MIN_AGREEING_SHARE:
+            failed[name] = "no pose agrees with most of the points of the other cameras."
         else:
-            found.append(place.camera)
+            found.append(located.camera)
     if not found:
         raise CalibrationError(
-            f"{choices(options.relocate)} cannot be located: at least 20 points that other cameras agree on, and that "
-            "do not lie in one plane, must be seen, most of them rightly."
+            f"{choices(options.relocate)} cannot be located: this needs at least 20 points that other cameras agree "
+            "on, that are not coplanar, and that the camera observes mostly without outliers."
         )
     before = replace(state.before, cameras=(*state.before.cameras, *found))
     rig = replace(state.rig, cameras=(*state.rig.cameras, *found))

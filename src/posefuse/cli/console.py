@@ -1,28 +1,26 @@
-"""What the command line prints: words on stdout, progress, warnings and errors on stderr."""
+"""Output of the command line: text on stdout; progress, warnings and errors on stderr."""
 
 import math
 import os
 import textwrap
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from posefuse.errors import PosefuseWarning
+from posefuse.errors import handle_warnings
 
 _WIDTH = 80
 
 
 class _Pipe(Console):
-    """A console whose reader may leave early: that is no reason to stop working."""
+    """Console that keeps working when the reader of its output closes the pipe."""
 
     def on_broken_pipe(self) -> None:
-        """Write what is still to come to nowhere."""
+        """Discard all further output."""
         self.file = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
@@ -31,7 +29,7 @@ err = _Pipe(stderr=True, highlight=False)
 
 
 class Bars:
-    """Progress as bars that show once a stage takes longer than a second; implements the progress protocol."""
+    """Progress bars, shown once a stage takes longer than a second; implements the progress protocol."""
 
     _DELAY_S = 1.0
 
@@ -48,12 +46,12 @@ class Bars:
         self._since = 0.0
 
     def start(self, what: str, total: int) -> None:
-        """A stage begins."""
+        """Start a stage."""
         self._task = self._progress.add_task(what, total=total)
         self._since = self._progress.get_time()
 
     def advance(self, done: int) -> None:
-        """Part of it is finished."""
+        """Report finished steps of the stage."""
         if self._task is None:
             return
         self._progress.advance(self._task, done)
@@ -65,40 +63,25 @@ class Bars:
             self._progress.start()
 
     def finish(self) -> None:
-        """The stage has ended."""
+        """Finish the stage."""
         if self._task is not None:
             self._progress.remove_task(self._task)
         self._task = None
         if self._progress.live.is_started:
             self._progress.stop()
 
+    def note(self, text: str) -> None:
+        """Print a remark."""
+        note(f"note: {text}")
 
-def spoken_warnings() -> AbstractContextManager[None]:
-    """Show posefuse's warnings as sentences on stderr, each once."""
-    return hearing(warn)
 
-
-@contextmanager
-def hearing(hear: Callable[[str], None]) -> Iterator[None]:
-    """Hand posefuse's warnings over, each once; all others are shown as usual."""
-    said: set[str] = set()
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", PosefuseWarning)
-        usual = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
-            if not issubclass(category, PosefuseWarning):
-                usual(message, category, *rest, **named)
-            elif str(message) not in said:
-                said.add(str(message))
-                hear(str(message))
-
-        warnings.showwarning = show
-        yield
+def print_warnings() -> AbstractContextManager[None]:
+    """Print posefuse's warnings on stderr, each once."""
+    return handle_warnings(warn)
 
 
 def table(title: str | None, columns: list[str], rows: list[list[str]], *, words: bool = False) -> None:
-    """Print a table that fits 80 columns; all but the first column are right-aligned unless they hold words."""
+    """Print a table that fits 80 columns; columns after the first are right-aligned unless they hold words."""
     headed = any(columns)
     view = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_header=headed)
     for i, column in enumerate(columns):
@@ -109,39 +92,39 @@ def table(title: str | None, columns: list[str], rows: list[list[str]], *, words
 
 
 def note(text: str) -> None:
-    """Print a sentence, broken into lines that fit the window; words longer than it, such as paths, stay whole."""
-    out.print(Text(_broken(text, out.width)), soft_wrap=True)
+    """Print a sentence, wrapped to the width of the window; longer words, such as paths, are not broken."""
+    out.print(Text(_wrapped(text, out.width)), soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a warning."""
-    complain("warning: ", "yellow", text)
+    print_problem("warning: ", "yellow", text)
 
 
-def complain(kind: str, style: str, text: str) -> None:
-    """Print what is wrong, on stderr, broken into lines that fit the window."""
-    whole = _broken(kind + text, err.width)
+def print_problem(kind: str, style: str, text: str) -> None:
+    """Print a warning or an error on stderr, wrapped to the width of the window."""
+    whole = _wrapped(kind + text, err.width)
     err.print(Text.assemble((kind, style), whole[len(kind) :]), soft_wrap=True)
 
 
-def _broken(text: str, width: int) -> str:
-    """Lines that fit; words longer than a line, such as paths, stay whole."""
+def _wrapped(text: str, width: int) -> str:
+    """Return the text in lines that fit; longer words, such as paths, are not broken."""
     pieces = (textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False) for line in text.split("\n"))
     return "\n".join(pieces)
 
 
 def count(n: int, noun: str) -> str:
-    """A number of things, as people write it."""
+    """Return a number with its noun, such as ``2 cameras``."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 def say(text: str) -> None:
-    """Print a line; it may be longer than the window, paths are not broken."""
+    """Print a line without wrapping it."""
     out.print(Text(text), soft_wrap=True)
 
 
-def lines(text: str, indent: int) -> list[str]:
-    """A text in lines of 80 columns, indented, those after the first by four more; no word is broken."""
+def wrap_lines(text: str, indent: int) -> list[str]:
+    """Return a text in lines of 80 columns, indented, those after the first by four more; no word is broken."""
     first, others = " " * indent, " " * (indent + 4)
     return textwrap.wrap(
         text, _WIDTH, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
@@ -149,7 +132,7 @@ def lines(text: str, indent: int) -> list[str]:
 
 
 def wrote(files: Sequence[str], folder: object, remark: str = "") -> None:
-    """Say what was written and where: as many names a line as fit 80 columns, none of them broken."""
+    """Print the names of written files and their folder in lines of 80 columns; no name is broken."""
     words = [f"{name}," for name in files[:-1]] + list(files[-1:])
     lines = textwrap.wrap(" ".join(["Wrote", *words]), _WIDTH, break_long_words=False, break_on_hyphens=False)
     place = f"to {folder}"
@@ -159,5 +142,5 @@ def wrote(files: Sequence[str], folder: object, remark: str = "") -> None:
 
 
 def percent(share: float) -> str:
-    """A share as people read it; a dash where there is none."""
+    """Return a fraction in percent, or a dash if it is not finite."""
     return f"{100 * share:.1f} %" if math.isfinite(share) else "-"

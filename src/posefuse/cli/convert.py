@@ -1,5 +1,6 @@
-"""``posefuse convert``: 2D keypoints, calibrations and results from any format that is read to any that is written."""
+"""``posefuse convert``: convert 2D keypoints, calibrations and results between formats."""
 
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -17,62 +18,69 @@ from posefuse.model.options.options import LayerName, LengthUnit, Options, Third
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
+@dataclass(frozen=True)
+class _Interpretation:
+    """Flags of what the input's files do not state."""
+
+    layer: Annotated[LayerName | None, Parameter(help="Layer of a result; by default the best one.")] = None
+    skeleton: Annotated[str | None, Parameter(help="Keypoint set, if the files do not state it.")] = None
+    rate_hz: Annotated[float | None, Parameter(help="Frame rate, if the files do not state it.")] = None
+    third_channel: Annotated[
+        ThirdChannel | None, Parameter(help="Meaning of the third number of a keypoint array.")
+    ] = None
+    image_size: Annotated[
+        tuple[int, int] | None, Parameter(help="Width and height in px, for keypoints given as fractions of the image.")
+    ] = None
+    length_unit: Annotated[
+        LengthUnit | None, Parameter(help="Length unit of a calibration, if its format does not define it.")
+    ] = None
+    up: Annotated[UpAxis | None, Parameter(help="Up axis of a calibration, if its format does not define it.")] = None
+
+    @property
+    def options(self) -> Options:
+        """The flags as options; invalid values raise OptionsError."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Options(**{**values, "image_size": self.image_size or ()})
+
+
 def convert(
-    path: Annotated[Path, Parameter(help="What to convert: a file, or a folder that holds it.")],
+    path: Annotated[Path, Parameter(help="File to convert, or a folder that holds it.")],
     output: Annotated[
         Path,
-        Parameter(name=["--output", "-o"], help="Where to write it: a file, or a folder for formats of many files."),
+        Parameter(name=["--output", "-o"], help="Output file, or a folder for formats of many files."),
     ],
     *,
-    to: Annotated[str | None, Parameter(help="The format to write; by default by how the output's name ends.")] = None,
-    onto: Annotated[
-        str | None, Parameter(help="A skeleton whose keypoints to make of those there are, such as body_20.")
-    ] = None,
-    layer: Annotated[LayerName | None, Parameter(help="Of a result: which layer; by default the best.")] = None,
-    skeleton: Annotated[str | None, Parameter(help="What the keypoints are, where files do not say.")] = None,
-    rate_hz: Annotated[float | None, Parameter(help="Frames per second, where files do not say.")] = None,
-    third_channel: Annotated[ThirdChannel | None, Parameter(help="What an array's third number is.")] = None,
-    image_size: Annotated[
-        tuple[int, int] | None, Parameter(help="Width and height in px, where keypoints are shares of the image.")
-    ] = None,
-    length_unit: Annotated[LengthUnit | None, Parameter(help="A calibration's unit, where files do not say.")] = None,
-    up: Annotated[UpAxis | None, Parameter(help="The world's up axis, where files do not say.")] = None,
+    to: Annotated[str | None, Parameter(help="Format to write; by default by the end of the output's name.")] = None,
+    onto: Annotated[str | None, Parameter(help="Skeleton to convert the keypoints to, such as body_20.")] = None,
+    interpretation: Annotated[_Interpretation, Parameter(name="*", group="Input")] = _Interpretation(),
 ) -> None:
-    """Write 2D keypoints, a calibration or a stored result in another format.
+    """Convert 2D keypoints, a calibration or a stored result to another format.
 
-    posefuse formats lists what is read and written. What the new format cannot hold is said. Nothing that exists is
-    written over.
+    posefuse formats lists the formats. A note states what the new format cannot hold. Existing files are not
+    overwritten.
     """
-    options = Options(
-        skeleton=skeleton,
-        rate_hz=rate_hz,
-        third_channel=third_channel,
-        image_size=image_size or (),
-        length_unit=length_unit,
-        up=up,
-        layer=layer,
-    )
+    options = interpretation.options
     _must_be_new(output)
     if _is_result(path):
         from posefuse.cli.convert_result import convert_result
 
-        convert_result(path, to, output, layer)
+        convert_result(path, to, output, options.layer)
         return
     written = (*KEYPOINTS.written(), *CALIBRATIONS.written())
     names = list(dict.fromkeys(form.name for form in written))
     name = to or next((form.name for form in written if output.name.endswith(form.endings)), None)
     if path.is_file() and _holds_points(path):
         raise OptionsError(
-            f"{path.name} holds 3D points, which are read to compare with (posefuse evaluate RESULT {path.name}), not "
-            "to be written again: convert the result that they are of."
+            f"{path.name} holds 3D points, which posefuse reads only as ground truth (posefuse evaluate RESULT "
+            f"{path.name}). Convert the result that they come from."
         )
     if name is None and output.suffix in (".trc", ".c3d", ".bvh", ".glb"):
-        raise OptionsError(f"{output.name} would hold 3D results: posefuse reconstruct makes them of a recording.")
+        raise OptionsError(f"{output.name} would hold 3D results. posefuse reconstruct writes them.")
     if name is None:
-        raise OptionsError(f"Which format is {output.name} to be? Add --to: {choices(names, 20)}.")
+        raise OptionsError(f"The format of {output.name} is unknown. Add --to, one of: {choices(names, 20)}.")
     keypoints, calibration = KEYPOINTS.find_written(name), CALIBRATIONS.find_written(name)
     if keypoints is None and calibration is None:
-        raise OptionsError(f"--to: {name!r} is no format that keypoints or calibrations are written in. "
+        raise OptionsError(f"--to: posefuse writes no keypoints or calibrations as {name!r}. "
                            f"{suggestion(name, names)}")  # fmt: skip
     source, reads = _source(path, keypoints, calibration)
     if reads == "keypoints" and keypoints is not None:
@@ -80,12 +88,12 @@ def convert(
     elif reads == "a calibration" and calibration is not None:
         _convert_calibration(source, output, calibration, options)
     else:
-        raise OptionsError(f"{source} holds {reads}, which is not written as {name}.")
+        raise OptionsError(f"{source} holds {reads}, which posefuse does not write as {name}.")
 
 
 def _must_be_new(output: Path) -> None:
     if output.is_file():
-        raise FileError(f"{output} exists already; choose another name or remove it.")
+        raise FileError(f"{output} exists already. Choose another name or remove it.")
 
 
 def _is_result(path: Path) -> bool:
@@ -109,7 +117,7 @@ def _holds_points(path: Path) -> bool:
 
 
 def _source(path: Path, keypoints: KeypointFormat | None, calibration: CalibrationFormat | None) -> tuple[Path, str]:
-    """What is to be read, and whether it is ``keypoints`` or ``a calibration``."""
+    """Return the path to read, and whether it holds ``keypoints`` or ``a calibration``."""
     from posefuse.io.calibration.read import find_format as calibration_format
     from posefuse.io.files import must_exist
     from posefuse.io.keypoints.read import find_format as keypoint_format
@@ -125,7 +133,7 @@ def _source(path: Path, keypoints: KeypointFormat | None, calibration: Calibrati
             return path, "keypoints"
         if calibration_format(path) is not None:
             return path, "a calibration"
-        raise FileError(f"{path} is in no format that is known, or was cut short. posefuse formats lists them.")
+        raise FileError(f"{path} has no known format, or is truncated. posefuse formats lists the formats.")
     found = find_recording(path)
     if keypoints is not None:
         return choose_keypoints(found), "keypoints"
@@ -143,27 +151,27 @@ def _convert_keypoints(source: Path, output: Path, form: KeypointFormat, onto: s
         detections = _mapped(detections, find_skeleton(onto))
     assert form.write is not None
     form.write(detections, output)
-    lost = form.lost(detections, output) if form.lost is not None else ()
+    missing = form.lost(detections, output) if form.lost is not None else ()
     people = int(detections.people_counts.max(initial=0))
     say(
         f"{count(detections.n_frames, 'frame')}, {count(detections.n_views, 'view')}, up to "
-        f"{count(people, 'person') if people == 1 else f'{people} people'} a view, skeleton {detections.skeleton.name}"
+        f"{'1 person' if people == 1 else f'{people} people'} per view, skeleton {detections.skeleton.name}"
     )
     say(f"Wrote {output} ({form.name})")
-    for what in lost:
+    for what in missing:
         note(f"note: {form.name} cannot hold {what}.")
 
 
 def _mapped(detections: Detections, skeleton: Skeleton) -> Detections:
-    """The keypoints of another skeleton; what cannot be had is said."""
+    """Convert keypoints to another skeleton and print which keypoints it lacks."""
     held = detections.skeleton.sources_of(skeleton)
     if not held:
         raise OptionsError(
-            f"--onto {skeleton.name}: nothing of it can be made of the keypoints of {detections.skeleton.name}."
+            f"--onto {skeleton.name}: none of its keypoints can be derived from {detections.skeleton.name}."
         )
     lacking = [name for name in skeleton.keypoints if name not in held]
     if lacking:
-        note(f"note: {detections.skeleton.name} has nothing for {choices(lacking)} of {skeleton.name}.")
+        note(f"note: {detections.skeleton.name} has no equivalent of {choices(lacking)} of {skeleton.name}.")
     return detections.to_skeleton(skeleton)
 
 

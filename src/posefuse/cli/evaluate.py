@@ -10,89 +10,90 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table
+from posefuse.cli.types import Result
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
-from posefuse.evaluation.heads import HeadRule
+from posefuse.evaluation.head_points import HeadRule
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import TrackState
 
 if TYPE_CHECKING:
-    from posefuse.evaluation.own_account import OwnAccount, PersonAccount
+    from posefuse.evaluation.paired_results import PeoplePoints
     from posefuse.evaluation.people import PeopleScores
-    from posefuse.evaluation.together import PeoplePoints
+    from posefuse.evaluation.self_consistency import PersonConsistency, SelfConsistency
 
 StateName = Literal["tentative", "active", "lost"]
 
-_OF_ONE = (".trc", ".c3d")
-"""Files of one person each."""
-NOT_THERE = "-"
-"""Stands for a number that cannot be had."""
+_SINGLE_PERSON_SUFFIXES = (".trc", ".c3d")
+"""Suffixes of files that hold one person each."""
+UNDEFINED = "-"
+"""Text for a number that is not defined."""
 
 
 def evaluate(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Result,
     truth: Annotated[
         tuple[Path, ...],
         Parameter(
-            help="Known positions: a truth.nc, another reconstruction.nc, or TRC or C3D files, one a person. Without "
-            "any, what the result says of itself."
+            help="Ground truth: a truth.nc, a reconstruction.nc, or one TRC or C3D file per person; without it, the "
+            "self-consistency of the result."
         ),
     ] = (),
     *,
-    layer: Annotated[LayerName | None, Parameter(help="Which layer; by default the best present.")] = None,
+    layer: Annotated[LayerName | None, Parameter(help="Layer to evaluate; by default the best one available.")] = None,
     head_rule: Annotated[
-        HeadRule, Parameter(help="Of many people: what stands in for the head's bottom and top in PCP.")
+        HeadRule, Parameter(help="Keypoints that represent the head in PCP, for several people.")
     ] = "none",
     entry_s: Annotated[
-        float, Parameter(help="Of many people: recall is also counted without so long after each entry.")
+        float, Parameter(help="Time after each entry that the second recall excludes, in s, for several people.")
     ] = 0.4,
     gate_m: Annotated[
         tuple[float, ...],
         Parameter(
-            help="Of many people: how far, on average over the keypoints, a match may be; the first counts. By default "
-            "0.5 and 0.25 for bodies of 1.75 m, and in proportion."
+            help="Maximum mean keypoint distances of a match, in m, for several people; by default 0.5 and 0.25 for "
+            "bodies of 1.75 m, and in proportion."
         ),
     ] = (),
     states: Annotated[
         tuple[StateName, ...],
-        Parameter(help="Count people only while they are so; by default wherever they have points."),
+        Parameter(help="Track states to evaluate; by default all frames with points."),
     ] = (),
     json_file: Annotated[
         Path | None,
-        Parameter(name="--json", help="Where to write the numbers; by default evaluation.json in the result."),
+        Parameter(name="--json", help="File for the numbers; by default evaluation.json in the result."),
     ] = None,
 ) -> None:
-    """Compare a result with known positions: a table, and the numbers as JSON.
+    """Compare a result with ground truth and write the numbers as JSON.
 
-    Without known positions: how well the result agrees with itself, and whether it is as sure as it may be.
+    Without ground truth, the command evaluates the self-consistency of the result and of its covariances.
 
-    With more than one person in either, people are matched in every frame, and by name over the whole recording.
+    Several people are matched in every frame, and by name over the whole recording.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.cli.results import open_result
-    from posefuse.evaluation.own_account import OwnAccount, own_account
+    from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
+    from posefuse.io.results.open_result import open_result
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))
     if reconstruction.alignment is not None:
-        note("The result was aligned; it is compared in the calibration's world.")
+        note("The result is aligned; it is compared in the calibration's coordinate system.")
         reconstruction = in_calibration_world(reconstruction)
     if states:
-        from posefuse.evaluation.together import only_in_states
+        from posefuse.evaluation.paired_results import only_in_states
 
         reconstruction = only_in_states(reconstruction, [TrackState[name.upper()] for name in states])
     if truth:
         files = tuple(must_exist(file, "truth") for file in truth)
         scores = compare(reconstruction, files, head_rule, entry_s, gate_m)
     else:
-        scores = own_account(reconstruction)
+        scores = self_consistency(reconstruction)
     target = json_file or path.parent / "evaluation.json"
     with replacing(target) as temporary:
         temporary.write_text(json.dumps(plain(asdict(scores)), indent=2, allow_nan=False) + "\n", "utf-8")
-    if isinstance(scores, OwnAccount):
-        show_account(scores)
+    if isinstance(scores, SelfConsistency):
+        show_self_consistency(scores)
     elif isinstance(scores, Accuracy):
         show(scores)
     else:
@@ -107,7 +108,7 @@ def compare(
     entry_s: float = 0.4,
     gates_m: tuple[float, ...] = (),
 ) -> "Accuracy | PeopleScores":
-    """The accuracy of one person against a truth file of one, or the scores of many."""
+    """Return the accuracy for one person, or the tracking scores for several."""
     from posefuse.evaluation import accuracy, people
 
     data = people_of(result, files)
@@ -117,40 +118,40 @@ def compare(
 
 
 def people_of(result: Reconstruction, files: tuple[Path, ...]) -> "PeoplePoints | None":
-    """A result and its truth with many people in either; None where there is one in both.
+    """Return a result with its ground truth, or None if both hold a single person.
 
     Raises:
-        ResultError: if several files are given that are not TRC or C3D.
+        ResultError: if there are several files that are not TRC or C3D.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.evaluation import together
+    from posefuse.evaluation import paired_results
     from posefuse.io.results import netcdf
 
     first = files[0]
-    of_one = [file.suffix.lower() in _OF_ONE for file in files]
+    of_one = [file.suffix.lower() in _SINGLE_PERSON_SUFFIXES for file in files]
     if len(files) > 1 and not all(of_one):
         raise ResultError(
-            f"Give one truth with everybody in it, or TRC or C3D files, one a person; got {len(files)} files."
+            f"Give one ground-truth file with all people, or one TRC or C3D file per person; got {len(files)} files."
         )
     if all(of_one):
         if len(files) == len(result.person_ids) == 1:
             return None
-        return together.with_truths(
+        return paired_results.with_truths(
             result, [truth_finder(file)(result) for file in files], [file.stem for file in files]
         )
     known = in_calibration_world(netcdf.read_reconstruction(first))
     if len(known.person_ids) == len(result.person_ids) == 1:
         return None
-    return together.people_points(result, known)
+    return paired_results.people_points(result, known)
 
 
 def known_of(path: Path) -> Callable[[Reconstruction], "Truth | PeoplePoints"]:
-    """Read a truth file; what comes back finds its positions at the frames of a result, of one person or of many."""
+    """Read a ground-truth file and return a function that gives its positions at the frames of a result."""
     return lambda result: people_of(result, (path,)) or truth_finder(path)(result)
 
 
 def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Read a truth file of one person; what comes back finds its positions at the frames of a result."""
+    """Read the ground truth of one person and return a function that gives it at the frames of a result."""
     from posefuse.alignment.apply import in_calibration_world
     from posefuse.evaluation import accuracy
     from posefuse.io.results import netcdf
@@ -164,7 +165,7 @@ def truth_finder(path: Path) -> Callable[[Reconstruction], Truth]:
 
 
 def _trc_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Of a TRC, which has y up."""
+    """Return the function for a TRC file, whose y axis is up."""
     import numpy as np
 
     from posefuse.evaluation.accuracy import truth_from_trajectories
@@ -181,20 +182,20 @@ def _trc_finder(path: Path) -> Callable[[Reconstruction], Truth]:
 
 
 def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
-    """Of a C3D, in the world of the calibration; names may have a subject's before a colon."""
+    """Return the function for a C3D file in calibration coordinates; names may have a subject prefix."""
     from posefuse.evaluation.accuracy import truth_from_trajectories
     from posefuse.io.results import c3d_reading
 
     tracks = c3d_reading.read(path)
     if not tracks.unit:
-        raise ResultError(f"{path} does not say in POINT:UNITS whether its points are in mm, cm or m.")
+        raise ResultError(f"{path} does not state in POINT:UNITS whether its points are in mm, cm or m.")
     names = tuple(name.rpartition(":")[2] for name in tracks.names)
 
     def found(result: Reconstruction) -> Truth:
         up = result.rig.up_axis
         if None not in (up, tracks.up) and up != tracks.up:
             raise ResultError(
-                f"{path} has {tracks.up} up (POINT:Y_SCREEN), the calibration {up}: they are of different worlds. "
+                f"{path} has {tracks.up} up (POINT:Y_SCREEN), the calibration {up}; their coordinate systems differ. "
                 "Export the C3D in the calibration's axes."
             )
         return truth_from_trajectories(result, names, tracks.time_s, tracks.points)
@@ -203,7 +204,7 @@ def _c3d_finder(path: Path) -> Callable[[Reconstruction], Truth]:
 
 
 def plain(value: object) -> object:
-    """The same as JSON can hold it: NaN, which JSON has not, becomes null."""
+    """Return a value that JSON can hold; NaN becomes null."""
     if isinstance(value, Mapping):
         return {str(name): plain(inner) for name, inner in value.items()}
     if isinstance(value, (tuple, list)):
@@ -212,7 +213,7 @@ def plain(value: object) -> object:
 
 
 def show(accuracy: Accuracy) -> None:
-    """Print the accuracy."""
+    """Print the accuracy of one person."""
     rows = [
         ["compared points", str(accuracy.n_points)],
         ["mean error (MPJPE)", f"{accuracy.mpjpe_mm:.2f} mm"],
@@ -230,15 +231,15 @@ def show(accuracy: Accuracy) -> None:
     if accuracy.covered_68 is not None and accuracy.covered_95 is not None:
         rows.append(["inside 68 / 95 % region", f"{percent(accuracy.covered_68)} / {percent(accuracy.covered_95)}"])
     say(
-        f"layer {accuracy.layer} against the truth, by {accuracy.matched_by}: "
+        f"layer {accuracy.layer} against the ground truth, by {accuracy.matched_by}: "
         f"{count(accuracy.n_frames, 'frame')}, {count(accuracy.n_keypoints, 'keypoint')}"
     )
     table(None, ["", ""], rows)
 
 
-def show_account(account: "OwnAccount") -> None:
-    """Print what a result says of itself."""
-    note(f"layer {account.layer} by its own account: {count(account.n_frames, 'frame')}; no truth was given")
+def show_self_consistency(account: "SelfConsistency") -> None:
+    """Print the self-consistency of a result."""
+    note(f"layer {account.layer}, self-consistency without ground truth: {count(account.n_frames, 'frame')}")
     variation, reprojection = account.bone_variation, account.reprojection_median_px
     rows = [
         ["median reprojection error", _number(math.nan if reprojection is None else reprojection, "px")],
@@ -248,17 +249,17 @@ def show_account(account: "OwnAccount") -> None:
     if account.innovations is not None:
         values = account.innovations
         rows += [
-            ["NIS by its degrees of freedom, mean", _number(values.mean, "")],
-            ["the same, median of frames", _number(values.median, "")],
+            ["NIS per degree of freedom, mean", _number(values.mean, "")],
+            ["NIS per degree of freedom, median", _number(values.median, "")],
         ]
     table(None, ["", ""], rows)
-    heads = ["person", "frames", "points missing", "bones vary", "NIS, median"]
-    table(None, heads, [_account_row(person) for person in account.people])
+    heads = ["person", "frames", "missing", "bone variation", "NIS, median"]
+    table(None, heads, [_consistency_row(person) for person in account.people])
     if account.innovations is not None:
-        note("NIS: how far off detections are from where bodies were foretold, squared; 1 if as sure as it says.")
+        note("NIS: normalized innovation squared of the detections; 1 if the covariances are consistent.")
 
 
-def _account_row(person: "PersonAccount") -> list[str]:
+def _consistency_row(person: "PersonConsistency") -> list[str]:
     return [
         person.name,
         str(person.n_frames),
@@ -269,16 +270,16 @@ def _account_row(person: "PersonAccount") -> list[str]:
 
 
 def show_people(scores: "PeopleScores") -> None:
-    """Print the scores of many people."""
+    """Print the scores of several people."""
     note(
         f"layer {scores.layer} against the truth, by {scores.matched_by}: {count(scores.n_frames, 'frame')}, "
         f"{count(scores.n_keypoints, 'keypoint')}, {scores.n_people} people for {scores.n_true_people}"
     )
     table(None, ["matched within", *(f"{each.gate_m:g} m" for each in scores.clear)], _clear_rows(scores))
     table(None, ["", ""], [*_identity_rows(scores), *_position_rows(scores), *_quality_rows(scores)])
-    table(None, ["person", "in the result", "frames", "tracked", "by one name", "MPJPE"], _person_rows(scores))
+    table(None, ["person", "in the result", "frames", "tracked", "same name", "MPJPE"], _person_rows(scores))
     for reason in dict.fromkeys(scores.undefined.values()):
-        note(f"{NOT_THERE} {reason}")
+        note(f"{UNDEFINED} {reason}")
 
 
 def _clear_rows(scores: "PeopleScores") -> list[list[str]]:
@@ -301,7 +302,7 @@ def _identity_rows(scores: "PeopleScores") -> list[list[str]]:
         ["IDF1", _share(scores.identity.idf1)],
         ["HOTA (detection, association)", f"{_share(hota.hota)} ({_share(hota.det_a)}, {_share(hota.ass_a)})"],
         [f"recall from {scores.entry_s:g} s after entries", _share(scores.recall_after_entry)],
-        ["ghosts, longest life", f"{len(scores.ghosts)}, {count(longest, 'frame')}"],
+        ["false tracks, longest", f"{len(scores.ghosts)}, {count(longest, 'frame')}"],
     ]
 
 
@@ -320,9 +321,9 @@ def _quality_rows(scores: "PeopleScores") -> list[list[str]]:
     jitter, nees = scores.jitter, scores.nees
     accelerations = f"{_number(jitter.result_m_s2, 'm/s²')} ({_number(jitter.truth_m_s2, 'm/s²')})"
     return [
-        ["median acceleration (truth's)", accelerations],
+        ["median acceleration (of the truth)", accelerations],
         ["bone length variation", _share(scores.bone_variation)],
-        ["NEES, 3 if sure as it says", _number(nees.mean, "")],
+        ["NEES, 3 if consistent", _number(nees.mean, "")],
         ["inside 68 / 95 % region", f"{_share(nees.covered_68)} / {_share(nees.covered_95)}"],
     ]
 
@@ -331,7 +332,7 @@ def _person_rows(scores: "PeopleScores") -> list[list[str]]:
     return [
         [
             person.name,
-            person.counterpart or NOT_THERE,
+            person.counterpart or UNDEFINED,
             str(person.n_frames),
             _share(person.tracked_share),
             _share(person.named_share),
@@ -342,8 +343,8 @@ def _person_rows(scores: "PeopleScores") -> list[list[str]]:
 
 
 def _share(share: float) -> str:
-    return NOT_THERE if math.isnan(share) else percent(share)
+    return UNDEFINED if math.isnan(share) else percent(share)
 
 
 def _number(value: float, unit: str) -> str:
-    return NOT_THERE if math.isnan(value) else f"{value:.2f} {unit}".strip()
+    return UNDEFINED if math.isnan(value) else f"{value:.2f} {unit}".strip()

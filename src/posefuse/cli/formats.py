@@ -1,10 +1,10 @@
 """``posefuse formats``."""
 
-from posefuse.cli.console import lines, say
+from posefuse.cli.console import say, wrap_lines
 
 
 def formats() -> None:
-    """List the file formats that are read and written, and their conventions."""
+    """List the file formats that posefuse reads and writes, with their conventions."""
     from posefuse.io.calibration.registry import CALIBRATIONS
     from posefuse.io.keypoints.registry import KEYPOINTS
     from posefuse.io.results.registry import RESULTS
@@ -14,5 +14,5 @@ def formats() -> None:
         for form in forms:
             does = " and ".join(verb for verb, can in (("read", form.reads), ("written", form.writes)) if can)
             for text, indent in ((f"{form.name} ({does}): {form.files}", 2), (form.conventions, 4)):
-                for line in lines(text, indent):
+                for line in wrap_lines(text, indent):
                     say(line)

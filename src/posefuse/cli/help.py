@@ -2,14 +2,22 @@
 
 import textwrap
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from cyclopts.help import HelpEntry, HelpPanel
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
+from posefuse.model.options.catalog import OptionEntry, list_options
+from posefuse.model.options.options import Options
+from posefuse.model.options.stream import StreamOptions
+
 OPTIONS_GROUP = "Options"
 """Title of the group of flags that set fields of the options record."""
+
+STREAM_GROUP = "Stream"
+"""Title of the group of flags that set fields of the stream options."""
 
 _MIN_LABEL, _MAX_LABEL = 16, 32
 
@@ -36,19 +44,19 @@ class HelpFormatter:
         fitting = [len(label) for label in labels if len(label) <= _MAX_LABEL]
         width = max([_MIN_LABEL, *fitting])
         for entry, label in zip(entries, labels, strict=True):
-            _print_entry(console, options.max_width, label, self._text(console, entry), width)
+            _print_entry(console, options.max_width, label, self._text(console, panel, entry), width)
         hidden = len(panel.entries) - len(entries)
         if hidden:
             console.print(Text(f"  ... and {hidden} more: --help-all lists them, docs/options.md explains them."))
 
     def _is_shown(self, panel: HelpPanel, entry: HelpEntry) -> bool:
-        if self.show_all or str(panel.title) != OPTIONS_GROUP:
+        if self.show_all:
             return True
-        option = _option_of(entry)
-        return option is None or option.bounds.common
+        option = _option_of(panel, entry)
+        return not any("." in name for name in entry.positive_names) if option is None else option.bounds.common
 
-    def _text(self, console: Console, entry: HelpEntry) -> str:
-        option = _option_of(entry)
+    def _text(self, console: Console, panel: HelpPanel, entry: HelpEntry) -> str:
+        option = _option_of(panel, entry)
         text = _plain(console, entry.description)
         if option is None:
             brackets = [", ".join(entry.choices)] if entry.choices else []
@@ -78,15 +86,21 @@ class HelpFormatter:
             console.print()
 
 
-def _option_of(entry: HelpEntry) -> Any:
-    """Return the option that a help entry describes, or None."""
-    from posefuse.model.options.catalog import options_by_name
-
+def _option_of(panel: HelpPanel, entry: HelpEntry) -> OptionEntry | None:
+    """Return the option of a reconstruction or a stream that a help entry describes, or None."""
+    if str(panel.title) not in (OPTIONS_GROUP, STREAM_GROUP):
+        return None
     for name in entry.positive_names:
-        option = options_by_name().get(name.removeprefix("--").replace("-", "_"))
+        option = _entries().get(name.removeprefix("--").replace("-", "_"))
         if option is not None:
             return option
     return None
+
+
+@cache
+def _entries() -> dict[str, OptionEntry]:
+    """Return the options of a reconstruction and of a stream by name."""
+    return {option.name: option for record in (StreamOptions, Options) for option in list_options(record)}
 
 
 def _label(entry: HelpEntry, with_metavar: bool) -> str:

@@ -8,9 +8,9 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
-from posefuse.cli.reading import request_of
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.errors import PosefuseError, RecordingError, choices
+from posefuse.io.open_recording import keypoint_request
 from posefuse.io.recording import Found, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -21,8 +21,8 @@ _MOST_NAMES = 4
 
 
 @dataclass(frozen=True)
-class _Read:
-    """What could be read of what was found: with its path, cameras or detections."""
+class _Inputs:
+    """Calibrations and keypoints that could be read, with their paths."""
 
     rigs: list[tuple[Path, CameraRig]]
     detections: list[tuple[Path, Detections]]
@@ -34,19 +34,19 @@ def inspect(
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
-    deep: Annotated[bool, Parameter(negative="", help="Look for what is wrong, from the detections.")] = False,
+    deep: Annotated[bool, Parameter(negative="", help="Check the recording for faults, from the detections.")] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Say what is in a folder: calibrations, keypoints, why they are taken for that, and whether they fit together.
+    """Show the calibrations and keypoints in a folder, how they were recognized, and whether they match.
 
-    With --deep also what is wrong with them: cameras that moved, views out of step, images turned, and more.
+    With --deep, also check the recording for faults: moved cameras, time offsets, rotated images, and more.
     """
     found = find_recording(recording)
     calibrations = found.calibrations if calibration is None else (_given(calibration, calibration=True),)
     keypoint_sets = found.keypoints if keypoints is None else (_given(keypoints, calibration=False),)
     if not calibrations and not keypoint_sets:
         raise RecordingError(
-            f"Nothing in {recording} is a calibration or 2D keypoints in a known format; posefuse formats lists them."
+            f"{recording} holds no calibration and no 2D keypoints in a known format. posefuse formats lists them."
         )
     rigs = [(item.path, rig) for item in calibrations if (rig := _calibration(item, options)) is not None]
     seen = [
@@ -63,18 +63,18 @@ def inspect(
         say("not read:")
     for item in ignored:
         note(f"  {choices(item.names, _MOST_NAMES)}: {item.reason}")
-    matched = _say_matches(_Read(rigs, seen), options)
+    matched = _say_matches(_Inputs(rigs, seen), options)
     if deep and len(rigs) == len(seen) == 1:
         if matched:
             _examine(rigs[0][1], seen[0][1], options)
     elif deep:
         raise RecordingError(
-            "--deep looks at one calibration and one set of keypoints. Say which: --calibration FILE, --keypoints PATH."
+            "--deep needs one calibration and one set of keypoints. Add --calibration FILE and --keypoints PATH."
         )
 
 
 def _given(path: Path, *, calibration: bool) -> Found:
-    """What the user names, with the format that it is in."""
+    """Return the path that the user gives, with its format."""
     from posefuse.io.calibration.read import find_format as calibration_format
     from posefuse.io.keypoints.read import find_format as keypoint_format
 
@@ -83,14 +83,14 @@ def _given(path: Path, *, calibration: bool) -> Found:
 
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
-    """Say what is wrong, the worst first."""
+    """Print the findings of the recording check, the worst first."""
     from posefuse.pipeline.diagnose import inspect_health
 
     found = inspect_health(rig, detections, options, progress=Bars())
     if not found:
-        say("health: nothing wrong was found")
+        say("recording check: no faults found")
         return
-    say(f"health: {count(len(found), 'finding')}, the worst first")
+    say(f"recording check: {count(len(found), 'finding')}, the worst first")
     for number, finding in enumerate(found, 1):
         say(f"{number}. {finding.kind}: {finding.sentence}")
         say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
@@ -107,7 +107,7 @@ def _calibration(item: Found, options: Options) -> CameraRig | None:
     except PosefuseError as error:
         note(f"  cannot be read: {error}")
         return None
-    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to metres")
+    say(f"  {len(rig)} cameras; up axis {rig.up_axis or 'unknown'}, lengths x {rig.metres_per_unit:g} to meters")
     for remark in rig.notes:
         note(f"  note: {remark}")
     rows = []
@@ -115,7 +115,7 @@ def _calibration(item: Found, options: Options) -> CameraRig | None:
         size = f"{camera.size_px[0]} x {camera.size_px[1]}"
         at = " ".join(f"{value:.2f}" for value in camera.centre_m)
         rows.append([f"  {camera.name}", size, f"{camera.matrix[0, 0]:.0f}", str(camera.lens), at])
-    table(None, ["  camera", "size px", "focal px", "lens", "at m"], rows)
+    table(None, ["  camera", "size px", "focal px", "lens", "position m"], rows)
     if len(rig) > _MOST_CAMERAS:
         say(f"  and {len(rig) - _MOST_CAMERAS} more, up to {rig.names[-1]}")
     return rig
@@ -128,7 +128,7 @@ def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: O
     if item.recognized_by:
         note(f"  recognized by: {item.recognized_by}")
     try:
-        request = request_of(recording, item.path, options, Bars(), timestamps)
+        request = keypoint_request(recording, item.path, options, Bars(), timestamps)
         detections = read_keypoints(item.path, request)
     except PosefuseError as error:
         note(f"  cannot be read: {error}")
@@ -144,7 +144,7 @@ def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: O
 
 
 def _span(detections: Detections) -> str:
-    """From when to when, where that is known."""
+    """Return the time span as text, empty if times are unknown."""
     times = detections.time_s[np.isfinite(detections.time_s)]
     return f", {times.min():.3f} to {times.max():.3f} s" if len(times) else ""
 
@@ -167,13 +167,13 @@ def _views_table(detections: Detections) -> None:
                 percent(missing[v]),
             ]
         )
-    table(None, ["  view", "frames", "lacking", "Hz", "people", "keypoints missing"], rows)
+    table(None, ["  view", "frames", "missing", "Hz", "people", "keypoints missing"], rows)
     if detections.n_views > _MOST_CAMERAS:
         say(f"  and {detections.n_views - _MOST_CAMERAS} more, up to {detections.view_names[-1]}")
 
 
 def _rate_hz(detections: Detections, view: int) -> float | None:
-    """How often a view takes a frame, by its own times; None where it has none."""
+    """Return the frame rate of a view from its timestamps, or None without timestamps."""
     times = detections.time_s[:, view]
     known = np.flatnonzero(np.isfinite(times))
     if len(known) < 2:
@@ -184,7 +184,7 @@ def _rate_hz(detections: Detections, view: int) -> float | None:
 
 
 def _missing_shares(detections: Detections) -> np.ndarray:
-    """Shape (view,): share of the keypoints of the people there are that were not detected."""
+    """Return the fraction of undetected keypoints of the detected people, shape (view,)."""
     missing = np.zeros(detections.n_views)
     total = np.zeros(detections.n_views)
     for chunk in detections.chunks():
@@ -195,8 +195,8 @@ def _missing_shares(detections: Detections) -> np.ndarray:
     return missing / np.maximum(total, 1)
 
 
-def _say_matches(read: _Read, options: Options) -> bool:
-    """Say which keypoints and calibrations belong together, of several the flags that choose them; whether any do."""
+def _say_matches(read: _Inputs, options: Options) -> bool:
+    """Print which keypoints and calibrations match, and the flags that choose them; return whether any match."""
     from posefuse.preprocess.match_cameras import match_views
 
     single = len(read.rigs) == 1 and len(read.detections) == 1

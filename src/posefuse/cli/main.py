@@ -8,7 +8,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.config import Dict as DictConfig
 from rich.text import Text
 
-from posefuse.cli.console import complain, err, spoken_warnings
+from posefuse.cli.console import err, print_problem, print_warnings
 from posefuse.cli.help import HelpFormatter
 from posefuse.errors import OptionsError, PosefuseError
 
@@ -97,7 +97,8 @@ def main(arguments: list[str] | None = None) -> None:
 
     The exit code is 0 on success, 1 if the command fails with a message, 2 for a wrong call and 130 after Ctrl-C.
     """
-    with spoken_warnings():
+    _HELP.show_all = False
+    with print_warnings():
         try:
             app.meta(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         except CycloptsError as error:
@@ -117,5 +118,5 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    complain("error: ", "bold red", message)
+    print_problem("error: ", "bold red", message)
     sys.exit(code)

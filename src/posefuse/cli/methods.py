@@ -4,7 +4,7 @@ from posefuse.cli.console import say, table
 
 
 def methods() -> None:
-    """List what can be chosen: triangulation methods, and how left and right are told apart."""
+    """List the methods for triangulation, for left/right pairs and for left/right assignment."""
     from posefuse.model.options.left_right import SIDE_METHODS
     from posefuse.model.options.options import Options
     from posefuse.model.options.pairs import PAIR_METHODS
@@ -16,8 +16,10 @@ def methods() -> None:
         ("--pairs", PAIR_METHODS, "enumerate"),
         ("--sides", SIDE_METHODS, options.sides),
     )
-    for number, (flag, choices, default) in enumerate(lists):
+    for number, (flag, methods_of_flag, default) in enumerate(lists):
         if number:
             say("")
-        rows = [[f"{name}{' (default)' if name == default else ''}", sentence] for name, sentence in choices.items()]
-        table(None, [flag, "what it does"], rows, words=True)
+        rows = [
+            [f"{name}{' (default)' if name == default else ''}", sentence] for name, sentence in methods_of_flag.items()
+        ]
+        table(None, [flag, "description"], rows, words=True)

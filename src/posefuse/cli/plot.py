@@ -6,36 +6,40 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import note, wrote
+from posefuse.cli.types import Result
 from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import LayerName
 from posefuse.report.plots.registry import PLOT_NAMES, find_plot
 
 
 def plot(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Result,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the figures; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the figures.")],
     figure: Annotated[
         tuple[str, ...],
         Parameter(help=f"Figures to draw: {', '.join(PLOT_NAMES)}; by default all that the result has data for."),
     ] = (),
-    keypoint: Annotated[tuple[str, ...], Parameter(help="Whose trajectories; by default one of the trunk's.")] = (),
-    angle: Annotated[
-        tuple[str, ...], Parameter(help="Which joint angles; by default the eight that range farthest.")
+    keypoint: Annotated[
+        tuple[str, ...], Parameter(help="Keypoints of the trajectory figure; by default one of the trunk.")
     ] = (),
-    layer: Annotated[LayerName | None, Parameter(help="Of which layer; by default the most processed one.")] = None,
+    angle: Annotated[
+        tuple[str, ...],
+        Parameter(help="Joint angles of the angle figure; by default the eight with the largest range."),
+    ] = (),
+    layer: Annotated[LayerName | None, Parameter(help="Layer to draw; by default the most processed one.")] = None,
 ) -> None:
-    """Draw a result's figures, each as PNG and as SVG: the report's numbers for papers and slides."""
+    """Draw a result's figures as PNG and SVG, for papers and slides."""
     names = chosen_figures(figure)
 
-    from posefuse.cli.results import open_result
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.report.plots.data import gather_plot_data
     from posefuse.report.plots.registry import draw_plot
 
     _, reconstruction = open_result(result)
     if output.exists() and not output.is_dir():
-        raise OptionsError(f"--output {output} is a file; give a folder.")
+        raise OptionsError(f"--output {output} is a file. Give a folder.")
     data = gather_plot_data(reconstruction, layer, keypoint, angle)
     # Draw all figures before writing the first one, so that an error leaves no files behind.
     figures = {name: draw_plot(name, data) for name in names}

@@ -18,29 +18,31 @@ TRUTH = "truth.nc"
 
 
 def simulate(
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the recording; made if absent.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the recording.")],
     *,
     scene: Annotated[SceneOptions, Parameter(name="*", group="Scene")] = SceneOptions(),  # noqa: B008
 ) -> None:
-    """Simulate a recording: a calibration, 2D keypoints with a detector's faults, and the truth beside them."""
+    """Simulate a recording: a calibration, 2D keypoints with detector errors, and the ground truth."""
     from posefuse.io.files import replacing_folder
     from posefuse.synthetic.scenes import simulate as run
 
-    made = run(scene)
+    simulated = run(scene)
     with replacing_folder(output, marker=TRUTH, owned=(CALIBRATION, KEYPOINTS, TRUTH)) as staging:
-        write_scene(made, staging)
+        write_scene(simulated, staging)
     say(
-        f"{made.detections.n_frames} frames at {scene.rate_hz:g} Hz, {len(made.rig)} cameras, "
-        f"{len(made.detections.skeleton)} keypoints"
+        f"{simulated.detections.n_frames} frames at {scene.rate_hz:g} Hz, {len(simulated.rig)} cameras, "
+        f"{len(simulated.detections.skeleton)} keypoints"
     )
-    if made.offsets_s.any():
-        offsets = ", ".join(f"{name} {1000 * s:+.1f}" for name, s in zip(made.rig.names, made.offsets_s, strict=True))
+    if simulated.offsets_s.any():
+        offsets = ", ".join(
+            f"{name} {1000 * s:+.1f}" for name, s in zip(simulated.rig.names, simulated.offsets_s, strict=True)
+        )
         say(f"clock offsets in ms: {offsets}")
     wrote([CALIBRATION, KEYPOINTS, TRUTH], output)
 
 
 def write_scene(scene: "Scene | CrowdScene", folder: Path) -> None:
-    """Write a scene's calibration, keypoints and truth."""
+    """Write the calibration, keypoints and ground truth of a scene."""
     from posefuse.io.calibration import anipose
     from posefuse.io.keypoints import native
     from posefuse.io.results import netcdf

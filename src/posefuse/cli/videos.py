@@ -1,4 +1,4 @@
-"""Which video is which camera's, as commands are told it."""
+"""Parameters that assign videos to cameras."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,35 +16,35 @@ _SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mts")
 
 Videos = Annotated[
     tuple[str, ...],
-    Parameter(help="CAMERA=FILE for each camera, or a folder whose videos are named as the cameras."),
+    Parameter(help="Videos as CAMERA=FILE, or a folder of videos named like the cameras."),
 ]
 Offsets = Annotated[
     tuple[str, ...],
-    Parameter(help="CAMERA=SECONDS: the result's time at which its video begins; 0 by default."),
+    Parameter(help="Start time of each video in the result's time, as CAMERA=SECONDS; 0 by default."),
 ]
 
 
 def videos_by_camera(rig: CameraRig, given: Sequence[str]) -> dict[str, Path]:
-    """The videos by camera.
+    """Return the video of each camera.
 
     Args:
-        rig: of the result.
-        given: each CAMERA=FILE, or a folder.
+        rig: Rig of the result.
+        given: Entries CAMERA=FILE, or folders.
 
     Raises:
-        OptionsError: if one is neither, or a camera has two.
-        FileError: if a folder holds no video that is named as a camera.
+        OptionsError: if an entry is neither, or a camera has two videos.
+        FileError: if a folder holds no video that is named like a camera.
     """
-    found: dict[str, Path] = {}
+    videos: dict[str, Path] = {}
     for text in given:
         name, mark, path = text.partition("=")
-        # A path may hold an equals sign: it is one only if what stands before is no folder.
+        # The path of a folder may contain an equals sign.
         pairs = _of_folder(rig, Path(text)) if not mark or Path(text).is_dir() else {name: Path(path)}
         for camera, file in pairs.items():
-            if camera in found:
-                raise OptionsError(f"--video names two videos of camera {camera!r}: {found[camera]} and {file}.")
-            found[camera] = file
-    return found
+            if camera in videos:
+                raise OptionsError(f"--video names two videos of camera {camera!r}: {videos[camera]} and {file}.")
+            videos[camera] = file
+    return videos
 
 
 def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
@@ -62,7 +62,7 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
     found = {name: by_name[plain_name(name)] for name in rig.names if plain_name(name) in by_name}
     if not found:
         raise FileError(
-            f"{folder} holds no video that is named as a camera. Videos: {choices(file.name for file in files)}. "
+            f"{folder} holds no video that is named like a camera. Videos: {choices(file.name for file in files)}. "
             f"Cameras: {choices(rig.names, 30)}. Name them: --video {rig.names[0]}=FILE."
         )
     for name, several in found.items():
@@ -75,12 +75,12 @@ def _of_folder(rig: CameraRig, folder: Path) -> dict[str, Path]:
 
 
 def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
-    """Times at which videos begin, in s.
+    """Return the start time of each camera's video in s.
 
     Raises:
-        OptionsError: if one is not CAMERA=SECONDS, or a camera has two.
+        OptionsError: if an entry is not CAMERA=SECONDS, or a camera has two.
     """
-    found: dict[str, float] = {}
+    offsets: dict[str, float] = {}
     for text in given:
         name, _, number = text.rpartition("=")
         try:
@@ -89,23 +89,23 @@ def offsets_by_camera(given: Sequence[str]) -> dict[str, float]:
             seconds = float("nan")
         if not name or seconds != seconds or abs(seconds) == float("inf"):
             raise OptionsError(f"--offset-s {text}: give CAMERA=SECONDS, such as cam1=0.02.")
-        if name in found:
+        if name in offsets:
             raise OptionsError(f"--offset-s names camera {name!r} twice.")
-        found[name] = seconds
-    return found
+        offsets[name] = seconds
+    return offsets
 
 
 def detections_in(result: Reconstruction, recording: Path | None) -> Detections | None:
-    """The 2D keypoints of a recording's folder, or of a file or folder of keypoints; None where none is given."""
+    """Return the 2D keypoints in a recording's folder, or None if no folder is given."""
     from posefuse.cli.explain import detections_for
 
     return None if recording is None else detections_for(result, recording, None, None)
 
 
 def layer_of(result: Reconstruction, layer: LayerName | None) -> LayerName:
-    """The layer that is shown: the named one, that of the result's options, or the best.
+    """Return the layer to show: the named one, that of the result's options, or the best one.
 
     Raises:
-        ResultError: if the named layer is not there.
+        ResultError: if the result has no such layer.
     """
     return result.best_layer(layer or result.options.layer)[0]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say
+from posefuse.cli.types import Result
 from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.reconstruction import Reconstruction
 
@@ -15,29 +16,25 @@ if TYPE_CHECKING:
 
 
 def view(
-    result: Annotated[Path, Parameter(help="A result's folder, or its reconstruction.nc.")],
+    result: Result,
     *,
-    recording: Annotated[
-        Path | None, Parameter(help="The recording's folder: what the detector saw is shown too.")
-    ] = None,
+    recording: Annotated[Path | None, Parameter(help="Folder of the recording, to show its detections.")] = None,
     video: Videos = (),
     offset_s: Offsets = (),
     match: Annotated[
-        Literal["time", "frame"], Parameter(help="Pictures belong to frames by time, or by their number from 0.")
+        Literal["time", "frame"], Parameter(help="Match images to frames by time, or by number from 0.")
     ] = "time",
-    start_s: Annotated[float | None, Parameter(help="Time in the result to begin at.")] = None,
-    end_s: Annotated[float | None, Parameter(help="Time in the result to end before.")] = None,
-    save: Annotated[
-        Path | None, Parameter(help="Write a .rrd file instead of opening a window; rerun FILE opens it.")
-    ] = None,
+    start_s: Annotated[float | None, Parameter(help="Start time, in the result's time.")] = None,
+    end_s: Annotated[float | None, Parameter(help="End time, exclusive, in the result's time.")] = None,
+    save: Annotated[Path | None, Parameter(help="Write a .rrd file instead of opening a window.")] = None,
 ) -> None:
-    """Look at a result in rerun's viewer: people in 3D, each camera's picture, numbers over time.
+    """Open a result in the rerun viewer: people in 3D, camera images, and numbers over time.
 
-    Needs pip install 'posefuse[view]'.
+    Requires pip install 'posefuse[view]'.
     """
-    from posefuse.cli.results import open_result
     from posefuse.cli.videos import detections_in
     from posefuse.io.files import replacing
+    from posefuse.io.results.open_result import open_result
     from posefuse.visualize.frame_times import frames_between
     from posefuse.visualize.viewer.library import import_rerun
     from posefuse.visualize.viewer.show import open_scene, require_display, save_scene

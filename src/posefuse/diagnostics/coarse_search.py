@@ -355,7 +355,7 @@ def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
             order = list(best)
             order[a], order[b] = order[b], order[a]
             swaps.append(tuple(order))
-        candidates = min(swaps, key=total)
-        if total(candidates) >= total(best) - 1e-9:
+        cheapest = min(swaps, key=total)
+        if total(cheapest) >= total(best) - 1e-9:
             return best
-        best = candidates
+        best = cheapest

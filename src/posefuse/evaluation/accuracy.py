@@ -1,7 +1,7 @@
-"""Errors of 3D points against known positions, and what a result says of itself.
+"""Errors of 3D points against ground truth.
 
-MPJPE is the mean distance over all points that are both in the result and in the truth (no alignment of any kind).
-Missing points do not improve it: their share stands beside it.
+MPJPE is the mean distance over all points that are in both the result and the truth, without alignment. The fraction of
+missing points is reported separately.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.errors import ResultError, choices
-from posefuse.evaluation.consistency import consistency, normalised_squares
+from posefuse.evaluation.consistency import consistency, normalized_squares
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import is_used
 
@@ -20,12 +20,12 @@ _SAME_TIME = 1e-3
 
 @dataclass(frozen=True)
 class Truth:
-    """Known positions of one person, frame by frame with a result.
+    """Ground truth of one person, on the frames of a result.
 
     Attributes:
-        keypoints: names, of the result's skeleton.
-        points_m: shape (frame, keypoint, 3), in the result's world, NaN where unknown.
-        matched_by: how the frames were put together.
+        keypoints: names in the result's skeleton.
+        points_m: shape (frame, keypoint, 3), in the result's world, NaN if unknown.
+        matched_by: how frames were matched.
     """
 
     keypoints: tuple[str, ...]
@@ -35,27 +35,27 @@ class Truth:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Distances to the truth, in mm, over all points in both.
+    """Distances to the ground truth, in mm, over all common points.
 
     Attributes:
-        layer: what was compared.
-        matched_by: how frames were put together.
-        n_frames: in how many frames something was compared.
-        n_keypoints: how many keypoints were.
-        n_points: how many points were compared.
+        layer: compared layer.
+        matched_by: how frames were matched.
+        n_frames: number of frames with a comparison.
+        n_keypoints: number of compared keypoints.
+        n_points: number of compared points.
         mpjpe_mm: mean distance.
-        median_mm: and its percentiles.
-        p90_mm: 90 %.
-        p95_mm: 95 %.
-        p99_mm: 99 %.
-        share_beyond_50_mm: of the compared points.
-        missing_share: of the points the truth has, those the result lacks.
-        reprojection_median_px: over all used observations.
+        median_mm: median distance.
+        p90_mm: 90th percentile.
+        p95_mm: 95th percentile.
+        p99_mm: 99th percentile.
+        share_beyond_50_mm: fraction of compared points beyond 50 mm.
+        missing_share: fraction of the truth's points that the result lacks.
+        reprojection_median_px: median reprojection error of all used observations.
         bone_variation: median over bones of the robust relative spread of their length over time.
-        covered_68: share of compared points inside the 68 % region of their covariance; None without covariances.
-        covered_95: likewise of the 95 % region.
+        covered_68: fraction of compared points inside the 68 % region of their covariance; None without covariances.
+        covered_95: fraction inside the 95 % region.
         median_mm_of: keypoint to its median distance.
-        missing_share_of: keypoint to its share missing.
+        missing_share_of: keypoint to its missing fraction.
     """
 
     layer: str
@@ -79,24 +79,25 @@ class Accuracy:
 
 
 def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
-    """Compare one person of a result with known positions.
+    """Compare one person of a result with ground truth.
 
     Args:
-        result: of one person; ``options.layer`` or the best layer is compared.
-        truth: of the same frames.
+        result: reconstruction of one person; ``options.layer`` or the best layer is compared.
+        truth: ground truth on the same frames.
 
     Raises:
-        ResultError: if the result has several people, frames do not fit, or no point is in both.
+        ResultError: if the result has several people, frames do not match, or there is no common point.
     """
     if result.unit != "m":
-        raise ResultError(f"The result is in {result.unit} (one camera's image plane); there is no comparing it in 3D.")
+        raise ResultError(f"The result is in {result.unit} (one camera's image plane) and cannot be compared in 3D.")
     if len(result.person_ids) != 1:
         raise ResultError(
-            f"The result has {len(result.person_ids)} people; this compares one. posefuse.score_people compares many."
+            f"The result has {len(result.person_ids)} people, but evaluate compares one. Use posefuse.score_people "
+            "for several."
         )
     name, layer = result.best_layer(result.options.layer)
     if truth.points_m.shape[0] != result.n_frames:
-        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames for {result.n_frames} of the result.")
+        raise ResultError(f"The truth has {truth.points_m.shape[0]} frames, the result {result.n_frames}.")
     columns = [result.skeleton.index(keypoint) for keypoint in truth.keypoints]
     points = np.asarray(layer.points_m[:])[:, 0, columns]
     offsets = points - truth.points_m
@@ -104,7 +105,7 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
     distance_mm = 1000.0 * np.linalg.norm(offsets, axis=-1)
     both = known & np.isfinite(distance_mm)
     if not both.any():
-        raise ResultError("No point is both in the result and in the truth; are they of the same recording?")
+        raise ResultError("The result and the truth have no common point. Check that they are of the same recording.")
     flat = distance_mm[both]
     covered = _coverage(offsets[both], np.asarray(layer.covariance_m2[:])[:, 0, columns][both])
     missing = known & ~both
@@ -138,21 +139,21 @@ def evaluate(result: Reconstruction, truth: Truth) -> Accuracy:
 
 
 def median_reprojection_px(layer: Layer) -> float | None:
-    """Median distance between observed and projected pixels over all used observations; None where there are none."""
+    """Return the median reprojection error of all used observations in px, None without any."""
     used = np.asarray(layer.view_error_px[:])[is_used(np.asarray(layer.view_status[:]))]
     used = used[np.isfinite(used)]
     return float(np.median(used)) if used.size else None
 
 
 def bone_variation(points_m: np.ndarray, edges: np.ndarray) -> float | None:
-    """How much bones change length: median over bones of 1.48 times the median deviation over the median length.
+    """Return the median over bones of 1.48 times the median absolute deviation over the median length.
 
     Args:
         points_m: shape (frame, keypoint, 3).
         edges: shape (edge, 2).
 
     Returns:
-        A share, or None without a bone that is seen twice.
+        A fraction, or None if no bone is seen twice.
     """
     shares = []
     for a, b in edges:
@@ -165,7 +166,7 @@ def bone_variation(points_m: np.ndarray, edges: np.ndarray) -> float | None:
 
 
 def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
-    """Known positions from another reconstruction, such as the truth of a simulation; frames by their numbers.
+    """Return ground truth from another reconstruction, such as a simulation, matched by frame number.
 
     Raises:
         ResultError: if they share no frame or no keypoint.
@@ -175,7 +176,8 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
         raise ResultError(f"Result ({result.skeleton.name}) and truth ({truth.skeleton.name}) share no keypoint names.")
     if len(truth.person_ids) != 1:
         raise ResultError(
-            f"The truth has {len(truth.person_ids)} people; this compares one. posefuse.people_points takes many."
+            f"The truth has {len(truth.person_ids)} people, but this function compares one. Use "
+            "posefuse.people_points for several."
         )
     _, layer = truth.best_layer()
     columns = [truth.skeleton.index(name) for name in shared]
@@ -185,7 +187,7 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
     places = {int(number): i for i, number in enumerate(truth.frame_numbers)}
     rows = np.array([places.get(int(number), -1) for number in result.frame_numbers])
     if not (rows >= 0).any():
-        raise ResultError("Result and truth share no frame number; are they of the same recording?")
+        raise ResultError("Result and truth share no frame number. Check that they are of the same recording.")
     points = np.asarray(layer.points_m[:])[:, 0][:, columns][np.maximum(rows, 0)].copy()
     points[rows < 0] = np.nan
     return Truth(shared, points, "frame number")
@@ -194,13 +196,13 @@ def truth_from_result(result: Reconstruction, truth: Reconstruction) -> Truth:
 def truth_from_trajectories(
     result: Reconstruction, names: tuple[str, ...], time_s: np.ndarray, points_m: np.ndarray
 ) -> Truth:
-    """Known positions from named trajectories, in the result's world.
+    """Return ground truth from named trajectories in the result's world.
 
-    Names may be canonical or another program's; of two for one keypoint the first counts. Frames are put together by
-    order where there are equally many, else by time: the truth is interpolated linearly between its own frames.
+    Names may be canonical or those of another program; the first name of a keypoint is used. Frames are matched by
+    order if the numbers are equal, otherwise by time with linear interpolation of the truth.
 
     Raises:
-        ResultError: if no name is known, or no time fits.
+        ResultError: if no name is known, or no time matches.
     """
     places: dict[str, int] = {}
     for i, name in enumerate(names):
@@ -209,34 +211,34 @@ def truth_from_trajectories(
             places.setdefault(keypoint, i)
     found = [(i, name) for name, i in places.items()]
     if not found:
-        raise ResultError(f"The truth's points ({choices(names)}) are none of skeleton {result.skeleton.name}'s.")
+        raise ResultError(f"The truth's points ({choices(names)}) do not occur in skeleton {result.skeleton.name}.")
     points = np.asarray(points_m)[:, [i for i, _ in found]]
     keypoints = tuple(name for _, name in found)
     if len(points) == result.n_frames:
         return Truth(keypoints, points, "order")
     if not np.isfinite(result.time_s).any():
         raise ResultError(
-            f"The result has {result.n_frames} frames without times and the truth {len(points)}: there is no telling "
-            "which belong together. Reconstruct with the frame rate (--rate-hz), or cut the truth to the same frames."
+            f"The result has {result.n_frames} frames without times and the truth {len(points)}, so they cannot be "
+            "matched. Reconstruct with the frame rate (--rate-hz), or cut the truth to the same frames."
         )
     if len(time_s) < 2 or not np.all(np.diff(time_s) > 0):
-        raise ResultError(f"The truth's {len(time_s)} times must be at least two, and increase.")
+        raise ResultError(f"The truth needs at least two increasing times, got {len(time_s)}.")
     matched = interpolated(points, time_s, result.time_s)
     if not np.isfinite(matched).any():
         raise ResultError(
-            f"No frame of the result ({np.nanmin(result.time_s):.3f} to {np.nanmax(result.time_s):.3f} s) lies within "
-            f"the truth's times ({time_s[0]:.3f} s to {time_s[-1]:.3f} s); are they of the same recording?"
+            f"No frame of the result ({np.nanmin(result.time_s):.3f} to {np.nanmax(result.time_s):.3f} s) is within "
+            f"the truth's times ({time_s[0]:.3f} s to {time_s[-1]:.3f} s). Check that they are of the same recording."
         )
     return Truth(keypoints, matched, "time")
 
 
 def interpolated(points_m: np.ndarray, time_s: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """Positions between frames, linearly; NaN outside, in gaps of the frames, and beside missing points.
+    """Interpolate positions linearly; NaN outside, across gaps between frames, and next to missing points.
 
     Args:
         points_m: shape (frame, keypoint, 3).
         time_s: shape (frame,), increasing.
-        at_s: shape (other frame,), NaN where unknown.
+        at_s: shape (other frame,), NaN if unknown.
 
     Returns:
         Shape (other frame, keypoint, 3).
@@ -256,5 +258,5 @@ def interpolated(points_m: np.ndarray, time_s: np.ndarray, at_s: np.ndarray) -> 
 
 
 def _coverage(offsets_m: np.ndarray, covariance_m2: np.ndarray) -> tuple[float | None, float | None]:
-    found = consistency(normalised_squares(offsets_m, unpack_covariance(covariance_m2)), 3)
+    found = consistency(normalized_squares(offsets_m, unpack_covariance(covariance_m2)), 3)
     return (found.covered_68, found.covered_95) if found.n else (None, None)

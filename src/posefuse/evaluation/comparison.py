@@ -1,18 +1,18 @@
-"""Triangulation methods side by side on one recording: how they agree with the detections, and at what price."""
+"""Comparison of triangulation methods on one recording: reprojection errors, missing points and CPU time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from posefuse.evaluation.accuracy import Truth, evaluate
+from posefuse.evaluation.paired_results import PeoplePoints
 from posefuse.evaluation.people import matched_errors_mm
-from posefuse.evaluation.together import PeoplePoints
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import ViewStatus, is_used
 
 SHARES = np.linspace(0.0, 1.0, 401)
-"""Of the observations: where a distribution of errors is kept."""
+"""Fractions of the observations at which a distribution of errors is sampled."""
 
 _NO_DETECTION = (ViewStatus.UNSEEN, ViewStatus.NOT_RECORDED)
 _NEVER_USED = (*_NO_DETECTION, ViewStatus.LOW_CONFIDENCE, ViewStatus.BEYOND_LENS)
@@ -21,12 +21,12 @@ _REJECTED = (ViewStatus.OUTLIER, ViewStatus.BEHIND_CAMERA)
 
 @dataclass(frozen=True)
 class ErrorSpread:
-    """A distribution of reprojection errors, in px. NaN where there are none.
+    """A distribution of reprojection errors, in px. NaN without errors.
 
     Attributes:
-        median_px: half are at most so large.
-        p95_px: 95 % are.
-        at_shares_px: the errors below which the :data:`SHARES` lie, increasing; infinite for detections without one.
+        median_px: median.
+        p95_px: 95th percentile.
+        at_shares_px: quantiles at :data:`SHARES`; infinite for detections without an error.
     """
 
     median_px: float
@@ -36,22 +36,21 @@ class ErrorSpread:
 
 @dataclass(frozen=True)
 class MethodNumbers:
-    """What one method made of a recording. NaN where there is nothing to count.
+    """Statistics of one method on a recording. NaN where undefined.
 
     Attributes:
-        method: its name.
-        min_views: points with fewer valid (or agreeing) views are missing.
-        used_error: over the views the points rest on; small too where inconvenient views are dropped.
-        all_error: over every detection there is, so of the same ones for every method; one whose point is missing, or
-            lies where its camera cannot see it, is infinitely far off.
-        mean_views_used: by the points that have coordinates.
-        missing_share: of all points, those without coordinates.
-        rejected_share: of all detections that could have been used, those that a point was found without. Those of
-            missing points are not among them.
-        acceleration_m_s2: median over points of the change of velocity from frame to frame; None without a rate.
-        cpu_ms_per_frame: of triangulation alone; None where it was not taken.
-        truth_median_mm: distance to the known positions; None without.
-        truth_p99_mm: 99 % of them are at most so large.
+        method: name.
+        min_views: minimum number of valid or agreeing views of a point.
+        used_error: errors over the used views; also small if a method rejects correct views.
+        all_error: errors over every detection, the same set for every method; infinite if the point is missing or
+            not visible to the camera.
+        mean_views_used: mean number of used views of points with coordinates.
+        missing_share: fraction of points without coordinates.
+        rejected_share: fraction of usable detections that were rejected, without those of missing points.
+        acceleration_m_s2: median acceleration of the points; None without a frame rate.
+        cpu_ms_per_frame: CPU time of the triangulation; None if not measured.
+        truth_median_mm: median distance to the ground truth; None without.
+        truth_p99_mm: 99th percentile of the distance.
     """
 
     method: str
@@ -69,16 +68,16 @@ class MethodNumbers:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Several methods on one recording, all else alike.
+    """Several methods on one recording with otherwise equal options.
 
     Attributes:
-        methods: one record each, in the order asked for.
-        n_frames: of the recording.
-        n_views: cameras.
-        n_keypoints: of a person.
-        rate_hz: nominal frame rate, or None where unknown.
-        noise: how noisy the detections were taken to be, by all methods.
-        notes: what readers, stages and methods found worth saying, each once.
+        methods: one record per method, in the requested order.
+        n_frames: number of frames.
+        n_views: number of cameras.
+        n_keypoints: number of keypoints per person.
+        rate_hz: nominal frame rate, or None if unknown.
+        noise: noise model used by all methods.
+        notes: notes of readers, stages and methods, without repetition.
     """
 
     methods: tuple[MethodNumbers, ...]
@@ -93,22 +92,22 @@ class Comparison:
 def method_numbers(
     result: Reconstruction, truth: Truth | PeoplePoints | None, cpu_s_per_frame: float | None
 ) -> MethodNumbers:
-    """The numbers of one method's result.
+    """Return the statistics of one method's result.
 
     Args:
-        result: in metres, in memory; its measured layer is looked at.
-        truth: known positions of the same frames; of many people, with the result's beside them.
-        cpu_s_per_frame: what triangulation took.
+        result: result in meters, in memory; its measured layer is used.
+        truth: ground truth on the same frames; for several people, paired with the result.
+        cpu_s_per_frame: CPU time of the triangulation.
 
     Raises:
-        ResultError: if the truth does not fit the result.
+        ResultError: if the truth does not match the result.
     """
     layer = result.layers["measured"]
     views = np.asarray(layer.view_status[:])
     has_point = layer.has_point
     usable = int((~np.isin(views, _NEVER_USED)).sum())
     errors = (None, None) if truth is None else _errors_mm(result, truth)
-    min_views = result.options.triangulation.min_views
+    min_views = result.resolved.triangulation.min_views
     assert min_views is not None
     return MethodNumbers(
         method=result.options.triangulation.method,
@@ -126,7 +125,7 @@ def method_numbers(
 
 
 def _errors_mm(result: Reconstruction, truth: Truth | PeoplePoints) -> tuple[float, float]:
-    """Median and 99 % of the distances, of many people over those who are matched; NaN where there are none."""
+    """Return the median and 99th percentile of the distances, of matched people; NaN without any."""
     if not result.layers["measured"].has_point.any():
         return float("nan"), float("nan")
     if isinstance(truth, Truth):
@@ -148,20 +147,20 @@ def _all_error(layer: Layer) -> ErrorSpread:
 
 
 def spread_of(errors_px: np.ndarray) -> ErrorSpread:
-    """The distribution of errors (any shape, no NaN, infinite ones allowed)."""
+    """Return the distribution of errors (any shape, no NaN, infinity allowed)."""
     flat = np.asarray(errors_px, dtype=np.float64).ravel()
     if not flat.size:
         return ErrorSpread(float("nan"), float("nan"), (float("nan"),) * len(SHARES))
-    # No interpolation: between a number and infinity there is nothing.
+    # No interpolation: it is undefined between a number and infinity.
     at = np.quantile(flat, [0.5, 0.95, *SHARES], method="inverted_cdf")
     return ErrorSpread(float(at[0]), float(at[1]), tuple(at[2:].tolist()))
 
 
 def acceleration_m_s2(result: Reconstruction) -> float | None:
-    """Median size of the change of velocity over three consecutive frames: what moves, and what trembles.
+    """Return the median acceleration over three consecutive frames, which contains motion and jitter.
 
     Returns:
-        In m/s², None without a frame rate, NaN where no point is there three times in a row.
+        m/s², None without a frame rate, NaN if no point occurs in three consecutive frames.
     """
     if result.rate_hz is None:
         return None

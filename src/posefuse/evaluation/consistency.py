@@ -1,4 +1,4 @@
-"""Whether errors are as large as the covariances say: NEES, NIS, coverage of the 68 and 95 % regions."""
+"""Consistency of errors with covariances: NEES, NIS, coverage of the 68 and 95 % regions."""
 
 import math
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ REGIONS = (0.68, 0.95)
 
 @dataclass(frozen=True)
 class Consistency:
-    """Normalised squared errors against what they should be. NaN where none could be formed.
+    """Statistics of normalized squared errors. NaN without errors.
 
     Attributes:
-        dof: numbers of an error, 3 for a position: the mean that a true covariance gives.
-        n: how many errors.
-        mean: of the normalised squares: NEES (of positions), NIS (of innovations). Above dof: overconfident.
-        median: likewise, not moved by a few gross errors; 2.37 for positions.
-        covered_68: share inside the 68 % region.
-        covered_95: likewise 95 %.
+        dof: degrees of freedom of an error, 3 for a position: the expected mean.
+        n: number of errors.
+        mean: mean of the normalized squares: NEES (positions) or NIS (innovations). Above dof: overconfident.
+        median: median, robust against gross errors; expected 2.37 for positions.
+        covered_68: fraction inside the 68 % region.
+        covered_95: fraction inside the 95 % region.
     """
 
     dof: int
@@ -30,26 +30,26 @@ class Consistency:
 
 
 def region(share: float, dof: int) -> float:
-    """Squared radius of the region that holds a share of a Gaussian, in units of its covariance (chi-square)."""
-    from scipy.special import gammaincinv  # slow to import, and the command line's help imports this file
+    """Return the squared radius of the region with a given probability under a Gaussian (chi-square quantile)."""
+    from scipy.special import gammaincinv  # slow to import, and --help imports this module
 
     return 2.0 * float(gammaincinv(0.5 * dof, share))
 
 
-def normalised_squares(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """Squared errors in units of their covariance.
+def normalized_squares(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Return squared errors normalized by their covariance (squared Mahalanobis distances).
 
     Args:
         errors: shape (..., n).
         covariances: shape (..., n, n), in the errors' unit squared.
 
     Returns:
-        Shape (...), NaN where an error is missing, or a covariance is or is not positive definite.
+        Shape (...), NaN where an error or covariance is missing, or a covariance is not positive definite.
     """
     usable = np.isfinite(errors).all(axis=-1) & np.isfinite(covariances).all(axis=(-1, -2))
     found = np.full(usable.shape, np.nan)
     matrices = covariances[usable]
-    # The smallest eigenvalue against the trace: units, and so absolute limits, are the caller's.
+    # Compare the smallest eigenvalue with the trace: an absolute limit would depend on the unit.
     size = np.trace(matrices, axis1=-2, axis2=-1)
     positive = (size > 0) & (np.linalg.eigvalsh(matrices)[..., 0] > 1e-12 * size) if len(matrices) else size > 0
     squares = np.full(len(matrices), np.nan)
@@ -60,7 +60,7 @@ def normalised_squares(errors: np.ndarray, covariances: np.ndarray) -> np.ndarra
 
 
 def consistency(squares: np.ndarray, dof: int) -> Consistency:
-    """What normalised squares (any shape, NaN left out) of errors of ``dof`` numbers say."""
+    """Return the statistics of normalized squares (any shape, NaN ignored) with ``dof`` degrees of freedom."""
     flat = squares[np.isfinite(squares)]
     if not flat.size:
         return Consistency(dof, 0, math.nan, math.nan, math.nan, math.nan)
@@ -69,10 +69,10 @@ def consistency(squares: np.ndarray, dof: int) -> Consistency:
 
 
 def nis(innovations: np.ndarray, covariances: np.ndarray) -> Consistency:
-    """Consistency of a filter's innovations with their predicted covariances.
+    """Return the consistency of a filter's innovations with their predicted covariances.
 
     Args:
-        innovations: shape (..., n), NaN where there was no measurement.
+        innovations: shape (..., n), NaN without a measurement.
         covariances: shape (..., n, n): J P J^T + R.
     """
-    return consistency(normalised_squares(innovations, covariances), innovations.shape[-1])
+    return consistency(normalized_squares(innovations, covariances), innovations.shape[-1])

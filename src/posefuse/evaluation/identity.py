@@ -1,7 +1,7 @@
-"""How well identities are kept: MOTA, IDF1, HOTA, lives of people and of ghosts.
+"""Identity metrics: MOTA, IDF1, HOTA, and ghosts.
 
 Sources: Bernardin and Stiefelhagen 2008 (MOTA, MOTP), Ristani et al. 2016 (IDF1), Luiten et al. 2021 (HOTA, with the
-matching of its published code). Boxes and their overlap are replaced by mean distances of keypoints.
+matching of its published code). Mean keypoint distances replace box overlap.
 """
 
 import math
@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from posefuse.evaluation.matching import GATE_M, Matches, match_identities
 
 MOSTLY = 0.8
-"""Share of its frames in which a mostly tracked person is matched; one less, a mostly lost one at most."""
+"""Fraction of frames in which a mostly tracked person is matched; a mostly lost one at most 1 minus this."""
 
 THRESHOLDS = tuple(np.round(np.arange(0.05, 0.96, 0.05), 2).tolist())
 """Similarities over which HOTA is averaged."""
@@ -22,20 +22,20 @@ THRESHOLDS = tuple(np.round(np.arange(0.05, 0.96, 0.05), 2).tolist())
 
 @dataclass(frozen=True)
 class ClearScores:
-    """Counts at one gate. NaN where there is nothing to count by.
+    """CLEAR MOT counts at one gate. NaN where undefined.
 
     Attributes:
-        gate_m: the farthest a match may be.
+        gate_m: largest distance of a match.
         n_true: person-frames of the truth.
         n_found: person-frames of the result.
         matches: person-frames matched.
-        misses: of the truth, not matched (FN).
-        false_people: of the result, not matched (FP).
-        switches: how often somebody's match is another than the last one, however long ago that was (IDSW).
-        fragments: how often somebody is matched again after frames in which he was there and missed.
+        misses: unmatched person-frames of the truth (FN).
+        false_people: unmatched person-frames of the result (FP).
+        switches: number of changes of a person's match, however long the interruption (IDSW).
+        fragments: number of matches after frames in which the person was present and missed.
         mostly_tracked: people matched in at least 80 % of their frames.
         mostly_lost: people matched in at most 20 %.
-        mota: 1 - (misses + false people + switches) / n_true; negative where there is more wrong than right.
+        mota: 1 - (misses + false people + switches) / n_true; may be negative.
         motp_mm: mean distance of the matches.
         recall: matches / n_true.
         precision: matches / n_found.
@@ -61,11 +61,11 @@ class ClearScores:
 
 @dataclass(frozen=True)
 class IdentityScores:
-    """Person-frames under the right name, names being given once for the whole recording.
+    """Person-frames with the correct identity, with one assignment for the whole recording.
 
     Attributes:
-        gate_m: the farthest a match may be.
-        idtp: person-frames in which a person of the truth is where his one counterpart is.
+        gate_m: largest distance of a match.
+        idtp: person-frames in which a person of the truth matches the assigned counterpart.
         idf1: 2 idtp / (n_true + n_found).
         id_precision: idtp / n_found.
         id_recall: idtp / n_true.
@@ -80,13 +80,13 @@ class IdentityScores:
 
 @dataclass(frozen=True)
 class HotaScores:
-    """Means over the thresholds of similarity 1 - distance / reach.
+    """HOTA, averaged over thresholds of the similarity 1 - distance / reach.
 
     Attributes:
-        reach_m: the distance at which two people have nothing in common.
-        hota: the geometric mean of the two below, averaged.
-        det_a: matches over matches, misses and false people.
-        ass_a: over the matches, in how much of both tracks the same two are matched.
+        reach_m: distance of similarity 0.
+        hota: geometric mean of the two values below, averaged.
+        det_a: detection accuracy: matches over matches, misses and false people.
+        ass_a: association accuracy: over the matches, the fraction of both tracks with the same match.
     """
 
     reach_m: float
@@ -97,13 +97,13 @@ class HotaScores:
 
 @dataclass(frozen=True)
 class GhostLife:
-    """A person of the result where nobody is.
+    """A person of the result in frames without a person of the truth nearby.
 
     Attributes:
-        person: its name.
-        frames: in how many frames nobody of the truth was in reach.
-        longest: the most of them in a row.
-        ever_matched: whether it is somebody at other times.
+        person: name.
+        frames: number of frames without a person of the truth within the gate.
+        longest: longest sequence of such frames.
+        ever_matched: whether the person is matched at other times.
     """
 
     person: str
@@ -113,7 +113,7 @@ class GhostLife:
 
 
 def clear_scores(matches: Matches) -> ClearScores:
-    """MOTA and what it is made of."""
+    """Return MOTA and its components."""
     n_true, n_found = int(matches.true_here.sum()), int(matches.here.sum())
     n = int(matches.is_matched.sum())
     switches = sum(_changes(of_one[of_one >= 0]) for of_one in matches.person.T)
@@ -147,7 +147,7 @@ def _ratio(part: float, whole: float) -> float:
 
 
 def tracked_shares(matches: Matches) -> np.ndarray:
-    """Shape (truth,): share of a person's frames in which he is matched, NaN for one who is never there."""
+    """Shape (truth,): fraction of a person's frames with a match, NaN for a person who is never present."""
     there = matches.true_here.sum(axis=0)
     share = np.full(len(there), np.nan)
     np.divide(matches.is_matched.sum(axis=0), there, out=share, where=there > 0)
@@ -155,7 +155,7 @@ def tracked_shares(matches: Matches) -> np.ndarray:
 
 
 def fragments(matches: Matches) -> np.ndarray:
-    """Shape (truth,), int64: interruptions, each person's frames of absence left out."""
+    """Shape (truth,), int64: number of interruptions, without frames of absence."""
     found = np.zeros(matches.person.shape[1], dtype=np.int64)
     for t, there in enumerate(matches.true_here.T):
         matched = matches.is_matched[there, t]
@@ -165,35 +165,35 @@ def fragments(matches: Matches) -> np.ndarray:
 
 
 def recall_after_entry(matches: Matches, time_s: np.ndarray, entry_s: float) -> float:
-    """Share of the truth's person-frames that are matched, those soon after each entry left out.
+    """Return the fraction of matched person-frames of the truth, without those shortly after an entry.
 
     Args:
-        matches: of the recording.
+        matches: matches of the recording.
         time_s: shape (frame,).
-        entry_s: how long after an entry, the first frame's included, is left out.
+        entry_s: excluded time after an entry, including its first frame.
 
     Returns:
-        A share, NaN where no frame counts.
+        A fraction, NaN if no frame counts.
     """
     counted = matches.true_here & (since_entry_s(matches.true_here, time_s) >= entry_s - 1e-9)
     return _ratio(int((matches.is_matched & counted).sum()), int(counted.sum()))
 
 
 def since_entry_s(here: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """Shape (frame, person): time since the person came in, NaN where it is not there.
+    """Shape (frame, person): time since the person entered, NaN if absent.
 
     Args:
         here: shape (frame, person), bool.
         time_s: shape (frame,).
     """
     enters = here & ~np.concatenate([np.zeros_like(here[:1]), here[:-1]])
-    # The last entry at or before each frame, by its place.
+    # Index of the last entry at or before each frame.
     entry = np.maximum.accumulate(np.where(enters, np.arange(len(here))[:, None], 0), axis=0)
     return np.where(here, time_s[:, None] - time_s[entry], np.nan)
 
 
 def ghosts(matches: Matches, names: Sequence[str]) -> tuple[GhostLife, ...]:
-    """People of the result, by name, while nobody of the truth is within the gate; longest life first."""
+    """Return people of the result in frames without a person of the truth within the gate, longest first."""
     alone = matches.here & ~matches.in_reach
     ever = np.asarray(matches.person_matched.any(axis=0))
     longest, frames = longest_runs(alone), np.asarray(alone.sum(axis=0))
@@ -202,20 +202,20 @@ def ghosts(matches: Matches, names: Sequence[str]) -> tuple[GhostLife, ...]:
 
 
 def longest_runs(flags: np.ndarray) -> np.ndarray:
-    """Shape (column,), int64: the most true flags in a row of each column of (frame, column)."""
+    """Shape (column,), int64: longest run of true flags per column of (frame, column)."""
     places = np.arange(1, len(flags) + 1)[:, None]
     last_false = np.maximum.accumulate(np.where(flags, 0, places), axis=0)
     return np.where(flags, places - last_false, 0).max(axis=0, initial=0)
 
 
 def identity_scores(apart_m: np.ndarray, n_true: int, n_found: int, gate_m: float = GATE_M) -> IdentityScores:
-    """IDF1.
+    """Return IDF1 and its components.
 
     Args:
-        apart_m: shape (frame, truth, person), NaN where one of them is not there.
+        apart_m: shape (frame, truth, person), NaN if one of them is absent.
         n_true: person-frames of the truth.
         n_found: person-frames of the result.
-        gate_m: the farthest a match may be.
+        gate_m: largest distance of a match.
     """
     person, together = match_identities(apart_m, gate_m)
     named = np.flatnonzero(person >= 0)
@@ -230,13 +230,13 @@ def identity_scores(apart_m: np.ndarray, n_true: int, n_found: int, gate_m: floa
 
 
 def hota_scores(apart_m: np.ndarray, here: np.ndarray, true_here: np.ndarray, reach_m: float = GATE_M) -> HotaScores:
-    """HOTA, as its published code has it: one matching a frame, favouring those who are alike over the recording.
+    """Return HOTA as in its published code: one matching per frame, weighted by the agreement over the recording.
 
     Args:
-        apart_m: shape (frame, truth, person), NaN where one of them is not there.
+        apart_m: shape (frame, truth, person), NaN if one of them is absent.
         here: shape (frame, person), bool.
         true_here: shape (frame, truth), bool.
-        reach_m: the distance of similarity 0.
+        reach_m: distance of similarity 0.
     """
     similar = np.clip(1.0 - np.where(np.isfinite(apart_m), apart_m, np.inf) / reach_m, 0.0, None)
     frames, truths, people = _likely_pairs(similar, _alignment(similar, here, true_here))
@@ -254,7 +254,7 @@ def hota_scores(apart_m: np.ndarray, here: np.ndarray, true_here: np.ndarray, re
 
 
 def _alignment(similar: np.ndarray, here: np.ndarray, true_here: np.ndarray) -> np.ndarray:
-    """Shape (truth, person): how alike two are over the recording, whatever the threshold."""
+    """Shape (truth, person): agreement over the recording, independent of the threshold."""
     union = similar.sum(axis=1, keepdims=True) + similar.sum(axis=2, keepdims=True) - similar
     likely = np.divide(similar, union, out=np.zeros_like(similar), where=union > 0).sum(axis=0)
     whole = true_here.sum(axis=0)[:, None] + here.sum(axis=0)[None] - likely
@@ -262,7 +262,7 @@ def _alignment(similar: np.ndarray, here: np.ndarray, true_here: np.ndarray) -> 
 
 
 def _likely_pairs(similar: np.ndarray, alignment: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frames, truths and people of the pairs of every frame."""
+    """Return frames, truth indices and person indices of the matched pairs."""
     found = []
     for f in np.flatnonzero((similar > 0).any(axis=(1, 2))):
         truths, people = linear_sum_assignment(alignment * similar[f], maximize=True)
@@ -274,7 +274,7 @@ def _likely_pairs(similar: np.ndarray, alignment: np.ndarray) -> tuple[np.ndarra
 def _at_threshold(
     close: np.ndarray, truths: np.ndarray, people: np.ndarray, n_true: np.ndarray, n_found: np.ndarray
 ) -> tuple[float, float]:
-    """DetA and AssA of the pairs that are close enough."""
+    """Return DetA and AssA of the pairs above the threshold."""
     together = np.zeros((len(n_true), len(n_found)))
     np.add.at(together, (truths[close], people[close]), 1.0)
     n = float(close.sum())

@@ -1,4 +1,4 @@
-"""Who of the result is who of the truth: frame by frame, and over the whole recording."""
+"""Matching of people in the result with people in the ground truth, per frame and over the recording."""
 
 from dataclasses import dataclass
 
@@ -6,20 +6,20 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 GATE_M = 0.5
-"""How far, on average over the keypoints, a person of the result may lie from the one it is taken for."""
+"""Largest mean keypoint distance of a match, in meters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """People of the truth and of the result put together in every frame, one to one.
+    """One-to-one matches of truth and result in every frame.
 
     Attributes:
-        gate_m: the farthest a pair may be apart.
-        person: shape (frame, truth), int64: which person of the result; -1 where none.
-        distance_m: shape (frame, truth): of the pair, NaN where there is none.
+        gate_m: largest distance of a match.
+        person: shape (frame, truth), int64: matched person of the result; -1 without a match.
+        distance_m: shape (frame, truth): distance of the match, NaN without one.
         here: shape (frame, person), bool: where the result has the person.
         true_here: shape (frame, truth), bool: where the truth has the person.
-        in_reach: shape (frame, person), bool: where some person of the truth is within the gate, matched or not.
+        in_reach: shape (frame, person), bool: where a person of the truth is within the gate, matched or not.
     """
 
     gate_m: float
@@ -31,12 +31,12 @@ class Matches:
 
     @property
     def is_matched(self) -> np.ndarray:
-        """Shape (frame, truth), bool."""
+        """Shape (frame, truth), bool: whether the person of the truth is matched."""
         return self.person >= 0
 
     @property
     def person_matched(self) -> np.ndarray:
-        """Shape (frame, person), bool: where the person of the result is taken for somebody."""
+        """Shape (frame, person), bool: whether the person of the result is matched."""
         matched = np.zeros(self.here.shape, dtype=bool)
         frames, truths = np.nonzero(self.is_matched)
         matched[frames, self.person[frames, truths]] = True
@@ -44,22 +44,22 @@ class Matches:
 
 
 def is_here(points_m: np.ndarray) -> np.ndarray:
-    """Where a person has at least one keypoint: (frame, person, keypoint, 3) to (frame, person)."""
+    """Return where a person has at least one keypoint: (frame, person, keypoint, 3) to (frame, person)."""
     return np.asarray(np.isfinite(points_m).all(axis=-1).any(axis=-1))
 
 
 def mean_distances_m(points_m: np.ndarray, truth_m: np.ndarray) -> np.ndarray:
-    """Mean distance over the keypoints that both have, of everybody to everybody.
+    """Return the mean distance over common keypoints for every pair of people.
 
     Args:
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
         truth_m: shape (frame, truth, keypoint, 3), NaN where missing.
 
     Returns:
-        Shape (frame, truth, person), NaN where two people have no keypoint in common.
+        Shape (frame, truth, person), NaN if two people have no common keypoint.
     """
     found = np.full((points_m.shape[0], truth_m.shape[1], points_m.shape[1]), np.nan)
-    # One person of the truth after another: all pairs at once would take gigabytes on a long recording.
+    # Loop over the truth: all pairs at once would need gigabytes for a long recording.
     for t in range(truth_m.shape[1]):
         apart = np.sqrt(((points_m - truth_m[:, t, None]) ** 2).sum(axis=-1))
         both = np.isfinite(apart)
@@ -70,21 +70,21 @@ def mean_distances_m(points_m: np.ndarray, truth_m: np.ndarray) -> np.ndarray:
 
 
 def match_frames(points_m: np.ndarray, truth_m: np.ndarray, gate_m: float = GATE_M) -> Matches:
-    """Match people in every frame by itself: as many pairs within the gate as can be, of least total distance.
+    """Match people in every frame: as many pairs within the gate as possible, with the least total distance.
 
-    Unlike in the CLEAR recipe (Bernardin and Stiefelhagen 2008), last frame's pairs have no privilege: among people
-    closer together than the gate it would hide an exchange of identities until they part.
+    Unlike in CLEAR MOT (Bernardin and Stiefelhagen 2008), matches of the previous frame have no priority, which would
+    hide an identity switch between people closer than the gate.
 
     Args:
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
         truth_m: shape (frame, truth, keypoint, 3), NaN where missing.
-        gate_m: the farthest a pair may be apart, as a mean over keypoints.
+        gate_m: largest mean keypoint distance of a match.
     """
     return matches_of(mean_distances_m(points_m, truth_m), is_here(points_m), is_here(truth_m), gate_m)
 
 
 def matches_of(apart_m: np.ndarray, here: np.ndarray, true_here: np.ndarray, gate_m: float) -> Matches:
-    """The same from distances at hand, shape (frame, truth, person)."""
+    """Match people from given distances, shape (frame, truth, person)."""
     person = np.full(apart_m.shape[:2], -1, dtype=np.int64)
     distance = np.full(apart_m.shape[:2], np.nan)
     near = apart_m <= gate_m
@@ -96,10 +96,10 @@ def matches_of(apart_m: np.ndarray, here: np.ndarray, true_here: np.ndarray, gat
 
 
 def assign(cost: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As many allowed pairs as can be, of least total cost.
+    """Return as many allowed pairs as possible, with the least total cost.
 
     Args:
-        cost: shape (row, column); looked at where allowed, not negative there.
+        cost: shape (row, column), not negative where allowed.
         allowed: shape (row, column), bool.
 
     Returns:
@@ -107,22 +107,22 @@ def assign(cost: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """
     if not allowed.any():
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    # Dearer than all others together, so that no pair is given up for a shorter distance elsewhere.
-    dear = 1.0 + cost[allowed].max() * (1 + min(cost.shape))
-    rows, columns = linear_sum_assignment(np.where(allowed, cost, dear))
+    # More than all others together, so that no pair is dropped for a shorter distance elsewhere.
+    prohibitive = 1.0 + cost[allowed].max() * (1 + min(cost.shape))
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, prohibitive))
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]
 
 
 def match_identities(apart_m: np.ndarray, gate_m: float = GATE_M) -> tuple[np.ndarray, np.ndarray]:
-    """Who is who over the whole recording: the one-to-one assignment that agrees in the most frames.
+    """Match identities over the recording: the one-to-one assignment that agrees in most frames.
 
     Args:
-        apart_m: shape (frame, truth, person), NaN where one of them is not there.
-        gate_m: pairs agree where they are no farther apart.
+        apart_m: shape (frame, truth, person), NaN where one of them is absent.
+        gate_m: largest distance of agreement.
 
     Returns:
-        Shape (truth,), int64: the person of the result, -1 for none; and shape (truth, person): the frames in which
+        Shape (truth,), int64: person of the result, -1 for none; and shape (truth, person): number of frames in which
         they agree.
     """
     together = (apart_m <= gate_m).sum(axis=0)
@@ -134,14 +134,14 @@ def match_identities(apart_m: np.ndarray, gate_m: float = GATE_M) -> tuple[np.nd
 
 
 def followed(values: np.ndarray, person: np.ndarray) -> np.ndarray:
-    """What the result says of each person of the truth.
+    """Return the result's values for the person matched with each person of the truth.
 
     Args:
-        values: shape (frame, person, ...), of floats.
+        values: shape (frame, person, ...), float.
         person: shape (frame, truth), int64, -1 for none.
 
     Returns:
-        Shape (frame, truth, ...), NaN where none.
+        Shape (frame, truth, ...), NaN without a match.
     """
     if not values.shape[1]:
         return np.full((*person.shape, *values.shape[2:]), np.nan)

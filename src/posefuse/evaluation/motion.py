@@ -1,4 +1,4 @@
-"""How people move: jitter, and bones that change length."""
+"""Accelerations and variation of bone lengths."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Jitter:
-    """Median acceleration over the same points and frames. NaN where no point is matched three times in a row.
+    """Median accelerations over the same points and frames. NaN if no point is matched in three consecutive frames.
 
     Attributes:
-        result_m_s2: of the result.
-        truth_m_s2: of the truth.
-        ratio: the former over the latter; NaN too where the truth stands still.
-        n: how many accelerations.
+        result_m_s2: median acceleration of the result.
+        truth_m_s2: median acceleration of the truth.
+        ratio: result over truth; NaN also for a stationary truth.
+        n: number of accelerations.
     """
 
     result_m_s2: float
@@ -24,7 +24,7 @@ class Jitter:
 
 
 def accelerations_m_s2(points_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """Sizes of the change of velocity over three consecutive frames.
+    """Return the magnitudes of acceleration over three consecutive frames.
 
     Args:
         points_m: shape (frame, person, keypoint, 3).
@@ -43,16 +43,16 @@ def accelerations_m_s2(points_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return size
 
 
-def jitter(followed_m: np.ndarray, truth_m: np.ndarray, person: np.ndarray, time_s: np.ndarray) -> Jitter:
-    """Accelerations of the result and of the truth where both have them.
+def jitter(matched_m: np.ndarray, truth_m: np.ndarray, person: np.ndarray, time_s: np.ndarray) -> Jitter:
+    """Compare the accelerations of result and truth where both are defined.
 
     Args:
-        followed_m: shape (frame, truth, keypoint, 3): what the result says of each person of the truth.
-        truth_m: of the same shape.
-        person: shape (frame, truth), int64: who of the result that is, -1 for nobody. A change is no motion.
+        matched_m: shape (frame, truth, keypoint, 3): points of the result for each person of the truth.
+        truth_m: points of the truth, same shape.
+        person: shape (frame, truth), int64: matched person of the result, -1 for none; a change is not motion.
         time_s: shape (frame,).
     """
-    ours, true = accelerations_m_s2(followed_m, time_s), accelerations_m_s2(truth_m, time_s)
+    ours, true = accelerations_m_s2(matched_m, time_s), accelerations_m_s2(truth_m, time_s)
     one = (person[2:] == person[1:-1]) & (person[1:-1] == person[:-2]) & (person[2:] >= 0)
     both = np.isfinite(ours) & np.isfinite(true) & one[..., None]
     if not both.any():
@@ -62,14 +62,14 @@ def jitter(followed_m: np.ndarray, truth_m: np.ndarray, person: np.ndarray, time
 
 
 def bone_spreads(points_m: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """How much each bone changes length: 1.48 times the median deviation over the median length.
+    """Return the variation of each bone: 1.48 times the median absolute deviation over the median length.
 
     Args:
         points_m: shape (frame, person, keypoint, 3).
         edges: shape (edge, 2).
 
     Returns:
-        Shape (edge,): median over people of the share; NaN for a bone nobody shows twice.
+        Shape (edge,): median over people; NaN for bones seen less than twice.
     """
     found = np.full((len(edges), points_m.shape[1]), np.nan)
     for e, (a, b) in enumerate(edges):

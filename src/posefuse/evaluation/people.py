@@ -1,7 +1,7 @@
-"""Many people against known positions: who was found, under which name, how far off, how sure.
+"""Scores of several people against ground truth: detection, identity, position errors and consistency.
 
-:func:`posefuse.evaluation.together.people_points` puts a result and its truth on the same frames and keypoints;
-:func:`score_people` takes it from there, and takes plain arrays as well.
+:func:`posefuse.evaluation.paired_results.people_points` pairs a result and its truth on common frames and keypoints;
+:func:`score_people` scores the pair. Plain arrays are accepted too.
 """
 
 import math
@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from posefuse.errors import ResultError, choices
-from posefuse.evaluation.consistency import Consistency, consistency, normalised_squares
-from posefuse.evaluation.heads import JOINTS, HeadRule, joints_14
+from posefuse.evaluation.consistency import Consistency, consistency, normalized_squares
+from posefuse.evaluation.head_points import JOINTS, HeadRule, joints_14
 from posefuse.evaluation.identity import (
     ClearScores,
     GhostLife,
@@ -35,22 +35,22 @@ from posefuse.evaluation.matching import (
     mean_distances_m,
 )
 from posefuse.evaluation.motion import Jitter, bone_spreads, jitter
-from posefuse.evaluation.parts import PartScores, part_scores, pck
-from posefuse.evaluation.together import Bodies, PeoplePoints
+from posefuse.evaluation.paired_results import KeypointSet, PeoplePoints
+from posefuse.evaluation.pcp import PartScores, part_scores, pck
 
 _GATES_M, _PCK_M = (GATE_M, 0.25), (0.05, 0.1, 0.15)
 
 
 @dataclass(frozen=True)
 class ScoringOptions:
-    """What is asked of the scores.
+    """Options of the scores.
 
     Attributes:
-        gates_m: the farthest a match may be; the first is used for everything but the counts of the others. By default
-            0.5 and 0.25 m, in proportion for bodies of another size than an adult human's.
-        entry_s: recall is also counted without this time after each entry of a person.
-        pck_m: distances at which keypoints are correct; by default 5, 10 and 15 cm, in proportion likewise.
-        head_rule: of PCP.
+        gates_m: largest distances of a match; the first one is used for everything except the counts of the others.
+            Default: 0.5 and 0.25 m, scaled with the body size.
+        entry_s: time after each entry that one of the recall figures excludes.
+        pck_m: distances at which keypoints are correct; default: 5, 10 and 15 cm, scaled with the body size.
+        head_rule: head rule of PCP.
     """
 
     gates_m: tuple[float, ...] | None = None
@@ -60,27 +60,27 @@ class ScoringOptions:
 
     def __post_init__(self) -> None:
         if self.gates_m is not None and (not self.gates_m or min(self.gates_m) <= 0):
-            raise ResultError(f"gates_m: expected one distance or more, each above 0 m, got {self.gates_m}.")
+            raise ResultError(f"gates_m: expected one or more distances above 0 m, got {self.gates_m}.")
         if not self.entry_s >= 0:
             raise ResultError(f"entry_s: expected 0 s or more, got {self.entry_s}.")
 
     def distances_m(self, scale: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Gates, and distances of PCK, for bodies so large next to an adult human; two digits of those not given."""
-        gates, pck = (tuple(float(f"{scale * each:.2g}") for each in usual) for usual in (_GATES_M, _PCK_M))
+        """Return gates and PCK distances for bodies of a given scale; defaults are rounded to two digits."""
+        gates, pck = (tuple(float(f"{scale * each:.2g}") for each in default) for default in (_GATES_M, _PCK_M))
         return self.gates_m or gates, self.pck_m or pck
 
 
 @dataclass(frozen=True)
 class PersonScores:
-    """One person of the truth.
+    """Scores of one person of the truth.
 
     Attributes:
-        name: in the truth.
-        counterpart: the person of the result it is over the whole recording, None for nobody.
-        n_frames: in which the truth has it.
-        tracked_share: of them, matched to anybody.
-        named_share: of them, matched to the counterpart.
-        mpjpe_mm: mean distance of its keypoints to those of its matches, NaN without.
+        name: name in the truth.
+        counterpart: assigned person of the result over the whole recording, None without one.
+        n_frames: number of frames with the person.
+        tracked_share: fraction of frames with any match.
+        named_share: fraction of frames matched with the counterpart.
+        mpjpe_mm: mean distance of the keypoints to those of the matches, NaN without.
     """
 
     name: str
@@ -93,33 +93,33 @@ class PersonScores:
 
 @dataclass(frozen=True)
 class PeopleScores:
-    """Everything about a result with many people. Numbers that cannot be had are NaN; ``undefined`` says why.
+    """All scores of a result with several people. Undefined numbers are NaN; ``undefined`` gives the reason.
 
     Attributes:
-        layer: what was compared.
-        matched_by: how frames were put together.
-        n_frames: compared.
-        n_keypoints: compared.
-        n_people: of the result.
-        n_true_people: of the truth.
-        clear: MOTA and its counts, for each gate.
+        layer: compared layer.
+        matched_by: how frames were matched.
+        n_frames: number of compared frames.
+        n_keypoints: number of compared keypoints.
+        n_people: number of people in the result.
+        n_true_people: number of people in the truth.
+        clear: MOTA and its counts, per gate.
         identity: IDF1 at the first gate.
-        hota: with the first gate as its reach.
-        recall_after_entry: at the first gate, without the time ``entry_s`` after each entry.
-        entry_s: that time.
-        people: each person of the truth.
-        ghosts: people of the result where nobody is, longest life first.
+        hota: HOTA with the first gate as its reach.
+        recall_after_entry: recall at the first gate without the time ``entry_s`` after each entry.
+        entry_s: excluded time after an entry.
+        people: one record per person of the truth.
+        ghosts: people of the result without a person of the truth nearby, longest first.
         mpjpe_mm: mean distance over the keypoints of all matches at the first gate.
-        median_mm: likewise the median.
+        median_mm: median distance over the same keypoints.
         mpjpe_mm_of: keypoint to its mean distance.
-        pck: distance in m to the share of correct keypoints.
+        pck: distance in m to the fraction of correct keypoints.
         parts: PCP.
         jitter: accelerations.
-        bone_variation: median over bones.
-        bone_variation_of: bone, as ``a-b``, to how much it changes length.
-        nees: of the positions of matched keypoints.
-        nees_of: keypoint to its mean.
-        undefined: the name of a number to why it is NaN.
+        bone_variation: median variation over bones.
+        bone_variation_of: bone, as ``a-b``, to its variation.
+        nees: NEES of the positions of matched keypoints.
+        nees_of: keypoint to its mean NEES.
+        undefined: name of a number to the reason why it is NaN.
     """
 
     layer: str
@@ -149,14 +149,16 @@ class PeopleScores:
 
 
 def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions()) -> PeopleScores:
-    """All scores of many people.
+    """Return all scores of several people.
 
     Raises:
-        ResultError: if the truth has nobody.
+        ResultError: if the truth contains no person.
     """
     truth_here, here = is_here(data.truth_m), is_here(data.points_m)
     if not truth_here.any():
-        raise ResultError("The truth has nobody in these frames; are result and truth of the same recording?")
+        raise ResultError(
+            "The truth contains no person in these frames. Check that result and truth are of the same recording."
+        )
     apart = mean_distances_m(data.points_m, data.truth_m)
     gates_m, pck_m = options.distances_m(data.scale)
     gates = [matches_of(apart, here, truth_here, gate) for gate in gates_m]
@@ -199,7 +201,7 @@ def score_people(data: PeoplePoints, options: ScoringOptions = ScoringOptions())
 
 
 def matched_errors_mm(data: PeoplePoints, gate_m: float = GATE_M) -> np.ndarray:
-    """Shape (frame, truth, keypoint): how far keypoints of matched people are off, NaN where nobody is matched."""
+    """Shape (frame, truth, keypoint): errors of the keypoints of matched people, NaN without a match."""
     apart = mean_distances_m(data.points_m, data.truth_m)
     matches = matches_of(apart, is_here(data.points_m), is_here(data.truth_m), gate_m)
     return 1000.0 * np.linalg.norm(followed(data.points_m, matches.person) - data.truth_m, axis=-1)
@@ -208,7 +210,7 @@ def matched_errors_mm(data: PeoplePoints, gate_m: float = GATE_M) -> np.ndarray:
 def _squares(data: PeoplePoints, matches: Matches, offsets_m: np.ndarray) -> np.ndarray:
     if data.covariance_m2 is None:
         return np.full(offsets_m.shape[:-1], np.nan)
-    return normalised_squares(offsets_m, followed(data.covariance_m2, matches.person))
+    return normalized_squares(offsets_m, followed(data.covariance_m2, matches.person))
 
 
 def _late_recall(data: PeoplePoints, matches: Matches, entry_s: float) -> float:
@@ -220,8 +222,8 @@ def _parts(data: PeoplePoints, rule: HeadRule) -> PartScores:
     return part_scores(ours, true, rule)
 
 
-def _whole(data: PeoplePoints) -> tuple[Bodies, Bodies]:
-    return data.whole or (Bodies(data.skeleton, data.points_m), Bodies(data.skeleton, data.truth_m))
+def _whole(data: PeoplePoints) -> tuple[KeypointSet, KeypointSet]:
+    return data.whole or (KeypointSet(data.skeleton, data.points_m), KeypointSet(data.skeleton, data.truth_m))
 
 
 def _jitter(data: PeoplePoints, matches: Matches, ours: np.ndarray) -> Jitter:
@@ -263,13 +265,13 @@ def _median(values: np.ndarray) -> float:
 
 
 def _with_reasons(scores: PeopleScores, data: PeoplePoints) -> PeopleScores:
-    """The same scores, every NaN with its reason."""
+    """Return the scores with a reason for every NaN."""
     reasons = {path: _reason(path, scores, data) for path in _undefined(asdict(scores), "")}
     return replace(scores, undefined=reasons)
 
 
 def _undefined(value: object, path: str) -> Iterator[str]:
-    """Where NaN stands in nested records, as ``clear.0.motp_mm``."""
+    """Yield the paths of NaN in nested records, such as ``clear.0.motp_mm``."""
     if isinstance(value, Mapping):
         items = value.items()
     elif isinstance(value, (tuple, list)):
@@ -283,9 +285,9 @@ def _undefined(value: object, path: str) -> Iterator[str]:
 
 
 def _reason(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
-    """Why a number is not there."""
+    """Return the reason why a number is undefined."""
     top, last = path.split(".")[0], path.split(".")[-1]
-    nobody = f"nobody is matched within {scores.clear[0].gate_m:g} m"
+    no_match = f"no person is matched within {scores.clear[0].gate_m:g} m"
     if top == "parts":
         return _why_no_part(path, scores, data)
     if top in ("nees", "nees_of"):
@@ -293,23 +295,23 @@ def _reason(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
     if top in ("jitter", "recall_after_entry") and data.time_s is None:
         return "the frames have no times"
     if top == "recall_after_entry":
-        return f"nobody stays for {scores.entry_s:g} s"
+        return f"no person stays for {scores.entry_s:g} s"
     if top == "jitter":
         still = last == "ratio" and scores.jitter.n
-        return "the truth stands still" if still else "no point is matched in three frames in a row"
+        return "the truth does not move" if still else "no point is matched in three consecutive frames"
     if top in ("bone_variation", "bone_variation_of"):
         return "no bone is seen twice" if scores.bone_variation_of else "the compared keypoints have no bones"
     if last in ("precision", "id_precision", "false_share"):
-        return "the result has nobody in these frames"
+        return "the result contains no person in these frames"
     if top == "people":
         there = scores.people[int(path.split(".")[1])].n_frames
-        return nobody if there else "the truth does not have this person in these frames"
-    return nobody
+        return no_match if there else "the truth does not have this person in these frames"
+    return no_match
 
 
 def _why_no_part(path: str, scores: PeopleScores, data: PeoplePoints) -> str:
     if scores.parts.head_rule == "none" and path.split(".")[-1] in ("8", "9"):
-        return "head rule none: there is no head, and no torso that ends at it"
+        return "head rule none: head and torso are undefined"
     lacking = [name for name in JOINTS[:12] if name not in _whole(data)[1].skeleton.keypoints]
     if lacking:
         return f"the truth's skeleton has no {choices(lacking)}"

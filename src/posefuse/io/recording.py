@@ -18,7 +18,10 @@ from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import recordings_in, view_names
 from posefuse.io.keypoints.openpose import camera_folders
 from posefuse.io.keypoints.read import find_format as keypoint_format
+from posefuse.io.keypoints.read import has_times, read_keypoints
 from posefuse.io.keypoints.registry import KEYPOINTS
+from posefuse.io.keypoints.request import Request
+from posefuse.model.options.options import Options
 
 _SEARCH_DEPTH = 4
 _CALIBRATION_SUFFIXES = (
@@ -27,6 +30,7 @@ _CALIBRATION_SUFFIXES = (
 _FOLDER_SUFFIXES = tuple(suffix for suffix in _CALIBRATION_SUFFIXES if suffix not in (".npy", ".npz"))
 _MAX_JSON_FILES = 50
 _SETTINGS = ("Config.toml", "pyproject.toml")
+_MAX_PROBED_BYTES = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,63 @@ def _identify_file(file: Path) -> Recording:
         f"{file} is neither a calibration nor keypoints in a known format, or is truncated. Give the folder of the "
         "recording."
     )
+
+
+@dataclass(frozen=True)
+class InputPaths:
+    """The calibration and the keypoints of a recording."""
+
+    calibration: Path
+    keypoints: Path
+
+
+def find_inputs(
+    folder: Path, calibration: Path | None = None, keypoints: Path | None = None, options: Options | None = None
+) -> InputPaths:
+    """Return the calibration and the keypoints of a recording.
+
+    Args:
+        folder: Folder of the recording, searched for what is not given.
+        calibration: Calibration file.
+        keypoints: File or folder of keypoints.
+        options: Requested options; the message asks for the frame rate, too, if neither they nor the files state it.
+
+    Raises:
+        FileError: If the folder does not exist.
+        RecordingError: If an input is missing or ambiguous. One message names all problems and what to pass.
+    """
+    if calibration is not None and keypoints is not None:
+        return InputPaths(calibration, keypoints)
+    recording, problems = find_recording(folder), []
+    try:
+        calibration = calibration or choose_calibration(recording)
+    except RecordingError as error:
+        problems.append(str(error))
+    candidates = [keypoints] if keypoints is not None else [item.path for item in recording.keypoints]
+    try:
+        keypoints = keypoints or choose_keypoints(recording)
+    except RecordingError as error:
+        problems.append(str(error))
+    if calibration is not None and keypoints is not None:
+        return InputPaths(calibration, keypoints)
+    if candidates and _lacks_rate(folder, candidates[0], options or Options()):
+        problems.append("No frame rate is stated in the keypoint files or beside them. Add --rate-hz.")
+    raise RecordingError("\n".join(problems))
+
+
+def _lacks_rate(folder: Path, keypoints: Path, options: Options) -> bool:
+    """Return whether keypoints have no times; False if reading them takes long or fails."""
+    if options.rate_hz is not None or options.view_rates_hz:
+        return False
+    files = [file for file in keypoints.rglob("*") if file.is_file()] if keypoints.is_dir() else files_at(keypoints)
+    if sum(file.stat().st_size for file in files) > _MAX_PROBED_BYTES:
+        return False
+    try:
+        if choose_timestamps(folder, keypoints) is not None:
+            return False
+        return not has_times(read_keypoints(keypoints, Request.of(options)))
+    except PosefuseError:
+        return False
 
 
 def choose_calibration(recording: Recording) -> Path:

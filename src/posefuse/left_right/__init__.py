@@ -1,1 +1,1 @@
-"""Which of a pair's two points is the left one; one file a method, chosen by name in ``registry.py``."""
+"""Correct swapped left/right labels: label-free pair solutions, and the assignment of left and right over time."""

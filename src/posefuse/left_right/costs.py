@@ -1,4 +1,4 @@
-"""What speaks for one orientation or another, in the form the kernels of sides take it."""
+"""Costs of the orientations of pairs, in the form that the kernels of the assignment need."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -6,27 +6,27 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.left_right.orientation import link_costs
-from posefuse.left_right.estimates import Learned, along_normals
+from posefuse.left_right.estimates import SideModel, symmetry_cosines
 from posefuse.left_right.layout import Layout
-from posefuse.left_right.sequence import Sequence
+from posefuse.left_right.person_sequence import PersonSequence
 
-_BONES_AT_MOST = 6.0
-_BONES_COUNT = 0.35
-_FACING_AT_MOST = 4.0
-_FACING_COUNTS = 0.25
-"""Poses that bones and symmetry misjudge last some frames; each of these frames counts for so much."""
+_MAX_BONE_COST = 6.0
+_BONE_WEIGHT = 0.35
+"""Weight of bones per frame: poses that bones and symmetry misjudge last several frames."""
+_MAX_SYMMETRY_COST = 4.0
+_SYMMETRY_WEIGHT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
-    """What was seen last of every pair, in the order decided on.
+class LastObservations:
+    """Hold the last observation of every pair, in the decided order.
 
     Attributes:
         points_m: shape (pair, 2, 3).
         covariance_m2: shape (pair, 2, 6).
-        points_s: shape (pair, 2): when each point was.
-        odds: shape (pair, view): what each view's labels said.
-        odds_s: shape (pair, view): when.
+        points_s: shape (pair, 2): time of each point.
+        odds: shape (pair, view): log-odds of each view's labels.
+        odds_s: shape (pair, view): time of the labels.
     """
 
     points_m: np.ndarray
@@ -37,7 +37,7 @@ class Memory:
 
     @classmethod
     def empty(cls, n_pairs: int, n_views: int) -> Self:
-        """Nothing was seen."""
+        """Return a record without observations."""
         return cls(
             np.full((n_pairs, 2, 3), np.nan),
             np.full((n_pairs, 2, 6), np.nan),
@@ -48,43 +48,42 @@ class Memory:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """As kernels take them, to be written."""
+        """Return the arrays as the kernels take them, for writing."""
         return self.points_m, self.covariance_m2, self.points_s, self.odds, self.odds_s
 
-    def copy(self) -> Self:
-        """Another of the same."""
-        return type(self)(*(array.copy() for array in self.arrays))
 
-
-def label_weights(layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (pair, view): what a pair's label counts for: labels that go together are not independent witnesses."""
+def label_weights(layout: Layout, model: SideModel) -> np.ndarray:
+    """Return the weight of each pair's label, shape (pair, view): labels of a chain are not independent."""
     size = np.bincount(layout.chain_of)[layout.chain_of]
-    return 1.0 / (1.0 + (size[:, None] - 1) * learned.alike)
+    return 1.0 / (1.0 + (size[:, None] - 1) * model.chain_correlation)
 
 
-def fields(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (frame, pair): what exchanging a pair costs by the body's plane of symmetry."""
-    cosines = np.nan_to_num(along_normals(sequence, layout, learned.triples))
+def symmetry_costs(sequence: PersonSequence, layout: Layout, model: SideModel) -> np.ndarray:
+    """Return the cost of exchanging each pair by the body's plane of symmetry, shape (frame, pair)."""
+    cosines = np.nan_to_num(symmetry_cosines(sequence, layout, model.triples))
     if not cosines.shape[-1]:
         return np.zeros(cosines.shape[:2])
-    cost = (2.0 * cosines * learned.along / learned.along_sd**2).mean(axis=-1)
-    return _FACING_COUNTS * np.clip(cost, -_FACING_AT_MOST, _FACING_AT_MOST)
+    cost = (2.0 * cosines * model.symmetry_cosine / model.symmetry_cosine_sd**2).mean(axis=-1)
+    return _SYMMETRY_WEIGHT * np.clip(cost, -_MAX_SYMMETRY_COST, _MAX_SYMMETRY_COST)
 
 
-def links(sequence: Sequence, layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (frame, link): what exchanging one of two linked pairs costs, by bones and by labels that go together."""
+def linkage_costs(sequence: PersonSequence, layout: Layout, model: SideModel) -> np.ndarray:
+    """Return the cost of exchanging one of two linked pairs, shape (frame, link).
+
+    Cues are bone lengths, parallel vectors, and the correlation of labels within a chain.
+    """
     out = np.empty((len(sequence.time_s), len(layout.links)))
     link_costs(
-        sequence.points, sequence.odds, layout.links, learned.length, learned.length_sd, learned.likeness,
-        learned.likeness_sd, _together(layout, learned), _BONES_AT_MOST, _BONES_COUNT, out,
+        sequence.points, sequence.odds, layout.links, model.length, model.length_sd, model.direction_cosine,
+        model.direction_cosine_sd, _label_agreement(layout, model), _MAX_BONE_COST, _BONE_WEIGHT, out,
     )  # fmt: skip
     return out
 
 
-def _together(layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (link, view): log odds that labels of a chain's pairs go together, beyond what chance makes them."""
-    apart = 2.0 * learned.share * (1.0 - learned.share)
-    differ = np.maximum(apart * (1.0 - learned.alike), 0.005)
-    beyond_chance = np.log((1.0 - differ) / differ) - np.log((1.0 - apart) / apart)
+def _label_agreement(layout: Layout, model: SideModel) -> np.ndarray:
+    """Return log-odds beyond chance that two labels of a chain agree, shape (link, view)."""
+    differ_by_chance = 2.0 * model.swap_share * (1.0 - model.swap_share)
+    differ = np.maximum(differ_by_chance * (1.0 - model.chain_correlation), 0.005)
+    beyond_chance = np.log((1.0 - differ) / differ) - np.log((1.0 - differ_by_chance) / differ_by_chance)
     same = layout.chain_of[layout.links[:, 0]] == layout.chain_of[layout.links[:, 1]]
     return np.where(same[:, None], np.maximum(beyond_chance, 0.0), 0.0)

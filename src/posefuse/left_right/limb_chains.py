@@ -1,4 +1,4 @@
-"""Limb by limb and over time: the default. See docs/methods.md, "Left and right"."""
+"""Assign left and right per limb and over time, the default method. See docs/methods."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -6,113 +6,114 @@ from typing import Self
 import numpy as np
 
 from posefuse.kernels.left_right.orientation import add_cross_links, find_orientations, temporal_costs
-from posefuse.left_right import costs as cost_terms
-from posefuse.left_right.costs import Memory
-from posefuse.left_right.estimates import Learned, at_first, learn
+from posefuse.left_right.costs import LastObservations, label_weights, linkage_costs, symmetry_costs
+from posefuse.left_right.estimates import SideModel, estimate_model, initial_model
 from posefuse.left_right.layout import Layout
-from posefuse.left_right.results import PairsInTime, Sides
-from posefuse.left_right.segment_flips import settle
-from posefuse.left_right.sequence import Sequence
-from posefuse.left_right.view_swaps import swapped_views
+from posefuse.left_right.person_sequence import PersonSequence
+from posefuse.left_right.results import PairSequence, SideAssignment
+from posefuse.left_right.segment_flips import flip_segments
+from posefuse.left_right.view_swaps import find_view_swaps
 from posefuse.model.options.left_right import SideOptions
 
 
-def decide(given: PairsInTime, options: SideOptions) -> Sides:
-    """Decide every pair of every person, each person by itself.
+def assign(pairs: PairSequence, options: SideOptions) -> SideAssignment:
+    """Assign left and right for every person independently.
 
     Args:
-        given: the pairs of a recording, or of a stretch of it long enough to learn from (some seconds).
-        options: of sides.
+        pairs: of a recording, or of a part long enough to estimate from (some seconds).
+        options: of the method.
     """
-    layout = Layout.of(given.skeleton)
-    shape = (given.n_frames, given.n_people)
+    layout = Layout.of(pairs.skeleton)
+    shape = (pairs.n_frames, pairs.n_people)
     flipped = np.zeros((*shape, len(layout.chain_of)), dtype=bool)
-    swapped = np.full((*shape, len(given.rig), len(layout.chains)), -1, dtype=np.int8)
-    for person in range(given.n_people):
-        sequence = Sequence.of(given, layout, person)
-        flipped[:, person], learned = decide_person(sequence, layout, options)
-        swapped[:, person] = swapped_views(sequence.ordered(flipped[:, person]), layout, learned)
-    return Sides(flipped, swapped, layout.chains)
+    swapped = np.full((*shape, len(pairs.rig), len(layout.chains)), -1, dtype=np.int8)
+    for person in range(pairs.n_people):
+        sequence = PersonSequence.of(pairs, layout, person)
+        flipped[:, person], model = assign_person(sequence, layout, options)
+        swapped[:, person] = find_view_swaps(sequence.ordered(flipped[:, person]), layout, model)
+    return SideAssignment(flipped, swapped, layout.chains)
 
 
-def decide_person(sequence: Sequence, layout: Layout, options: SideOptions) -> tuple[np.ndarray, Learned]:
-    """Shape (frame, pair), bool: which pairs to exchange; and what was learned on the way."""
+def assign_person(sequence: PersonSequence, layout: Layout, options: SideOptions) -> tuple[np.ndarray, SideModel]:
+    """Return which pairs to exchange, shape (frame, pair), bool, and the estimated model."""
     flipped = np.zeros(sequence.points.shape[:2], dtype=bool)
-    learned = at_first(sequence, layout, options)
+    model = initial_model(sequence, layout, options)
     ordered = sequence
-    for turn in range(1 + options.iterations):
-        change = decode(ordered, layout, learned, Before.nothing(layout, len(learned.share)), decided=turn > 0)
-        change = settled(ordered, change, layout, learned)
+    for iteration in range(1 + options.iterations):
+        change = decode(
+            ordered, layout, model, DecoderState.initial(layout, len(model.swap_share)), decided=iteration > 0
+        )
+        change = with_segment_flips(ordered, change, layout, model)
         flipped ^= change
         ordered = sequence.ordered(flipped)
-        learned = learn(ordered, layout, options)
-        if turn > 0 and not change.any():
+        model = estimate_model(ordered, layout, options)
+        if iteration > 0 and not change.any():
             break
-    return flipped, learned
+    return flipped, model
 
 
-def settled(sequence: Sequence, flipped: np.ndarray, layout: Layout, learned: Learned) -> np.ndarray:
-    """Shape (frame, pair): a decision on a sequence, put right where all of it is better the other way round."""
+def with_segment_flips(sequence: PersonSequence, flipped: np.ndarray, layout: Layout, model: SideModel) -> np.ndarray:
+    """Return an assignment (frame, pair) with pairs exchanged in all frames where that costs less overall."""
     ordered = sequence.ordered(flipped)
-    memory = Memory.empty(len(layout.chain_of), len(learned.share))
-    return flipped ^ settle(ordered, layout, learned, time_costs_of(ordered, layout, learned, memory))
+    memory = LastObservations.empty(len(layout.chain_of), len(model.swap_share))
+    return flipped ^ flip_segments(ordered, layout, model, temporal_pair_costs(ordered, layout, model, memory))
 
 
 @dataclass(frozen=True, eq=False)
-class Before:
-    """What came before a stretch of frames; decoding goes on from it and writes what comes after into it.
+class DecoderState:
+    """Hold the state of decoding before a range of frames; decoding continues from it and updates it.
 
     Attributes:
-        memory: what was seen last.
-        costs: of each block, shape (2^J,): what its orientations cost so far, against the order decided on.
+        memory: last observations.
+        costs: for each block, shape (2^J,): accumulated cost of each orientation, relative to the decided order.
     """
 
-    memory: Memory
+    memory: LastObservations
     costs: tuple[np.ndarray, ...]
 
     @classmethod
-    def nothing(cls, layout: Layout, n_views: int) -> Self:
-        """The beginning."""
-        memory = Memory.empty(len(layout.chain_of), n_views)
+    def initial(cls, layout: Layout, n_views: int) -> Self:
+        """Return the state before the first frame."""
+        memory = LastObservations.empty(len(layout.chain_of), n_views)
         return cls(memory, tuple(np.zeros(1 << len(block)) for block in layout.blocks))
 
-    def copy(self) -> Self:
-        """Another of the same."""
-        return type(self)(self.memory.copy(), tuple(costs.copy() for costs in self.costs))
 
-
-def decode(sequence: Sequence, layout: Layout, learned: Learned, before: Before, *, decided: bool) -> np.ndarray:
-    """Shape (frame, pair), bool: the most likely exchanges of a sequence, block by block.
+def decode(
+    sequence: PersonSequence, layout: Layout, model: SideModel, before: DecoderState, *, decided: bool
+) -> np.ndarray:
+    """Return the most likely exchanges of a sequence, shape (frame, pair), bool, block by block.
 
     Args:
         sequence: in some order.
         layout: of its skeleton.
-        learned: of its person and views.
-        before: written: costs after the last frame, memory in the sequence's order.
-        decided: whether that order is a decision. If not, blocks are decided twice: first each by itself and by those
-            before it, then told of all others.
+        model: of its person and views.
+        before: state before the first frame; updated to that after the last frame, in the sequence's order.
+        decided: whether the order is a decision. If not, blocks are decided twice: first from themselves and the blocks
+            before them, then from all others.
     """
-    time_cost = time_costs_of(sequence, layout, learned, before.memory)
-    field = cost_terms.fields(sequence, layout, learned)
-    link_cost = cost_terms.links(sequence, layout, learned)
-    out = np.zeros(field.shape, dtype=bool)
-    known, told = np.full(field.shape[1], decided), np.empty_like(field)
-    for last in (True,) if decided else (False, True):
+    time_cost = temporal_pair_costs(sequence, layout, model, before.memory)
+    pair_cost = symmetry_costs(sequence, layout, model)
+    link_cost = linkage_costs(sequence, layout, model)
+    out = np.zeros(pair_cost.shape, dtype=bool)
+    decided_pairs, pair_cost_now = np.full(pair_cost.shape[1], decided), np.empty_like(pair_cost)
+    for final in (True,) if decided else (False, True):
         for block, (inside, ends), start in zip(layout.blocks, layout.within, before.costs, strict=True):
-            costs = start if last else start.copy()
-            add_cross_links(field, link_cost, layout.links, layout.across, out, known, told)
-            origin = np.empty((len(field), len(costs)), dtype=np.int64)
-            find_orientations(time_cost, told, link_cost, block, inside, ends, costs, origin, out)
-            known[block] = True
+            costs = start if final else start.copy()
+            add_cross_links(pair_cost, link_cost, layout.links, layout.across, out, decided_pairs, pair_cost_now)
+            origin = np.empty((len(pair_cost), len(costs)), dtype=np.int64)
+            find_orientations(time_cost, pair_cost_now, link_cost, block, inside, ends, costs, origin, out)
+            decided_pairs[block] = True
     return out
 
 
-def time_costs_of(sequence: Sequence, layout: Layout, learned: Learned, memory: Memory) -> np.ndarray:
-    """Shape (frame, pair, 2, 2): what orientations cost, given those before; ``memory`` is written."""
+def temporal_pair_costs(
+    sequence: PersonSequence, layout: Layout, model: SideModel, memory: LastObservations
+) -> np.ndarray:
+    """Return the cost of each orientation given the previous one, shape (frame, pair, 2, 2); updates ``memory``."""
     frames, pairs, _ = sequence.odds.shape
     out = np.empty((frames, pairs, 2, 2))
-    speeds = learned.turn_speed, learned.speed
-    views = learned.share, learned.rate, cost_terms.label_weights(layout, learned)
+    speeds = model.turn_speed, model.speed
+    views = model.swap_share, model.forgetting_rate, label_weights(layout, model)
     frame = sequence.points, np.ascontiguousarray(sequence.covariance), sequence.odds, sequence.time_s
     temporal_costs(*frame, memory.arrays, speeds, views, np.empty((2, 6)), out)
     return out

@@ -1,65 +1,65 @@
-"""The person faces along a direction of the scene all the time: left is up x facing.
+"""Assign left and right from a constant facing direction: left is up x facing.
 
-In a right-handed world with z up a person who faces +x has the left at +y, one who faces +y at -x.
+In a right-handed world with z up, a person facing +x has the left side at +y, and one facing +y at -x.
 """
 
 import numpy as np
 
 from posefuse.errors import OptionsError
 from posefuse.left_right.layout import Layout
-from posefuse.left_right.results import PairsInTime, Sides
-from posefuse.left_right.view_swaps import views_of
+from posefuse.left_right.results import PairSequence, SideAssignment
+from posefuse.left_right.view_swaps import view_swap_states
 from posefuse.model.options.left_right import SideOptions, facing_vector
 
-_TWIST_DEG = 45.0
+_MAX_TWIST_DEG = 45.0
 
 
-def decide(given: PairsInTime, options: SideOptions) -> Sides:
-    """Decide every pair by where its points lie along the person's left.
+def assign(sequence: PairSequence, options: SideOptions) -> SideAssignment:
+    """Assign left and right by the position of the two points along the person's left.
 
     Args:
-        given: pairs, and a rig that knows which way is up.
-        options: ``facing`` says where the person faces.
+        sequence: pairs, and a rig with a known up axis.
+        options: ``facing`` sets the facing direction.
 
     Raises:
-        OptionsError: where the rig does not say which way is up, or facing is up or down.
+        OptionsError: if the up axis of the rig is unknown, or the facing direction is vertical.
     """
-    left = left_of(given, options)
-    points = given.pairs.points_m
-    layout = Layout.of(given.skeleton)
-    flipped = given.by_frame((points[:, :, 1] - points[:, :, 0]) @ left > 0.0)
-    notes = twist_notes(given, left, flipped)
-    return Sides(flipped, views_of(given, flipped, layout, options), layout.chains, notes)
+    left = left_direction(sequence, options)
+    points = sequence.pairs.points_m
+    layout = Layout.of(sequence.skeleton)
+    flipped = sequence.by_frame((points[:, :, 1] - points[:, :, 0]) @ left > 0.0)
+    notes = twist_notes(sequence, left, flipped)
+    return SideAssignment(flipped, view_swap_states(sequence, flipped, layout, options), layout.chains, notes)
 
 
-def left_of(given: PairsInTime, options: SideOptions) -> np.ndarray:
-    """Shape (3,): the unit vector to the left of a person who faces as the options say."""
-    up = up_of(given)
+def left_direction(sequence: PairSequence, options: SideOptions) -> np.ndarray:
+    """Return the unit vector to the person's left, shape (3,)."""
+    up = up_direction(sequence)
     left = np.cross(up, facing_vector(options.facing))
     if np.linalg.norm(left) < 1e-6:
         raise OptionsError(
-            f"side_search.facing is {options.facing!r}, which is up or down in this world ({given.rig.up_axis} is up): "
-            "a person faces along the floor."
+            f"side_search.facing is {options.facing!r}, which is vertical: the up axis is {sequence.rig.up_axis}. Set "
+            "a horizontal direction."
         )
     return left / np.linalg.norm(left)
 
 
-def up_of(given: PairsInTime) -> np.ndarray:
-    """Shape (3,): the rig's up axis."""
-    if given.rig.up_axis is None:
+def up_direction(sequence: PairSequence) -> np.ndarray:
+    """Return the rig's up axis, shape (3,)."""
+    if sequence.rig.up_axis is None:
         raise OptionsError(
-            "sides = 'plane', but the calibration does not say which way is up. Say it with up, such as z, or "
-            "choose the method 'chains', which need not know."
+            "sides = 'plane' needs the up axis, which the calibration does not define. Set it with up, such as z, or "
+            "choose the method 'chains', which does not need it."
         )
-    return facing_vector(given.rig.up_axis)
+    return facing_vector(sequence.rig.up_axis)
 
 
-def twist_notes(given: PairsInTime, left: np.ndarray, flipped: np.ndarray) -> tuple[str, ...]:
-    """One warning if shoulders and hips are ever twisted against each other beyond what the rule stands."""
-    names = [pair[0] for pair in given.skeleton.pairs]
+def twist_notes(sequence: PairSequence, left: np.ndarray, flipped: np.ndarray) -> tuple[str, ...]:
+    """Return a warning if shoulders and hips are twisted by more than the method tolerates."""
+    names = [pair[0] for pair in sequence.skeleton.pairs]
     if not {"left_shoulder", "left_hip"} <= set(names):
         return ()
-    points, up = given.by_frame(given.pairs.points_m), up_of(given)
+    points, up = sequence.by_frame(sequence.pairs.points_m), up_direction(sequence)
     forward = np.cross(left, up)
 
     def angle(name: str) -> np.ndarray:
@@ -70,10 +70,10 @@ def twist_notes(given: PairsInTime, left: np.ndarray, flipped: np.ndarray) -> tu
 
     twist = np.degrees(np.abs(np.angle(np.exp(1j * (angle("left_shoulder") - angle("left_hip"))))))
     known = np.isfinite(twist)
-    if not (twist[known] > _TWIST_DEG).any():
+    if not (twist[known] > _MAX_TWIST_DEG).any():
         return ()
     return (
-        f"Shoulders are twisted against hips by more than {_TWIST_DEG:.0f} degrees (up to {twist[known].max():.0f}) in "
-        f"{int((twist[known] > _TWIST_DEG).sum())} of {int(known.sum())} frames: there, telling left from right by the "
-        "direction that the person faces is unsound. The method 'chains' does not need it.",
+        f"Shoulders are twisted relative to the hips by more than {_MAX_TWIST_DEG:.0f} degrees (up to "
+        f"{twist[known].max():.0f}) in {int((twist[known] > _MAX_TWIST_DEG).sum())} of {int(known.sum())} frames, "
+        "where the facing direction does not determine left and right reliably. The method 'chains' does not need it.",
     )

@@ -1,24 +1,32 @@
-"""Ways to decide on sides by name."""
+"""Table of the methods that assign left and right; add one here and in :mod:`posefuse.model.options.left_right`."""
 
 import warnings
-from importlib import import_module
+from collections.abc import Callable
 
 from posefuse.errors import PosefuseWarning
-from posefuse.left_right.results import PairsInTime, Sides
+from posefuse.left_right import limb_chains, plane, votes
+from posefuse.left_right.results import PairSequence, SideAssignment
 from posefuse.model.options.left_right import SideOptions
 
-_MODULES = {"chains": "limb_chains", "plane": "plane", "votes": "votes"}
+METHODS: dict[str, Callable[[PairSequence, SideOptions], SideAssignment]] = {
+    "chains": limb_chains.assign,
+    "votes": votes.assign,
+    "plane": plane.assign,
+}
 
 
-def decide_sides(given: PairsInTime, method: str, options: SideOptions) -> Sides:
-    """Decide which of each pair's points is the left one, by one of :data:`SIDE_METHODS`.
+def assign_sides(sequence: PairSequence, method: str, options: SideOptions) -> SideAssignment:
+    """Assign left and right to the two points of every pair, and issue the notes of the result as warnings.
 
-    Its notes are warnings too, once each.
+    Args:
+        sequence: solved pairs over time.
+        method: one of :data:`posefuse.model.options.left_right.SIDE_METHODS`.
+        options: of the method.
 
     Raises:
-        OptionsError: where the method cannot work on what is given.
+        OptionsError: if the method cannot handle the input.
     """
-    sides: Sides = import_module(f"posefuse.left_right.{_MODULES[method]}").decide(given, options)
-    for note in sides.notes:
+    assignment = METHODS[method](sequence, options)
+    for note in assignment.notes:
         warnings.warn(note, PosefuseWarning, stacklevel=2)
-    return sides
+    return assignment

@@ -1,4 +1,4 @@
-"""What a decision on sides is made from, and what it is."""
+"""Input and result of the assignment of left and right."""
 
 from dataclasses import dataclass, replace
 
@@ -10,21 +10,21 @@ from posefuse.model.detections import Detections
 from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import Skeleton
 
-UNKNOWN_RATE_HZ = 30.0
+DEFAULT_RATE_HZ = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class PairsInTime:
-    """Pairs solved without their labels, and what else tells left from right.
+class PairSequence:
+    """Hold label-free pair solutions over time and other cues for left and right.
 
     Attributes:
-        pairs: of ``person_frame = frame * people + person``; the pair axis is the skeleton's.
-        skeleton: which pairs there are, and which belong together.
+        pairs: of ``person_frame = frame * people + person``; the pair axis is that of the skeleton.
+        skeleton: pairs of keypoints and their chains.
         rig: the cameras, in the order of the view axis.
-        time_s: shape (frame,): when, finite and increasing.
-        confidence: shape (frame, person, pair, view, 2): the detector's, of the left and the right label, or None.
-        midline_m: shape (frame, person, keypoint, 3): where keypoints without a partner are; NaN elsewhere, or None.
-        n_people: how many people the person_frame axis interleaves.
+        time_s: shape (frame,): finite and increasing.
+        confidence: shape (frame, person, pair, view, 2): detector confidences of the left and the right label, or None.
+        midline_m: shape (frame, person, keypoint, 3): positions of unpaired keypoints; NaN elsewhere, or None.
+        n_people: number of people interleaved in the person_frame axis.
     """
 
     pairs: SolvedPairs
@@ -43,8 +43,8 @@ class PairsInTime:
         detections: Detections,
         tracks: Tracks,
         midline_m: np.ndarray | None = None,
-    ) -> "PairsInTime":
-        """With times and confidences from the detections that the pairs were solved from."""
+    ) -> "PairSequence":
+        """Add times and confidences from the detections from which the pairs were solved."""
         rows = tracks.rows(detections)
         skeleton = detections.skeleton
         columns = skeleton.pair_indices
@@ -54,7 +54,7 @@ class PairsInTime:
             pairs=pairs,
             skeleton=skeleton,
             rig=rig,
-            time_s=frame_times(detections),
+            time_s=aligned_frame_times(detections),
             confidence=np.moveaxis(confidence, 2, 3),
             midline_m=midline_m,
             n_people=rows.shape[1],
@@ -62,24 +62,24 @@ class PairsInTime:
 
     @property
     def n_frames(self) -> int:
-        """Number of frames."""
+        """Return the number of frames."""
         return len(self.time_s)
 
     def by_frame(self, array: np.ndarray) -> np.ndarray:
-        """An array of ``pairs`` with the axes frame and person instead of person_frame."""
+        """Split the person_frame axis of an array into frame and person."""
         return np.asarray(array).reshape(self.n_frames, self.n_people, *array.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)
-class Sides:
-    """Which of a pair's points is the left one, and what that says about the views.
+class SideAssignment:
+    """Hold the assignment of left and right, and the views with swapped labels.
 
     Attributes:
         flipped: shape (frame, person, pair), bool: the second point is the left one.
-        chain_swapped: shape (frame, person, view, chain), int8: 1 where the view's labels of the chain are swapped, 0
-            where they are not, -1 where the view saw nothing that tells.
-        chains: names of the chains; a pair that belongs to none is one of its own, by its name.
-        notes: what is worth saying.
+        chain_swapped: shape (frame, person, view, chain), int8: 1 if the view's labels of the chain are swapped, 0 if
+            not, -1 if the view has no decisive observation.
+        chains: names of the chains; a pair in no chain forms a chain of its own, with its name.
+        notes: warnings for the user.
     """
 
     flipped: np.ndarray
@@ -88,7 +88,10 @@ class Sides:
     notes: tuple[str, ...] = ()
 
     def applied(self, pairs: SolvedPairs) -> SolvedPairs:
-        """The pairs with the left point first; the evidence then says whether a view's labels are swapped."""
+        """Return the pairs with the left point first.
+
+        Their evidence then states whether a view's labels are swapped.
+        """
         flipped = self.flipped.reshape(-1, self.flipped.shape[-1])
         by_point = flipped[:, :, None, None]
         return replace(
@@ -102,13 +105,14 @@ class Sides:
         )
 
 
-def frame_times(detections: Detections) -> np.ndarray:
-    """Shape (frame,): when, increasing: the mean over the views that took the frame, clocks set alike.
+def aligned_frame_times(detections: Detections) -> np.ndarray:
+    """Return increasing frame times, shape (frame,), as the mean over the views that recorded each frame.
 
-    By the rate, or 30 Hz, where times are unknown or run backwards.
+    Clocks of the views are aligned first. Times follow from the frame rate, or 30 Hz, if they are unknown or not
+    increasing.
     """
     numbers = detections.frame_numbers.astype(np.float64)
-    step_s = 1.0 / (detections.rate_hz or UNKNOWN_RATE_HZ)
+    step_s = 1.0 / (detections.rate_hz or DEFAULT_RATE_HZ)
     by_rate = (numbers - numbers[:1]) * step_s
     times = np.asarray(detections.time_s)
     known = np.isfinite(times)

@@ -40,12 +40,14 @@ class Alignment(PickledByFields):
         object.__setattr__(self, "steps", tuple(self.steps))
         if self.rotation.shape != (3, 3) or self.shift_m.shape != (3,):
             raise ResultError(
-                f"An alignment needs a 3 x 3 rotation and a shift of 3 numbers, got {self.rotation.shape} and {self.shift_m.shape}."
+                f"An alignment needs a 3 x 3 rotation and a shift of 3 numbers, got {self.rotation.shape} and "
+                f"{self.shift_m.shape}."
             )
         off = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
         if not (off < _ROTATION_TOLERANCE and np.linalg.det(self.rotation) > 0):
             raise ResultError(
-                f"The rotation of an alignment must be orthonormal and proper; R R^T differs from the identity by {off:.2g}."
+                f"The rotation of an alignment must be orthonormal and proper; R R^T differs from the identity by "
+                f"{off:.2g}."
             )
         if not 0 < self.scale < np.inf:
             raise ResultError(f"The scale of an alignment must be positive, got {self.scale}.")

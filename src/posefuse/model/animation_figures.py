@@ -48,7 +48,8 @@ class Figure(PickledByFields):
         for j, joint in enumerate(self.joints):
             if not (joint.parent < j and (joint.parent >= 0) == (j > 0)):
                 raise ResultError(
-                    f"Figure of {self.person}: joint {joint.name!r} has the parent {joint.parent}, which must come before it."
+                    f"Figure of {self.person}: joint {joint.name!r} has the parent {joint.parent}, which must come "
+                    "before it."
                 )
 
     @property

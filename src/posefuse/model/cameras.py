@@ -266,8 +266,8 @@ class CameraRig(PickledByFields):
         """The cameras as kernels read them.
 
         Returns:
-            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if not,
-            so that kernels are compiled without that lens, which saves a quarter of the time.
+            The camera array, shape (view, COLUMNS); and whether any lens is distorted and any is a fisheye: None if
+            not, so that kernels are compiled without that lens, which saves a quarter of the time.
         """
         lenses = {camera.lens for camera in self.cameras}
         distorted = True if lenses & {LensModel.BROWN, LensModel.RATIONAL} else None

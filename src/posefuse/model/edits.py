@@ -154,5 +154,6 @@ def check_name(name: str) -> None:
         raise EditError(f"{name!r} cannot be the name of a person: it is part of file names and contains {wrong[0]!r}.")
     if not name or name != name.strip() or name.startswith("."):
         raise EditError(
-            f"{name!r} cannot be the name of a person: names must not be empty, start with a dot, or start or end with a space."
+            f"{name!r} cannot be the name of a person: names must not be empty, start with a dot, or start or end "
+            "with a space."
         )

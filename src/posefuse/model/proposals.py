@@ -1,4 +1,4 @@
-"""What is proposed: people in one frame, each with the detections that make them."""
+"""Proposals: people in one frame, each with the detections that show it."""
 
 from dataclasses import dataclass, fields
 
@@ -10,27 +10,27 @@ from posefuse.kernels import status_codes
 
 @dataclass(frozen=True, eq=False)
 class Proposals:
-    """People whom the views of one frame agree on, the likeliest first.
+    """People on whom the views of one frame agree, the most likely first.
 
     Attributes:
-        rows: shape (proposal, view), int64: the row of the frame that shows the person, -1 where none does. No row is
-            in two proposals.
-        swapped: shape (proposal, view), bool: whose left and right are mixed up, as the other views have it.
+        rows: shape (proposal, view), int64: row of the frame that shows the person, -1 for none. No row is in two
+            proposals.
+        swapped: shape (proposal, view), bool: whether left and right of a detection are swapped relative to the other
+            views.
         points_m: shape (proposal, keypoint, 3), NaN where missing.
-        covariance_m2: shape (proposal, keypoint, 6): xx xy xz yy yz zz; views are taken to err as much as they may
-            differ (``sigma_factor``).
+        covariance_m2: shape (proposal, keypoint, 6): xx xy xz yy yz zz, with the noise that ``sigma_factor`` allows.
         status: shape (proposal, keypoint), int8, point codes.
-        used: shape (proposal, keypoint, view), bool: the views each point rests on.
-        torso_m: shape (proposal, 3): the middle of the trunk, see :mod:`posefuse.association.trunk`.
+        used: shape (proposal, keypoint, view), bool: views from which each point is triangulated.
+        torso_m: shape (proposal, 3): center of the trunk, see :mod:`posefuse.association.trunk`.
         torso_covariance_m2: shape (proposal, 6).
-        log_odds: shape (proposal,): natural logarithm of the odds that these detections show one person and not several
-            things that happen to fit; the baseline, which knows no odds, has the logit of its score here.
-        error_sigma: shape (proposal,): median reprojection error over its used observations, in sigmas of the noise
-            model (per axis; 1.18 if that holds).
+        log_odds: shape (proposal,): natural logarithm of the odds that the detections show one person and not several
+            things that fit by chance; the pairwise baseline stores the logit of its score.
+        error_sigma: shape (proposal,): median reprojection error of the used observations, in standard deviations of
+            the noise model (per axis; 1.18 if the model holds).
         n_views: shape (proposal,), int64.
-        n_pairs: shape (proposal,), int64: pairs of its detections that agree by themselves.
+        n_pairs: shape (proposal,), int64: number of pairs of detections that agree on their own.
         duplicates: shape (duplicate, 2), int64: a row that shows a person whom a better row of the same view shows,
-            and the proposal.
+            and the index of the proposal.
     """
 
     rows: np.ndarray
@@ -49,11 +49,11 @@ class Proposals:
 
     @classmethod
     def none(cls, n_keypoints: int, n_views: int) -> "Proposals":
-        """Nobody.
+        """Return no proposals.
 
         Args:
-            n_keypoints: of the skeleton.
-            n_views: of the rig.
+            n_keypoints: Number of keypoints of the skeleton.
+            n_views: Number of views of the rig.
         """
         return cls(
             rows=np.empty((0, n_views), dtype=np.int64),
@@ -72,7 +72,7 @@ class Proposals:
         )
 
     def solvable(self) -> "Proposals":
-        """Those of which some keypoint is known; the rows of the others are free again."""
+        """Return the proposals with at least one point; the rows of the others become unassigned."""
         kept = np.asarray(self.has_point.any(axis=1))
         if kept.all():
             return self
@@ -86,7 +86,7 @@ class Proposals:
 
     @property
     def has_point(self) -> np.ndarray:
-        """Shape (proposal, keypoint), bool."""
+        """Whether each keypoint has a point, shape (proposal, keypoint), bool."""
         return self.status < status_codes.POINT_MISSING
 
     def __eq__(self, other: object) -> bool:

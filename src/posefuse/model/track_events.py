@@ -1,64 +1,82 @@
-"""What happened to people, and how their bodies stood: what a tracker knows beside where keypoints are."""
+"""Events of tracks and cameras, and poses of articulated bodies over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from posefuse.arrays import ArraySource, check_shape, same
 from posefuse.errors import ResultError, choices
 
-Happening = Literal[
-    "born", "lost", "found", "returned", "forgotten", "identity uncertain", "identities exchanged", "limb set anew",
-    "camera refused", "camera trusted", "camera silent", "camera heard again",
+EventKind = Literal[
+    "confirmed", "lost", "reacquired", "reidentified", "terminated", "possible_identity_switch", "identities_swapped",
+    "limb_reinitialized", "camera_rejected", "camera_restored", "camera_silent", "camera_back",
 ]  # fmt: skip
-HAPPENINGS: tuple[Happening, ...] = get_args(Happening)
+
+EVENT_KINDS: dict[EventKind, str] = {
+    "confirmed": "A tentative track became a confirmed track.",
+    "lost": "No camera, or too few cameras, show the person any more.",
+    "reacquired": "The detections of a lost track continue.",
+    "reidentified": "A new person was identified as one whose track was lost.",
+    "terminated": "The track ended and is not searched for any more.",
+    "possible_identity_switch": "The person may be another one; check these frames.",
+    "identities_swapped": "Two people were mistaken for each other, and their identities were swapped.",
+    "limb_reinitialized": "A limb was reinitialized where most cameras show it.",
+    "camera_rejected": "A camera contradicts the others and is not used to find new people.",
+    "camera_restored": "A rejected camera agrees with the others again.",
+    "camera_silent": "A camera delivers no frames, or shows no person where other cameras show people.",
+    "camera_back": "A silent camera delivers frames and detections again.",
+}
+"""Kinds of events with one sentence each, in the order in which reports list them."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened to a person.
+    """An event of a track or a camera.
 
     Attributes:
-        number: of the frame.
-        time_s: of the frame.
-        person: name; of what happens to a camera, its name.
-        what: one of :data:`HAPPENINGS`.
-        why: a clause.
+        number: Number of the frame.
+        time_s: Time of the frame, in seconds.
+        person: Name of the person, or of the camera.
+        what: Kind of the event, one of :data:`EVENT_KINDS`.
+        why: Reason, as a clause.
+
+    Raises:
+        ResultError: If there is no such kind of event.
     """
 
     number: int
     time_s: float
     person: str
-    what: Happening
+    what: EventKind
     why: str
 
     def __post_init__(self) -> None:
-        if self.what not in HAPPENINGS:
-            raise ResultError(f"No event is called {self.what!r}; there are {choices(HAPPENINGS, 20)}.")
+        if self.what not in EVENT_KINDS:
+            raise ResultError(f"Unknown event kind {self.what!r}. Valid kinds: {choices(EVENT_KINDS, 20)}.")
 
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """How articulated bodies stand over time.
+    """Poses of articulated bodies over time.
 
     Attributes:
-        segments: names, of the tree.
-        bones: names of their far ends.
-        shape_names: what each number of a shape is.
-        angles: names of joint angles.
-        turns: shape (frame, person, segment, 3, 3): world from segment; NaN where a person is not followed.
-        directions: shape (frame, person, bone, 3): unit vectors; NaN likewise.
-        angle_sd_deg: shape (frame, person, angle): how well joint angles are known, NaN where these are not.
-        nis: shape (frame, person): squared innovations of the keypoints that the filter used, each in its own
-            covariance, together; NaN where there are none.
-        nis_dof: shape (frame, person), int32: what that is on average, if all is known as well as it says.
+        segments: Names of the tree's segments.
+        bones: Names of the bones' distal ends.
+        shape_names: Names of the lengths of a body.
+        angles: Names of the joint angles.
+        turns: shape (frame, person, segment, 3, 3): world from segment; NaN where a person is not tracked.
+        directions: shape (frame, person, bone, 3): unit vectors; NaN where a person is not tracked.
+        angle_sd_deg: shape (frame, person, angle): standard deviations of joint angles, NaN where an angle is unknown.
+        nis: shape (frame, person): normalized innovation squared, summed over the keypoints that the filter used; NaN
+            where it used none.
+        nis_dof: shape (frame, person), int32: expected value of ``nis`` for consistent covariances.
         shape_m: shape (person, shape): lengths.
-        shape_sd_m: shape (person, shape).
+        shape_sd_m: shape (person, shape): standard deviations of the lengths.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: If the shapes of the arrays are inconsistent.
     """
 
     segments: tuple[str, ...]
@@ -92,13 +110,13 @@ class Poses:
             check_shape(ResultError, "Poses", name, getattr(self, name), person=people, shape=shape)
 
     def frames(self, start: int, stop: int) -> "Poses":
-        """The frames ``start`` to ``stop``, in memory."""
+        """Return the frames ``start`` to ``stop``, in memory."""
         cut = {name: np.asarray(getattr(self, name)[start:stop]) for name in OVER_TIME}
         return replace(self, **cut, shape_m=np.asarray(self.shape_m[:]), shape_sd_m=np.asarray(self.shape_sd_m[:]))
 
     @classmethod
     def concatenate(cls, parts: Sequence["Poses"]) -> "Poses":
-        """Consecutive ranges of frames as one."""
+        """Return consecutive ranges of frames as one."""
         whole = {name: np.concatenate([getattr(part, name)[:] for part in parts]) for name in OVER_TIME}
         return replace(parts[0], **whole)
 
@@ -115,4 +133,4 @@ class Poses:
 
 
 OVER_TIME = ("turns", "directions", "angle_sd_deg", "nis", "nis_dof")
-"""What poses hold of each frame."""
+"""Names of the arrays of :class:`Poses` that have one entry per frame."""

@@ -1,4 +1,4 @@
-"""Who is whose: which detection in which view belongs to which person."""
+"""Tracks: which detection of each view is assigned to which person."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ from posefuse.model.detections import Detections
 
 
 class TrackState(IntEnum):
-    """The life of a person in the recording."""
+    """State of a person's track in one frame."""
 
     ABSENT = 0
     TENTATIVE = 1
@@ -23,16 +23,16 @@ class TrackState(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """People over time, as the detections that belong to them.
+    """Assignment of detections to people over time.
 
     Attributes:
-        person_ids: names, in order; also the stems of per-person files.
-        detection: shape (frame, person, view), int32: which of the people detected in that view and frame, counted
-            from 0; -1 where none.
+        person_ids: Names of the people, in order; also the stems of per-person files.
+        detection: shape (frame, person, view), int32: index of the assigned detection among those of its view and
+            frame, counted from 0; -1 for none.
         state: shape (frame, person), int8, :class:`TrackState`.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: If names repeat, or if the shapes of the arrays are inconsistent.
     """
 
     person_ids: tuple[str, ...]
@@ -48,11 +48,14 @@ class Tracks:
         check_shape(ResultError, "Tracks", "state", self.state, frame=self.detection.shape[0], person=n)
 
     def frames(self, start: int, stop: int) -> "Tracks":
-        """The frames ``start`` to ``stop``, in memory."""
+        """Return the frames ``start`` to ``stop``, in memory."""
         return Tracks(self.person_ids, np.asarray(self.detection[start:stop]), np.asarray(self.state[start:stop]))
 
     def rows(self, detections: Detections) -> np.ndarray:
-        """Shape (frame, person, view), int64: rows of the detections' arrays, NO_DETECTION or NOT_RECORDED."""
+        """Return the rows of the detections' arrays, shape (frame, person, view), int64.
+
+        Missing detections are NO_DETECTION or NOT_RECORDED.
+        """
         starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
         index = np.asarray(self.detection[:]).astype(np.int64)
         missing = np.where(detections.recorded, status_codes.NO_DETECTION, status_codes.NOT_RECORDED)[:, None, :]
@@ -60,7 +63,7 @@ class Tracks:
 
     @classmethod
     def concatenate(cls, parts: Sequence["Tracks"]) -> "Tracks":
-        """Consecutive ranges of frames as one."""
+        """Return consecutive ranges of frames as one."""
         return cls(
             parts[0].person_ids,
             np.concatenate([part.detection[:] for part in parts]),

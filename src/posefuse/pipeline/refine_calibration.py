@@ -1,4 +1,4 @@
-"""The wiring of a refinement: a recording's detections, triangulated, as evidence of where its cameras stand."""
+"""The wiring of a refinement: a recording's detections, triangulated, as the source of a refinement."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from posefuse.arrays import ranges
-from posefuse.calibration.checks import spreads
+from posefuse.calibration.checks import pose_sds
 from posefuse.calibration.gauge import pose_changes
 from posefuse.calibration.outcome import CameraOutcome, Refinement, Role
-from posefuse.calibration.refine import Gathered, Progressed, refine
-from posefuse.calibration.selection import held_out
-from posefuse.calibration.sightings import Sightings
-from posefuse.calibration.uncertainty import Certainty
+from posefuse.calibration.point_observations import PointObservations
+from posefuse.calibration.refine import RefinementState, TriangulatedObservations, refine
+from posefuse.calibration.selection import held_out_frames
+from posefuse.calibration.uncertainty import Uncertainty
 from posefuse.errors import CalibrationError, PosefuseWarning, choices
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
@@ -22,7 +22,9 @@ from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.options.refinement import RefineOptions
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.defaults import cut_time
-from posefuse.pipeline.reconstruct import Plan, examine, measure, settle
+from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.reconstruct import examine
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
 
@@ -32,7 +34,7 @@ _FEWEST_FRAMES = 300
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording as evidence; implements the protocol of :mod:`posefuse.calibration.refine`.
+    """A recording as the source of a refinement; implements the protocol of :mod:`posefuse.calibration.refine`.
 
     Attributes:
         detections: of all views that have a camera, cut to the frames that are looked at.
@@ -47,17 +49,17 @@ class Recorded:
         """How many frames are looked at."""
         return self.detections.n_frames
 
-    def gather(self, rig: CameraRig) -> Gathered:
+    def triangulate(self, rig: CameraRig) -> TriangulatedObservations:
         """Triangulate with some cameras; labels are believed, views that contradict others are not."""
         options = replace(self.options, cameras=rig.names, exclude_camera=(), camera_order=())
         with warnings.catch_warnings():
             # That views do not agree is why we are here.
             warnings.simplefilter("ignore", PosefuseWarning)
-            plan = settle(examine(rig, self.detections.views(rig.names), options, Silent()))
+            plan = examine(rig, self.detections.views(rig.names), options, Silent())
             parts = [_gathered(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
         return _joined(parts)
 
-    def seen_by(self, name: str, sightings: Sightings) -> np.ndarray:
+    def pixels_of(self, name: str, observations: PointObservations) -> np.ndarray:
         """What one more camera saw of points: shape (point, 2), NaN where nothing.
 
         Raises:
@@ -74,7 +76,7 @@ class Recorded:
         pixels[one.people_counts[:, 0] == 1] = np.asarray(one.keypoints_px)[
             one.offsets[:-1][one.people_counts[:, 0] == 1]
         ]
-        return pixels[sightings.frame, sightings.keypoint % len(one.skeleton)]
+        return pixels[observations.frame, observations.keypoint % len(one.skeleton)]
 
     @cached_property
     def several(self) -> bool:
@@ -82,7 +84,7 @@ class Recorded:
         return bool((self.detections.people_counts > 1).any())
 
 
-def _gathered(plan: Plan, start: int, stop: int) -> Gathered:
+def _gathered(plan: Plan, start: int, stop: int) -> TriangulatedObservations:
     """The observations of a range of frames."""
     result = measure(plan, start, stop)
     layer, detections = result.layers["measured"], plan.detections.frames(start, stop)
@@ -108,25 +110,25 @@ def _gathered(plan: Plan, start: int, stop: int) -> Gathered:
     at = (frame[point], person[point], keypoint[point], view)
     noise = plan.noise
     sigma = noise.scale_px[view] / np.maximum(np.where(np.isnan(trust[at]), 1.0, trust[at]), 0.05) ** noise.exponent
-    sightings = Sightings(
+    observations = PointObservations(
         view, point, pixels[at], sigma, points[chosen], frame + start, person * n_keypoints + keypoint
     )
-    return Gathered(sightings, status[at] == ViewStatus.USED, error[at])
+    return TriangulatedObservations(observations, status[at] == ViewStatus.USED, error[at])
 
 
-def _joined(parts: list[Gathered]) -> Gathered:
+def _joined(parts: list[TriangulatedObservations]) -> TriangulatedObservations:
     """Consecutive ranges of frames as one."""
-    sightings = [part.sightings for part in parts]
-    first = np.cumsum([0] + [each.n_points for each in sightings[:-1]])
-    return Gathered(
-        Sightings(
-            np.concatenate([each.view for each in sightings]),
-            np.concatenate([each.point + start for each, start in zip(sightings, first, strict=True)]),
-            np.concatenate([each.pixels for each in sightings]),
-            np.concatenate([each.sigma_px for each in sightings]),
-            np.concatenate([each.points_m for each in sightings]),
-            np.concatenate([each.frame for each in sightings]),
-            np.concatenate([each.keypoint for each in sightings]),
+    observations = [part.observations for part in parts]
+    first = np.cumsum([0] + [each.n_points for each in observations[:-1]])
+    return TriangulatedObservations(
+        PointObservations(
+            np.concatenate([each.view for each in observations]),
+            np.concatenate([each.point + start for each, start in zip(observations, first, strict=True)]),
+            np.concatenate([each.pixels for each in observations]),
+            np.concatenate([each.sigma_px for each in observations]),
+            np.concatenate([each.points_m for each in observations]),
+            np.concatenate([each.frame for each in observations]),
+            np.concatenate([each.keypoint for each in observations]),
         ),
         np.concatenate([part.used for part in parts]),
         np.concatenate([part.error_px for part in parts]),
@@ -168,9 +170,9 @@ def refine_calibration(
     options = replace(options, start_s=None, end_s=None)
     if len(matched) < 2:
         raise CalibrationError(f"One camera, {choices(matched.names)}, has nothing to be refined by.")
-    evidence = Recorded(_thinned(detections, options), options)
-    state, known = refine(matched, evidence, refining, progress)
-    return _outcome(matched, evidence, refining, state, known)
+    source = Recorded(_thinned(detections, options), options)
+    state, known = refine(matched, source, refining, progress)
+    return _outcome(matched, source, refining, state, known)
 
 
 def _thinned(detections: Detections, options: Options) -> Detections:
@@ -184,12 +186,12 @@ def _thinned(detections: Detections, options: Options) -> Detections:
 
 
 def _outcome(
-    matched: CameraRig, evidence: Recorded, refining: RefineOptions, state: Progressed, known: Certainty
+    matched: CameraRig, source: Recorded, refining: RefineOptions, state: RefinementState, known: Uncertainty
 ) -> Refinement:
     """What is to be said, judged by the frames that were kept back."""
-    judged = held_out(evidence.n_frames)
+    judged = held_out_frames(source.n_frames)
     kept = state.rig.names
-    old, new = evidence.gather(matched), evidence.gather(state.rig)
+    old, new = source.triangulate(matched), source.triangulate(state.rig)
     n_old, n = len(matched), len(kept)
     before_px, before_used = old.medians(n_old, judged), old.shares(n_old, judged)
     after_px, after_used = new.medians(n, judged), new.shares(n, judged)
@@ -201,7 +203,7 @@ def _outcome(
             rows.append(_left_out(name, state, before_px[u], before_used[u]))
             continue
         v = state.rig.index(name)
-        turn_sd, shift_sd, focal_sd = spreads(known.block(v))
+        turn_sd, shift_sd, focal_sd = pose_sds(known.block(v))
         rows.append(
             CameraOutcome(
                 name, _role(name, refining, state), "", before_px[u], after_px[v], before_used[u], after_used[v],
@@ -209,33 +211,33 @@ def _outcome(
                 float(state.rig[name].matrix[0, 0] / camera.matrix[0, 0] - 1.0), focal_sd,
             )
         )  # fmt: skip
-    assert state.sightings is not None
+    assert state.observations is not None
     return Refinement(
         before=matched,
         rig=state.rig,
         cameras=tuple(rows),
         refine=refining.refine,
-        n_points=state.sightings.n_points,
-        n_frames=len(np.unique(state.sightings.frame)),
+        n_points=state.observations.n_points,
+        n_frames=len(np.unique(state.observations.frame)),
         n_held_out=int(judged.sum()),
         before_px=_median_of(old, judged),
         after_px=_median_of(new, judged),
     )
 
 
-def _median_of(gathered: Gathered, judged: np.ndarray) -> float:
-    seen = gathered.sightings
+def _median_of(gathered: TriangulatedObservations, judged: np.ndarray) -> float:
+    seen = gathered.observations
     errors = gathered.error_px[judged[seen.frame][seen.point]]
     return float(np.median(errors)) if len(errors) else float("nan")
 
 
-def _role(name: str, refining: RefineOptions, state: Progressed) -> Role:
+def _role(name: str, refining: RefineOptions, state: RefinementState) -> Role:
     if name in state.located:
         return "located"
     return "fixed" if name in refining.fix else "refined"
 
 
-def _left_out(name: str, state: Progressed, before_px: float, used: float) -> CameraOutcome:
+def _left_out(name: str, state: RefinementState, before_px: float, used: float) -> CameraOutcome:
     nan = float("nan")
     why = state.left_out.get(name, "")
     return CameraOutcome(name, "left out", why, before_px, nan, used, nan, nan, nan, nan, nan, nan, nan)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from posefuse.evaluation.sightings import Misses
+from posefuse.evaluation.visibility import Misses
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.track_events import HAPPENINGS, Event
+from posefuse.model.track_events import EVENT_KINDS, Event
 from posefuse.model.tracks import TrackState
 
 _MAX_EXPLAINED_EVENTS = 400
@@ -114,7 +114,7 @@ def track_timeline(result: Reconstruction) -> dict[str, Any] | None:
 
 def format_event_counts(events: Sequence[Event]) -> str:
     """Return the number of events of each kind, in the order of the kinds."""
-    counts = {kind: sum(event.what == kind for event in events) for kind in HAPPENINGS}
+    counts = {kind: sum(event.what == kind for event in events) for kind in EVENT_KINDS}
     return ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
 
 

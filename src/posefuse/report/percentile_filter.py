@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from posefuse.evaluation.filtering import ErrorProfile
+from posefuse.evaluation.error_profile import ErrorProfile
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.report.numbers import format_three_digits
 from posefuse.report.rendering import BLUE, GRAY, INK, ORANGE, PALE, RenderedFigure, render_figure
@@ -30,7 +30,7 @@ def percentile_filter_figure(before: ErrorProfile, after: ErrorProfile, result: 
 
 
 def _draw(before: ErrorProfile, after: ErrorProfile, result: Reconstruction) -> Figure:
-    chosen = result.options.triangulation.percentile_filter
+    chosen = result.resolved.triangulation.percentile_filter
     threshold = chosen.threshold_px
     assert threshold is not None
     n_views, n_keypoints = len(result.rig), len(result.skeleton)

@@ -1,4 +1,4 @@
-"""Bodies as capsules: what stands between a camera and somebody's keypoints."""
+"""Occlusion by bodies, modeled as capsules."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,19 +10,19 @@ from posefuse.skeleton.skeletons import Skeleton
 
 _TORSO_M, _HEAD_M, _ARM_M, _LEG_M, _OTHER_M = 0.15, 0.11, 0.05, 0.07, 0.03
 _NEAR_M = 0.05
-# Of a body without shoulders and hips whose size is known, as shares of it: between core keypoints, and elsewhere.
+# Radii of bodies without shoulders and hips, relative to their size: between core keypoints, and elsewhere.
 _THICK, _THIN = 0.12, 0.015
 
 
 @dataclass(frozen=True)
 class Capsules:
-    """Solid things with round ends that move.
+    """Moving solid capsules.
 
     Attributes:
-        starts_m: shape (frame, capsule, 3): one end of the axis, NaN where it is not there.
-        ends_m: shape (frame, capsule, 3): the other.
-        radii_m: shape (capsule,).
-        owners: shape (capsule,), int64: whose body it is, -1 for a thing.
+        starts_m: shape (frame, capsule, 3): start of the axis in meters, NaN if absent.
+        ends_m: shape (frame, capsule, 3): end of the axis.
+        radii_m: shape (capsule,): radii.
+        owners: shape (capsule,), int64: person, -1 for an object.
     """
 
     starts_m: np.ndarray
@@ -32,13 +32,13 @@ class Capsules:
 
     @classmethod
     def none(cls, n_frames: int) -> "Capsules":
-        """Nothing there."""
+        """Return no capsules."""
         nothing = np.empty((n_frames, 0, 3))
         return cls(nothing, nothing, np.empty(0), np.empty(0, dtype=np.int64))
 
     @classmethod
-    def together(cls, parts: list["Capsules"]) -> "Capsules":
-        """All of them."""
+    def concatenate(cls, parts: list["Capsules"]) -> "Capsules":
+        """Return the union of several sets of capsules."""
         return cls(
             np.concatenate([part.starts_m for part in parts], axis=1),
             np.concatenate([part.ends_m for part in parts], axis=1),
@@ -48,11 +48,11 @@ class Capsules:
 
 
 def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
-    """Torsos, heads and limbs around known keypoints; a skeleton without shoulders and hips has its edges.
+    """Return torsos, heads and limbs around keypoints, or edges for a skeleton without shoulders and hips.
 
     Args:
         points_m: shape (frame, person, keypoint, 3), NaN where absent.
-        skeleton: of the keypoints.
+        skeleton: skeleton of the keypoints.
     """
     bones = _bones(skeleton)
     n_frames, n_people = points_m.shape[:2]
@@ -70,13 +70,14 @@ def bodies_of(points_m: np.ndarray, skeleton: Skeleton) -> Capsules:
 
 
 def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, scale: float = 1.0) -> np.ndarray:
-    """Shape (frame, view, person, keypoint), bool: what somebody else or something hides from each camera.
+    """Return occluded keypoints, shape (frame, view, person, keypoint), bool.
 
     Args:
-        rig: the cameras.
+        rig: cameras.
         points_m: shape (frame, person, keypoint, 3).
-        capsules: what is there, bodies too.
-        scale: how large bodies are next to an adult human: what is this much nearer hides nothing.
+        capsules: bodies and objects.
+        scale: ratio of the body size to that of an adult human, which scales the distance within which nothing is
+            occluded.
     """
     from posefuse.kernels.synthetic.occlusion import mark_occluded
 
@@ -98,7 +99,7 @@ def hidden_keypoints(rig: CameraRig, points_m: np.ndarray, capsules: Capsules, s
 
 
 def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], float]]:
-    """Each capsule's two ends, each the mean of keypoints, and its radius."""
+    """Return the two ends of each capsule, each the mean of keypoints, and its radius."""
     names = {name: i for i, name in enumerate(skeleton.keypoints)}
 
     def both(part: str) -> tuple[int, ...]:
@@ -112,7 +113,7 @@ def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], f
     if head:
         bones.append((head, head, _HEAD_M))
     for limb, radius in (("arm", _ARM_M), ("leg", _LEG_M)):
-        # Three joints of a limb: the rest is hands and feet.
+        # Three joints of a limb; the rest are hands and feet.
         chain = skeleton.chains.get(limb, ())[:3]
         for (upper_left, upper_right), (lower_left, lower_right) in pairwise(chain):
             bones.append(((names[upper_left],), (names[lower_left],), radius))
@@ -121,7 +122,7 @@ def _bones(skeleton: Skeleton) -> list[tuple[tuple[int, ...], tuple[int, ...], f
 
 
 def _radius_m(skeleton: Skeleton, a: int, b: int) -> float:
-    """Of the capsule about an edge of a body without shoulders and hips."""
+    """Return the radius of the capsule around an edge."""
     if skeleton.tree is None:
         return _OTHER_M
     trunk = bool(np.isin([a, b], skeleton.core_indices).all())

@@ -1,9 +1,9 @@
-"""A simulated detector: projects the truth and spoils it as real detectors do.
+"""A simulated detector: project the truth and add the errors of real detectors.
 
-The ``measured`` law was found on OpenPose detections by leaving one view out: with confidence c the standard deviation
-is 4.5 px / c per axis at 1000 px image width, the tails are Student's t with 2.7 degrees of freedom, and errors last:
-the correlation of one view's error from frame to frame is 0.85 at 25 fps (so 0.85^(25 dt) over dt). The ``gaussian``
-law is for benchmarks: white noise of one size, confidences that say nothing.
+The noise ``measured`` was estimated on OpenPose detections by leaving one view out: with confidence c the standard
+deviation is 4.5 px / c per axis at 1000 px image width, the tails are Student's t with 2.7 degrees of freedom, and the
+correlation of a view's errors between frames is 0.85 at 25 fps (0.85^(25 dt) over dt). The noise ``gaussian`` is for
+benchmarks: white noise with constant standard deviation and uninformative confidences.
 """
 
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ _SWAP_DWELL_S = {"chain": 0.4, "body": 1.0}
 
 @dataclass(frozen=True)
 class Hidden:
-    """Keypoints behind something, and what the detector makes of them.
+    """Occluded keypoints and their detection errors.
 
     Attributes:
         mask: shape (frame, column, keypoint), bool.
-        miss_share: share of them that it misses, in spells.
-        confidence: what its confidence in the others is multiplied by; their errors grow by as much.
-        error: what their errors are multiplied by on top of that.
+        miss_share: fraction that is missed, in intervals.
+        confidence: factor on the confidence of the others; errors grow by its inverse.
+        error: additional factor on their errors.
     """
 
     mask: np.ndarray
@@ -41,7 +41,7 @@ class Hidden:
 
 
 def clock_offsets(rig: CameraRig, options: DetectorOptions, rng: np.random.Generator) -> np.ndarray:
-    """Shape (view,): how much later than it says each view took its frames, s."""
+    """Return the time offset of each view's clock, shape (view,), in seconds."""
     return (
         rng.uniform(-options.max_offset_s, options.max_offset_s, len(rig))
         if options.max_offset_s
@@ -57,25 +57,25 @@ def detect(
     options: DetectorOptions,
     rng: np.random.Generator,
 ) -> Detections:
-    """What the detector sees of one person.
+    """Simulate the detections of one person.
 
     Args:
-        rig: the cameras.
-        points_m: shape (frame, view, keypoint, 3): where the keypoints were when each view took each frame.
-        skeleton: of the keypoints.
-        rate_hz: frames per second.
-        options: how it errs.
-        rng: where its errors come from.
+        rig: cameras.
+        points_m: shape (frame, view, keypoint, 3): keypoints at the capture time of each view.
+        skeleton: skeleton of the keypoints.
+        rate_hz: frame rate.
+        options: detector errors.
+        rng: random generator.
     """
     pixels = np.empty((*points_m.shape[:3], 2))
     for v, camera in enumerate(rig.cameras):
         pixels[:, v] = camera.project(points_m[:, v])[0]
     sizes = np.array([camera.size_px for camera in rig.cameras])
-    pixels, confidence = spoil(pixels, sizes, skeleton, rate_hz, options, rng)
+    pixels, confidence = add_errors(pixels, sizes, skeleton, rate_hz, options, rng)
     return Detections.from_dense(skeleton, rig.names, pixels, confidence, rate_hz=rate_hz)
 
 
-def spoil(
+def add_errors(
     exact_px: np.ndarray,
     sizes_px: np.ndarray,
     skeleton: Skeleton,
@@ -84,19 +84,19 @@ def spoil(
     rng: np.random.Generator,
     hidden: Hidden | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the detector makes of exact projections, each column a person in a view with errors of its own.
+    """Add detector errors to exact projections; each column (a person in a view) has independent errors.
 
     Args:
-        exact_px: shape (frame, column, keypoint, 2), NaN where there is nothing to see.
+        exact_px: shape (frame, column, keypoint, 2), NaN if not visible.
         sizes_px: shape (column, 2): width and height of the image.
-        skeleton: of the keypoints.
-        rate_hz: frames per second.
-        options: how it errs.
-        rng: where its errors come from.
-        hidden: what is hidden by something else, and what the detector makes of that.
+        skeleton: skeleton of the keypoints.
+        rate_hz: frame rate.
+        options: detector errors.
+        rng: random generator.
+        hidden: occluded keypoints.
 
     Returns:
-        Pixels, of the same shape, and confidence, shape (frame, column, keypoint); NaN where nothing is detected.
+        Pixels of the same shape, and confidence, shape (frame, column, keypoint); NaN if not detected.
     """
     shape = exact_px.shape[:3]
     pixels = exact_px.copy()
@@ -107,27 +107,27 @@ def spoil(
     else:
         confidence = _confidences(shape, rate_hz, rng)
         sigma = _SCALE_PX_AT_1000 * sizes_px[:, :1] / 1000.0 / confidence
-        unit = _lasting_t_noise(shape, rate_hz, rng)
+        unit = _correlated_t_noise(shape, rate_hz, rng)
     if hidden is not None:
         confidence = np.where(hidden.mask, hidden.confidence * confidence, confidence)
         sigma = np.where(hidden.mask, hidden.error / hidden.confidence * sigma, sigma)
     pixels += sigma[..., None] * unit
     _swap_limbs(pixels, confidence, skeleton, rate_hz, options, rng)
-    thrown = rng.random(shape) < options.outlier_share
+    displaced = rng.random(shape) < options.outlier_share
     direction = rng.uniform(0, 2 * np.pi, shape)
-    distance = rng.uniform(*options.outlier_px, shape) * thrown
+    distance = rng.uniform(*options.outlier_px, shape) * displaced
     pixels += distance[..., None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    missed = spells(shape, options.miss_share, 0.2, rate_hz, rng)
+    missed = on_intervals(shape, options.miss_share, 0.2, rate_hz, rng)
     if hidden is not None:
-        missed |= hidden.mask & spells(shape, hidden.miss_share, 0.2, rate_hz, rng)
+        missed |= hidden.mask & on_intervals(shape, hidden.miss_share, 0.2, rate_hz, rng)
     outside = ((pixels < -0.5) | (pixels > sizes_px[None, :, None] - 0.5)).any(axis=-1)
     pixels[missed | outside] = np.nan
     confidence[~np.isfinite(pixels).all(axis=-1)] = np.nan
     return pixels, confidence
 
 
-def lasting(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """Standard normal numbers, correlated along the first axis (frames) as measured."""
+def correlated_noise(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+    """Return standard normal numbers with the measured correlation along the first axis (frames)."""
     rho = _CORRELATION_AT_25_HZ ** (25.0 / rate_hz)
     white = rng.standard_normal(shape)
     out = np.empty(shape)
@@ -138,36 +138,36 @@ def lasting(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) ->
     return out
 
 
-def _lasting_t_noise(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """Shape (*shape, 2): Student-t errors of unit scale whose direction and size both last."""
-    normal = lasting((*shape, 2), rate_hz, rng)
-    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(lasting(shape, rate_hz, rng)))
+def _correlated_t_noise(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+    """Return Student-t errors of unit scale, shape (*shape, 2), with correlated directions and magnitudes."""
+    normal = correlated_noise((*shape, 2), rate_hz, rng)
+    chi_square = 2.0 * gammaincinv(_TAILS / 2.0, ndtr(correlated_noise(shape, rate_hz, rng)))
     return normal / np.sqrt(chi_square / _TAILS)[..., None]
 
 
 def _confidences(shape: tuple[int, ...], rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """Confidences that last as errors do: mostly between 0.5 and 0.95, now and then low."""
-    level = rng.normal(1.4, 0.4, shape[1:]) + lasting(shape, rate_hz, rng)
+    """Return correlated confidences, mostly between 0.5 and 0.95, occasionally low."""
+    level = rng.normal(1.4, 0.4, shape[1:]) + correlated_noise(shape, rate_hz, rng)
     return 0.15 + 0.82 / (1.0 + np.exp(-level))
 
 
-def spells(
+def on_intervals(
     shape: tuple[int, ...],
     share: float | np.ndarray,
     dwell_s: float,
     rate_hz: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Two-state chains along the first axis that are on for ``share`` of the time, ``dwell_s`` at a stretch.
+    """Return two-state Markov chains along the first axis, on for ``share`` of the time in intervals of ``dwell_s``.
 
-    A share may be an array that broadcasts against ``shape[1:]``.
+    ``share`` may be an array that broadcasts against ``shape[1:]``.
     """
     on = np.zeros(shape, dtype=bool)
     share = np.asarray(share, dtype=np.float64)
     if (share <= 0).all() or not shape[0]:
         return on
     with np.errstate(divide="ignore", invalid="ignore"):
-        # No chain is on for most of the time at short stretches only: then the stretches are longer.
+        # A chain that is on most of the time cannot have short intervals only: they become longer.
         leave = np.minimum(min(1.0, 1.0 / (dwell_s * rate_hz)), (1.0 - share) / share)
         enter = np.where(share < 1.0, leave * share / (1.0 - share), 1.0)
     draws = rng.random(shape)
@@ -186,11 +186,11 @@ def _swap_limbs(
     rng: np.random.Generator,
 ) -> None:
     share = _swap_shares(pixels.shape[1], options)
-    for pairs in _swapped_together(skeleton, options):
+    for pairs in _swap_groups(skeleton, options):
         if options.swap_law == "pair":
             swapped = rng.random(pixels.shape[:2]) < share
         else:
-            swapped = spells(pixels.shape[:2], share, _SWAP_DWELL_S[options.swap_law], rate_hz, rng)
+            swapped = on_intervals(pixels.shape[:2], share, _SWAP_DWELL_S[options.swap_law], rate_hz, rng)
         for left, right in pairs:
             both = [skeleton.index(left), skeleton.index(right)]
             for values in (pixels, confidence):
@@ -201,7 +201,7 @@ def _swap_limbs(
                 )
 
 
-def _swapped_together(skeleton: Skeleton, options: DetectorOptions) -> tuple[tuple[tuple[str, str], ...], ...]:
+def _swap_groups(skeleton: Skeleton, options: DetectorOptions) -> tuple[tuple[tuple[str, str], ...], ...]:
     if options.swap_law == "chain":
         return tuple(skeleton.chains.values())
     return (skeleton.pairs,) if options.swap_law == "body" else tuple((pair,) for pair in skeleton.pairs)
@@ -211,5 +211,5 @@ def _swap_shares(n_views: int, options: DetectorOptions) -> float | np.ndarray:
     if not options.swap_shares:
         return options.swap_share
     if len(options.swap_shares) != n_views:
-        raise OptionsError(f"swap_shares needs one share for each of {n_views} views, got {len(options.swap_shares)}.")
+        raise OptionsError(f"swap_shares needs one fraction per view ({n_views}), got {len(options.swap_shares)}.")
     return np.array(options.swap_shares)

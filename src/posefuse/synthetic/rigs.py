@@ -1,4 +1,4 @@
-"""Camera rigs: where cameras stand in a lab, a room, an aisle. World: z up, floor at z = 0, metres."""
+"""Simulated camera rigs: ring, room corners, aisle. World: z up, floor at z = 0, meters."""
 
 import numpy as np
 
@@ -23,41 +23,41 @@ def build_rig(
     focal_px: float | None = None,
     target_m: tuple[float, float, float] = (0.0, 0.0, 0.9),
 ) -> CameraRig:
-    """A rig of equal cameras, 1920 x 1080, all looking at one point.
+    """Build a rig of equal cameras, 1920 x 1080 px, all directed at one point.
 
     Args:
-        layout: ``ring`` (evenly around, heights 1.5 and 2.5 m in turn), ``corners`` (high up in the corners of a
-            square room, then along its walls) or ``aisle`` (along both sides of a walkway).
-        n_cameras: 1 to 32.
+        layout: ``ring`` (evenly spaced, heights alternating between 1.5 and 2.5 m), ``corners`` (high in the corners of
+            a square room, then along its walls) or ``aisle`` (along both sides of a walkway).
+        n_cameras: number of cameras, 1 to 32.
         lens: ``pinhole``, ``barrel`` (k1 = -0.28, folds over at 1.09) or ``fisheye``.
-        radius_m: of the ring; half the room; half the aisle's length.
-        focal_px: by default 1200, of the fisheye 620.
-        target_m: where they look.
+        radius_m: radius of the ring, half the room, or half the aisle.
+        focal_px: focal length; default: 1200, fisheye 620.
+        target_m: point that all cameras face.
 
     Raises:
-        OptionsError: on a number of cameras out of range.
+        OptionsError: if the number of cameras is out of range.
     """
     if not 1 <= n_cameras <= MOST_CAMERAS:
         raise OptionsError(f"A simulated rig has 1 to {MOST_CAMERAS} cameras, got {n_cameras}.")
-    centres = {"ring": _ring, "corners": _corners, "aisle": _aisle}[layout](n_cameras, radius_m)
+    centers = {"ring": _ring, "corners": _corners, "aisle": _aisle}[layout](n_cameras, radius_m)
     model, distortion, focal = _LENSES[lens]
     focal = focal_px or focal
     matrix = np.array([[focal, 0.0, (_SIZE_PX[0] - 1) / 2], [0.0, focal, (_SIZE_PX[1] - 1) / 2], [0.0, 0.0, 1.0]])
     cameras = tuple(
-        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(centre, np.array(target_m)), model, distortion)
-        for i, centre in enumerate(centres)
+        Camera(f"cam_{i}", _SIZE_PX, matrix, look_at(center, np.array(target_m)), model, distortion)
+        for i, center in enumerate(centers)
     )
     return CameraRig(cameras, up_axis="z", source="simulated")
 
 
-def look_at(centre_m: np.ndarray, target_m: np.ndarray) -> np.ndarray:
-    """Shape (4, 4): camera_from_world of a level camera at a place that looks at another; z is up."""
-    forward = (target_m - centre_m) / np.linalg.norm(target_m - centre_m)
+def look_at(center_m: np.ndarray, target_m: np.ndarray) -> np.ndarray:
+    """Return camera_from_world, shape (4, 4), of a level camera directed at a target; z is up."""
+    forward = (target_m - center_m) / np.linalg.norm(target_m - center_m)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
     pose = np.eye(4)
     pose[:3, :3] = right, np.cross(forward, right), forward
-    pose[:3, 3] = -pose[:3, :3] @ centre_m
+    pose[:3, 3] = -pose[:3, :3] @ center_m
     return pose
 
 
@@ -67,7 +67,7 @@ def _ring(n: int, radius: float) -> np.ndarray:
 
 
 def _corners(n: int, half: float) -> np.ndarray:
-    # Corners first, then evenly along the walls; lower cameras further down the list.
+    # Corners first, then evenly along the walls; later cameras are lower.
     turn = np.array([0.125, 0.625, 0.375, 0.875])
     angle = 2.0 * np.pi * (turn[np.arange(n) % 4] + (np.arange(n) // 4) * 0.06)
     reach = half / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))

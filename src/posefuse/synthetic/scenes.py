@@ -1,4 +1,4 @@
-"""Whole scenes: a rig, the truth, and what a detector made of it."""
+"""Simulated scenes with one subject: rig, ground truth and detections."""
 
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -19,13 +19,13 @@ from posefuse.synthetic.rigs import build_rig
 
 @dataclass(frozen=True)
 class Scene:
-    """What was simulated.
+    """A simulated recording.
 
     Attributes:
-        rig: The cameras.
-        detections: What the detector made of it.
-        truth: Where the keypoints really were.
-        offsets_s: Shape (view,): how much later than it says each view took its frames.
+        rig: cameras.
+        detections: simulated detections.
+        truth: true keypoint positions.
+        offsets_s: shape (view,): time offset of each view's clock, in seconds.
     """
 
     rig: CameraRig
@@ -38,8 +38,8 @@ def simulate(options: SceneOptions | None = None) -> Scene:
     """Simulate a recording of one subject.
 
     Raises:
-        OptionsError: on options that make no scene.
-        SkeletonError: if there is no such skeleton.
+        OptionsError: if the options are invalid.
+        SkeletonError: if the skeleton does not exist.
     """
     options = options or SceneOptions()
     rng = np.random.default_rng(options.seed)
@@ -58,7 +58,7 @@ def simulate(options: SceneOptions | None = None) -> Scene:
     time_s = np.arange(n_frames) / options.rate_hz
     offsets = clock_offsets(rig, options.detector, rng)
     columns = figure.columns(skeleton)
-    # A clock may run ahead of the recording's start: motions begin a little later than time 0.
+    # A clock may be ahead of the start of the recording, so motions start after time 0.
     taken = time_s[:, None] + offsets[None, :] + options.detector.max_offset_s
     seen = motion.positions(figure, taken.ravel())[:, columns].reshape(n_frames, len(rig), len(skeleton), 3)
     points = motion.positions(figure, time_s + options.detector.max_offset_s)[:, columns]
@@ -67,13 +67,13 @@ def simulate(options: SceneOptions | None = None) -> Scene:
 
 
 def truth_of(rig: CameraRig, skeleton: Skeleton, points_m: np.ndarray, rate_hz: float) -> Reconstruction:
-    """Known positions as a reconstruction.
+    """Return ground truth as a reconstruction.
 
     Args:
-        rig: the cameras of the scene.
-        skeleton: of the keypoints.
+        rig: cameras of the scene.
+        skeleton: skeleton of the keypoints.
         points_m: shape (frame, keypoint, 3) of one person, or (frame, person, keypoint, 3); NaN where absent.
-        rate_hz: frames per second.
+        rate_hz: frame rate.
     """
     points = np.asarray(points_m, dtype=np.float64)
     points = points[:, None] if points.ndim == 3 else points

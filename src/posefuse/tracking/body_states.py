@@ -1,4 +1,4 @@
-"""The states of all people who are followed, side by side in arrays."""
+"""States of tracked bodies, as arrays with one entry per body."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from posefuse.skeleton.trees import Tree
 
 
 def body_of(tree: Tree) -> Body:
-    """A tree as kernels take it."""
-    # Frozen also where the tree was pickled: for kernels a writable array is another type, to be compiled for anew.
+    """Return a tree in the form that kernels take."""
+    # Freeze the array also if the tree was pickled: kernels compile writable arrays as another type.
     arrays = (*tree.packed, frozen(tree.keypoint_nodes, np.int64), *tree.packed_limits)
     return Body._make(arrays)
 
 
-def nobody(tree: Tree) -> State:
-    """States of no people."""
+def empty_state(tree: Tree) -> State:
+    """Return the state of no bodies."""
     n, h = tree.n_pose, tree.n_shape
     return State(
         root=np.empty((0, 3)),
@@ -32,51 +32,58 @@ def nobody(tree: Tree) -> State:
     )
 
 
-def joined(first: State, second: State) -> State:
-    """The people of both."""
+def join_states(first: State, second: State) -> State:
+    """Return the bodies of both states."""
     return State(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))
 
 
-def chosen(state: State, people: np.ndarray | list[int]) -> State:
-    """Some of the people, copied, by number or by mask."""
-    index = np.asarray(people)
+def select_states(state: State, bodies: np.ndarray | list[int]) -> State:
+    """Return a copy of some bodies, given by index or by mask."""
+    index = np.asarray(bodies)
     index = index if index.dtype == bool else index.astype(np.int64)
     return State(*(np.ascontiguousarray(each[index]) for each in state))
 
 
-def put(state: State, person: int, other: State, of: int = 0) -> None:
-    """Give a person the state of another."""
+def set_state(state: State, body: int, other: State, other_body: int = 0) -> None:
+    """Overwrite the state of one body with that of a body of another state."""
     for mine, theirs in zip(state, other, strict=True):
-        mine[person] = theirs[of]
+        mine[body] = theirs[other_body]
 
 
-def uncertain(n_pose: int, n_shape: int, free: bool) -> np.ndarray:
-    """Which of pose, shape and velocity, by number, are not known for certain: the shape is where it is kept."""
+def free_columns(n_pose: int, n_shape: int, free: bool) -> np.ndarray:
+    """Return the columns of pose, shape and velocity that are uncertain; a fixed shape is certain."""
     everything = np.arange(2 * n_pose + n_shape)
     return everything if free else np.delete(everything, np.s_[n_pose : n_pose + n_shape])
 
 
+def fix_shape_covariance(state: State, body: int, n_pose: int, n_shape: int) -> None:
+    """Make the shape of one body certain, in place: its rows and columns of the covariance become zero."""
+    state.free[body] = 0
+    state.covariance[body, n_pose : n_pose + n_shape] = 0.0
+    state.covariance[body, :, n_pose : n_pose + n_shape] = 0.0
+
+
 @dataclass(frozen=True)
-class Sight:
-    """Where views should see people.
+class ProjectedBodies:
+    """Keypoints of bodies in space and in the views.
 
     Attributes:
         points_m: shape (person, keypoint, 3), NaN where the tree has no such point.
         covariance_m2: shape (person, keypoint, 6).
-        pixels: shape (person, view, keypoint, 2), NaN where the view cannot see it.
-        spread: shape (person, view, keypoint, 3): by how much the pixel is not known, px^2.
-        size_px: shape (person, view, keypoint): how many px a metre is there.
+        pixels: shape (person, view, keypoint, 2), NaN where the view cannot see the point.
+        pixel_covariance_px2: shape (person, view, keypoint, 3): covariance of each projection from that of the state.
+        px_per_m: shape (person, view, keypoint): image scale at the point.
     """
 
     points_m: np.ndarray
     covariance_m2: np.ndarray
     pixels: np.ndarray
-    spread: np.ndarray
-    size_px: np.ndarray
+    pixel_covariance_px2: np.ndarray
+    px_per_m: np.ndarray
 
     @classmethod
-    def room(cls, people: int, views: int, keypoints: int) -> "Sight":
-        """Arrays to be written."""
+    def allocate(cls, people: int, views: int, keypoints: int) -> "ProjectedBodies":
+        """Return uninitialized arrays."""
         return cls(
             np.empty((people, keypoints, 3)),
             np.empty((people, keypoints, 6)),
@@ -86,26 +93,32 @@ class Sight:
         )
 
     @classmethod
-    def of(cls, state: State, cameras: np.ndarray, body: Body) -> "Sight":
-        """Where these cameras, none or some, should see people in these states."""
-        sight = cls.room(len(state.root), len(cameras), len(body.keypoint_nodes))
-        project_people(cameras, body, state, *sight.arrays)
-        return sight
+    def of(cls, state: State, cameras: np.ndarray, body: Body) -> "ProjectedBodies":
+        """Project bodies into some cameras, or into none.
+
+        Args:
+            state: State of the bodies.
+            cameras: shape (view, COLUMNS).
+            body: Tree of the bodies.
+        """
+        projected = cls.allocate(len(state.root), len(cameras), len(body.keypoint_nodes))
+        project_people(cameras, body, state, *projected.arrays)
+        return projected
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """In the order of ``project_people``."""
-        return self.points_m, self.covariance_m2, self.pixels, self.spread, self.size_px
+        """The arrays in the order of the projection kernel's arguments."""
+        return self.points_m, self.covariance_m2, self.pixels, self.pixel_covariance_px2, self.px_per_m
 
 
 @dataclass(frozen=True, eq=False)
-class Uses:
-    """What became of the keypoints of a frame, counted.
+class KeypointUses:
+    """Counts of used and rejected keypoints in one frame.
 
     Attributes:
-        of_view: shape (person, view), int64: how many keypoints of a view counted.
-        used: shape (person, keypoint), int64: in how many views a keypoint counted.
-        gated: shape (person, keypoint), int64: in how many views it was too far off to count.
+        of_view: shape (person, view), int64: number of used keypoints per view.
+        used: shape (person, keypoint), int64: number of views in which a keypoint was used.
+        gated: shape (person, keypoint), int64: number of views in which a keypoint was rejected as too far off.
     """
 
     of_view: np.ndarray
@@ -113,8 +126,8 @@ class Uses:
     gated: np.ndarray
 
     @classmethod
-    def of(cls, use: np.ndarray) -> "Uses":
-        """Counted of what ``update_people`` writes, shape (person, view, keypoint)."""
+    def of(cls, use: np.ndarray) -> "KeypointUses":
+        """Count the codes that ``update_people`` writes, shape (person, view, keypoint)."""
         people, views, keypoints = use.shape
         shapes = ((people, views), (people, keypoints), (people, keypoints))
         counted = cls(*(np.empty(shape, dtype=np.int64) for shape in shapes))

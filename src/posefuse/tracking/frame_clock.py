@@ -1,6 +1,6 @@
-"""When frames are: views that are late, drop a frame, or record none.
+"""Times of frames: views that are late, drop a frame, or record none.
 
-Times of a handful of views are taken as numbers, one by one: arrays of so few cost more to ask than to add up.
+The times of a handful of views are processed as scalars: arrays of this size cost more to create than to add.
 """
 
 import math
@@ -12,95 +12,98 @@ from posefuse.errors import DetectionsError
 from posefuse.model.frames import Frame
 
 _SAME_TIME_S = 1e-3
-"""Views that differ by less are of one time."""
-_LEAST_S = 1e-4
-SAME_S = 1e-6
-"""Durations that differ by less are the same: a double tells seconds since 1970 to 0.24 us."""
+"""Views whose times differ by less count as simultaneous."""
+_MIN_STEP_S = 1e-4
+TIME_TOLERANCE_S = 1e-6
+"""Durations that differ by less count as equal: a double resolves seconds since 1970 to 0.24 us."""
 
 
 @dataclass
-class Clock:
-    """What time it is for the tracker; goes forward alone.
+class FrameClock:
+    """Time of the tracker, which only moves forward.
 
     Attributes:
-        time_s: of the last frame, NaN before the first.
-        number: of the last frame.
-        period_s: from one frame number to the next, as last seen; NaN if not known.
-        views_s: when each view last took a frame, -inf before; empty before the first.
-        apart_s: how long after their last frames the views took this one, mostly.
+        time_s: Time of the last frame, in seconds; NaN before the first.
+        number: Number of the last frame.
+        period_s: Time from one frame number to the next, as last observed; NaN if unknown.
+        views_s: Time at which each view last took a frame, -inf before its first; empty before the first frame.
+        view_dt_s: Median time between the views' last two frames, in seconds.
     """
 
     time_s: float = np.nan
     number: int = 0
     period_s: float = np.nan
     views_s: list[float] = field(default_factory=list)
-    apart_s: float = 0.0
+    view_dt_s: float = 0.0
 
-    def take(self, frame: Frame) -> float:
-        """Go on to a frame; how long after the last it is, s: 0 for the first.
+    def advance(self, frame: Frame) -> float:
+        """Advance to a frame and return the time since the last one, in seconds; 0 for the first.
 
-        A frame of no view is one period after the last if nothing else is said. Views may be late by more than the
-        others are apart: where a late one drops a frame, the frame is of just after the last.
+        A frame without views is one period after the last unless it states its time. A view may be late by more than
+        the others are apart. Where such a view drops a frame, the frame is dated just after the last one.
 
         Raises:
-            DetectionsError: if nothing says when the frame was taken, or it is not later than the last.
+            DetectionsError: If the frame has no time, or is not later than the last one.
         """
         seen_s = frame.taken_s
         time_s = self._time_of(frame, seen_s)
         before = self.time_s
         last_s = self.views_s or [-math.inf] * len(seen_s)
         if time_s <= before:
-            if not _goes_on(seen_s, last_s):
+            if not _all_later(seen_s, last_s):
                 raise DetectionsError(
-                    f"Frame {frame.number} is of {time_s:.4f} s, the last was of {before:.4f} s. Frames come in order."
+                    f"Frame {frame.number} is at {time_s:.4f} s, after a frame at {before:.4f} s. Frames must be in "
+                    "order of time."
                 )
-            time_s = before + _LEAST_S
+            time_s = before + _MIN_STEP_S
         elif math.isfinite(before):
             self.period_s = (time_s - before) / self._frames_since(frame)
-        apart_s = [now - last for now, last in zip(seen_s, last_s, strict=True) if math.isfinite(now - last)]
+        view_dt_s = [now - last for now, last in zip(seen_s, last_s, strict=True) if math.isfinite(now - last)]
         self.views_s = [last if math.isnan(now) else now for now, last in zip(seen_s, last_s, strict=True)]
         self.time_s, self.number = time_s, frame.number
         dt_s = 0.0 if math.isnan(before) else time_s - before
-        ordered, half = sorted(apart_s), len(apart_s) // 2
-        self.apart_s = 0.5 * (ordered[half] + ordered[~half]) if ordered else dt_s
+        ordered, half = sorted(view_dt_s), len(view_dt_s) // 2
+        self.view_dt_s = 0.5 * (ordered[half] + ordered[~half]) if ordered else dt_s
         return dt_s
 
     def _time_of(self, frame: Frame, seen_s: list[float]) -> float:
         known = [now for now in seen_s if not math.isnan(now)]
         if not known and not len(frame.view):
-            known = [said for said in frame.time_s.tolist() if math.isfinite(said)]
+            known = [stated for stated in frame.time_s.tolist() if math.isfinite(stated)]
             if not known and math.isfinite(self.period_s):
                 return self.time_s + self.period_s * self._frames_since(frame)
         if not known:
             raise DetectionsError(
-                f"Frame {frame.number} has no time, and how far people move depends on it. Give the frame rate of the "
-                "recording (--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
+                f"Frame {frame.number} has no time, which the motion model needs. Give the frame rate of the recording "
+                "(--rate-hz, Options.rate_hz), or times (time_s of a Frame)."
             )
-        # Views of a frame that were taken one after the other are taken into account one after the other.
+        # Views of a frame that were taken one after the other are processed one after the other.
         return math.fsum(known) / len(known) if max(known) - min(known) < _SAME_TIME_S else max(known)
 
     def _frames_since(self, frame: Frame) -> int:
-        """How many frames after the last this is; one if frames are not numbered."""
+        """Return the number of frames since the last one; one if frames have no numbers."""
         return max(1, frame.number - self.number)
 
 
-def _goes_on(seen_s: list[float], last_s: list[float]) -> bool:
-    """Whether some view is later than it was, and none is earlier."""
+def _all_later(seen_s: list[float], last_s: list[float]) -> bool:
+    """Return whether every view that has a time is later than it was, and at least one has a time."""
     ahead = [now - last for now, last in zip(seen_s, last_s, strict=True) if not math.isnan(now)]
     return bool(ahead) and min(ahead) > 0.0
 
 
-def moments(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
-    """When views took a frame, in order, and which of them, shape (view,), bool; the others with the first.
+def view_times(frame: Frame, time_s: float) -> list[tuple[float, np.ndarray]]:
+    """Return the times at which views took a frame, in order, each with a mask of its views, shape (view,).
+
+    Views without a time are grouped with the first.
 
     Args:
-        frame: the frame.
-        time_s: of the frame, where no view says it.
+        frame: The frame.
+        time_s: Time of the frame if no view has one, in seconds.
     """
     seen_s = frame.taken_s
-    there = [now for now in seen_s if not math.isnan(now)]
-    if not there or max(there) - min(there) < _SAME_TIME_S:
-        return [(max(there, default=time_s), np.ones(len(seen_s), dtype=bool))]
-    times = np.where(np.isnan(seen_s), min(there), seen_s)
+    known = [now for now in seen_s if not math.isnan(now)]
+    if not known or max(known) - min(known) < _SAME_TIME_S:
+        return [(max(known, default=time_s), np.ones(len(seen_s), dtype=bool))]
+    times = np.where(np.isnan(seen_s), min(known), seen_s)
     rounded = np.round(times / _SAME_TIME_S)
     return [(float(times[rounded == each].max()), rounded == each) for each in np.unique(rounded)]

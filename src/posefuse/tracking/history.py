@@ -1,4 +1,4 @@
-"""What a tracker knew of everybody in every frame, kept in little memory, to be gone through again afterwards."""
+"""History of a tracker: states of all tracks in all frames, stored compactly for the smoother."""
 
 import os
 import pickle
@@ -17,31 +17,31 @@ from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import chosen
+from posefuse.tracking.body_states import select_states
 from posefuse.tracking.history_entries import Entries
-from posefuse.tracking.parts import PartFollower
-from posefuse.tracking.records import People, Person, Remembered, Track
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.parts import PartTracker
+from posefuse.tracking.records import PastState, People, Person, Track, TrackedFrame
+from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _BLOCK_S = 5.0
-_AT_HAND = 4
+_MAX_CACHED_BLOCKS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One person in frames that follow each other without a gap, as the filter knew them.
+    """Filtered states of one track in consecutive frames.
 
     Attributes:
-        number: of the one who was followed, whatever they are called.
-        places: shape (frame,), int64: which frames of the history, counted from 0.
+        number: Number of the track, whatever its name.
+        places: shape (frame,), int64: indices of the frames in the history.
         time_s: shape (frame,).
-        fresh: whether the filter began anew with the first frame.
-        state: a State with frames where people stand.
-        rows: shape (frame, view), int64: the detections that are theirs, -1 for none.
-        used: shape (frame, view, keypoint), bool: the keypoints that counted.
-        life: shape (frame,), int8: TENTATIVE before they were believed, ACTIVE or LOST.
-        missing_s: shape (frame,): for how long nothing had supported them.
+        fresh: Whether the filter was initialized with the first frame.
+        state: State with one entry per frame instead of per person.
+        rows: shape (frame, view), int64: assigned detections, -1 for none.
+        used: shape (frame, view, keypoint), bool: keypoints that the update used.
+        life: shape (frame,), int8: TENTATIVE before the track was confirmed, then ACTIVE or LOST.
+        missing_s: shape (frame,): time since the last support, in seconds.
     """
 
     number: int
@@ -58,7 +58,7 @@ class Run:
         return len(self.places)
 
     def frames(self, start: int, stop: int) -> "Run":
-        """The frames ``start`` to ``stop`` of the run."""
+        """Return the frames ``start`` to ``stop`` of the run."""
         to = slice(start, stop)
         return Run(
             self.number, self.places[to], self.time_s[to], self.fresh and start == 0,
@@ -66,21 +66,21 @@ class Run:
         )  # fmt: skip
 
     def within(self, start: int, stop: int) -> "Run":
-        """The frames from ``start`` to ``stop`` of the history."""
+        """Return the frames from ``start`` to ``stop`` of the history."""
         first, last = np.searchsorted(self.places, (start, stop))
         return self.frames(int(first), int(last))
 
 
 @dataclass(eq=False)
 class _Block:
-    """Some seconds of entries, by number and place; in a spool, at some place, once nothing is added any more."""
+    """A few seconds of entries, by track number and frame; in a spool once the block is complete."""
 
     first: int
     entries: dict[int, dict[int, Entries]] = field(default_factory=dict)
     spooled_at: int | None = None
 
     def joined(self, start: int, stop: int) -> dict[int, Entries]:
-        """Everybody in the frames from ``start`` to ``stop`` of the history, by number, of a block in no spool."""
+        """Return the entries of the frames from ``start`` to ``stop`` of the history, by number; not for spooled blocks."""
         found = {
             number: [entries[place] for place in sorted(entries) if start <= place < stop]
             for number, entries in self.entries.items()
@@ -88,41 +88,41 @@ class _Block:
         return {number: Entries.joined(parts) for number, parts in found.items() if parts}
 
     def spool(self, spool: Spool) -> None:
-        """Put the entries there."""
+        """Move the entries into a spool."""
         self.spooled_at, self.entries = spool.add(self.joined(0, sys.maxsize)), {}
 
 
 class _TemporarySpool:
-    """A temporary file without a name, which is gone when this is; see :class:`posefuse.checkpoint.Spool`."""
+    """An anonymous temporary file that is deleted with this object; see :class:`posefuse.checkpoint.Spool`."""
 
     def __init__(self) -> None:
         self._file = tempfile.TemporaryFile(prefix="posefuse-")  # noqa: SIM115 (open as long as the history is)
         weakref.finalize(self, self._file.close)
 
     def add(self, value: Any) -> int:
-        """Take a value; where in the file it begins."""
+        """Append a value and return its position in the file."""
         place = self._file.seek(0, os.SEEK_END)
         pickle.dump(value, self._file, protocol=pickle.HIGHEST_PROTOCOL)
         return place
 
     def read(self, place: int) -> Any:
-        """The value that begins there."""
+        """Return the value at a position."""
         self._file.seek(place)
         return pickle.load(self._file)
 
 
 class History:
-    """Records a tracker's frames, and gives them back by ranges.
+    """Recorder of a tracker's frames, which returns ranges of them.
 
-    Frames are counted from 0 in the order they were added. What is older than a few seconds lies in a spool: of a body
-    of 20 keypoints 14 kB a person and frame, 1.2 GB an hour at 25 fps.
+    Frames are counted from 0 in the order in which they were added. Entries older than a few seconds are in a spool: a
+    body with 20 keypoints takes 14 kB per person and frame, or 1.2 GB per hour at 25 fps.
 
     Args:
-        settings: of the tracker.
-        spool: where; a temporary file without a name, which is gone when the history is, where it is left out.
+        settings: Settings of the tracker.
+        spool: Storage of older entries; by default an anonymous temporary file that is deleted with the history.
     """
 
-    def __init__(self, settings: Settings, spool: Spool | None = None) -> None:
+    def __init__(self, settings: TrackerSettings, spool: Spool | None = None) -> None:
         self.settings = settings
         self.numbers = array("q")
         self.time_s = array("d")
@@ -131,62 +131,72 @@ class History:
         self._spool = spool or _TemporarySpool()
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what lies in the spool: whoever goes on from a pickle says where that is, with :meth:`goes_on_in`."""
+        """Return everything but the spool; call :meth:`attach_spool` after unpickling."""
         return {name: value for name, value in vars(self).items() if name not in ("_spool", "_recent")}
 
-    def goes_on_in(self, spool: Spool) -> None:
-        """Take a spool, that of the history which this one is a pickle of, for one's own."""
+    def attach_spool(self, spool: Spool) -> None:
+        """Use the spool of the history from which this one was pickled."""
         self._spool, self._recent = spool, {}
 
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def add(self, tracker: ArticulatedTracker, people: People) -> None:
-        """What a tracker knows after a frame, and the frames before it of those who are new.
+    def add(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
+        """Add the tracks of a frame, and earlier frames of tracks that were just confirmed.
+
+        Args:
+            tracker: The tracker after the frame.
+            tracked: What it found in the frame.
 
         Raises:
-            DetectionsError: if the frame is not later than the last.
+            DetectionsError: If the frame is not later than the last one.
         """
+        people = tracked.people
         here = self._next(people.number, people.time_s)
-        told = {person.name: person for person in people.people}
+        person_of = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
-            past = tracker.remembered.get(track.name)
+            past = tracked.past_states.get(track.name)
             fresh = past is not None
             if past:
                 fresh = not self._add_past(track.number, past, here)
-            self._put(track.number, _entry(here, fresh, tracker.state, p, told[track.name]))
+            self._put(track.number, _entry(here, fresh, tracker.state, p, person_of[track.name]))
 
-    def add_parts(self, follower: PartFollower, tracks: list[Track], people: People) -> None:
-        """What is known of everybody's part after a frame; the history is one of that part.
+    def add_parts(self, tracker: PartTracker, tracks: list[Track], people: People) -> None:
+        """Add the part tracks of a frame; this is the history of that part.
+
+        Args:
+            tracker: Tracker of the part after the frame.
+            tracks: Tracks of the bodies.
+            people: People of the frame.
 
         Raises:
-            DetectionsError: if the frame is not later than the last.
+            DetectionsError: If the frame is not later than the last one.
         """
         here = self._next(people.number, people.time_s)
         numbers = {track.name: track.number for track in tracks}
-        for p, (part, person) in enumerate(zip(follower.tracks, follower.people, strict=True)):
-            self._put(numbers[part.name], _entry(here, part.fresh, follower.state, p, person))
+        for p, (part, person) in enumerate(zip(tracker.tracks, tracker.people, strict=True)):
+            self._put(numbers[part.name], _entry(here, part.fresh, tracker.state, p, person))
 
     def _next(self, number: int, time_s: float) -> int:
-        """Which frame, counted from 0, the one of that number will be."""
+        """Start a frame and return its index in the history."""
         if self.numbers and number <= self.numbers[-1]:
             raise DetectionsError(
-                f"Frame {number} comes after frame {self.numbers[-1]}; a history takes frames in order."
+                f"Frame {number} follows frame {self.numbers[-1]}; frames must be added to a history in order."
             )
         self.numbers.append(number)
         self.time_s.append(time_s)
         here = len(self.numbers) - 1
         if not self._blocks or time_s - self.time_s[self._blocks[-1].first] >= _BLOCK_S:
             self._blocks.append(_Block(here))
-            # A block stays open for another one, since people are believed some time after they were first seen.
+            # A block stays open during the next one, because tracks are confirmed some time after their first frame.
             if len(self._blocks) > 2 and self._blocks[-3].spooled_at is None:
                 self._blocks[-3].spool(self._spool)
         return here
 
-    def _add_past(self, number: int, past: list[Remembered], here: int) -> bool:
-        """Put states from before somebody was believed where they belong; whether there are any.
+    def _add_past(self, number: int, past: list[PastState], here: int) -> bool:
+        """Add the states before the confirmation of a track; return whether there are any.
 
-        In frames between them that showed nothing the body moves on as it would.
+        The frames between them without an observation hold predictions.
         """
         s = self.settings
         earliest = self._blocks[-2].first if len(self._blocks) > 1 else self._blocks[-1].first
@@ -194,18 +204,18 @@ class History:
         by_place = {place: each for place, each in by_place.items() if place >= earliest}
         if not by_place:
             return False
-        state, seen_s = chosen(by_place[min(by_place)].state, [0]), 0.0
+        state, last_seen_s = select_states(by_place[min(by_place)].state, [0]), 0.0
         views, keypoints = len(s.rig), len(s.skeleton)
         for place in range(min(by_place), here):
             each = by_place.get(place)
             if each is not None:
-                state, seen_s = chosen(each.state, [0]), self.time_s[place]
+                state, last_seen_s = select_states(each.state, [0]), self.time_s[place]
                 rows, used = each.rows, np.tile(each.rows[:, None] >= 0, (1, keypoints))
             else:
                 dt_s = np.array([self.time_s[place] - self.time_s[place - 1]])
                 predict_people(dt_s, s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
                 rows, used = np.full(views, -1), np.zeros((views, keypoints), dtype=bool)
-            missing_s = self.time_s[place] - seen_s
+            missing_s = self.time_s[place] - last_seen_s
             self._put(
                 number,
                 Entries.one(place, place == min(by_place), state, rows, used, TrackState.TENTATIVE, missing_s),
@@ -218,10 +228,10 @@ class History:
         block.entries.setdefault(number, {})[place] = entry
 
     def place(self, number: int) -> int:
-        """Which frame, counted from 0, has a number.
+        """Return the index of the frame with a number.
 
         Raises:
-            DetectionsError: if none has.
+            DetectionsError: If there is no such frame.
         """
         place = bisect_left(self.numbers, number)
         if place == len(self.numbers) or self.numbers[place] != number:
@@ -229,13 +239,13 @@ class History:
         return place
 
     def place_at(self, time_s: float) -> int:
-        """The first frame, counted from 0, that is later than a time."""
+        """Return the index of the first frame after a time."""
         return bisect_right(self.time_s, time_s)
 
     def runs(self, start: int, stop: int) -> list[Run]:
-        """Everybody in the frames ``start`` to ``stop``, counted from 0; by number, then by time.
+        """Return the runs of all tracks in the frames ``start`` to ``stop``, by track number, then by time.
 
-        A person has several runs where they were not followed in between, or where the filter began anew.
+        A track has several runs if it was interrupted, or if the filter was initialized again.
         """
         found: dict[int, list[Entries]] = {}
         ends = [*(block.first for block in self._blocks[1:]), len(self.numbers)]
@@ -246,11 +256,11 @@ class History:
         return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
 
     def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
-        """Of some frames of a block, by number; those of the last few that were read from files are at hand."""
+        """Return the entries of some frames of a block by track number; the last few blocks read from a spool are cached."""
         if block.spooled_at is None:
             return block.joined(start, stop)
         if block.first not in self._recent:
-            while len(self._recent) >= _AT_HAND:
+            while len(self._recent) >= _MAX_CACHED_BLOCKS:
                 del self._recent[next(iter(self._recent))]
             self._recent[block.first] = self._spool.read(block.spooled_at)
         inside = {number: entries.within(start, stop) for number, entries in self._recent[block.first].items()}
@@ -265,6 +275,6 @@ class History:
 
 
 def _entry(place: int, fresh: bool, states: State, p: int, person: Person) -> Entries:
-    """A frame of somebody."""
+    """Return the entry of one person in one frame."""
     state = State(*(each[p : p + 1] for each in states))
     return Entries.one(place, fresh, state, person.rows, person.used, person.state, person.missing_s)

@@ -1,4 +1,4 @@
-"""What a history keeps of somebody: little memory a frame."""
+"""Compact storage of one track's states in a history."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,22 +13,22 @@ from posefuse.model.tracks import TrackState
 
 @dataclass(frozen=True, eq=False)
 class Entries:
-    """One person in some frames, in order.
+    """States of one track in some frames, in order.
 
     Attributes:
-        places: shape (frame,), int64: which frames of the history, counted from 0.
-        fresh: shape (frame,), bool: whether the filter began anew.
-        rows: shape (frame, view), int64: the detections that are theirs, -1 for none.
-        used: shape (frame, view, keypoint), bool: the keypoints that counted.
+        places: shape (frame,), int64: indices of the frames in the history.
+        fresh: shape (frame,), bool: whether the filter was initialized in the frame.
+        rows: shape (frame, view), int64: assigned detections, -1 for none.
+        used: shape (frame, view, keypoint), bool: keypoints that the update used.
         life: shape (frame,), int8: :class:`TrackState`.
-        missing_s: shape (frame,): for how long nothing had supported them.
-        root: shape (frame, 3), as the further ones of the State.
+        missing_s: shape (frame,): time since the last support, in seconds.
+        root: shape (frame, 3); this and the following fields are those of the State.
         turns: shape (frame, segment, 3, 3).
         bones: shape (frame, bone, 3, 3).
         shape: shape (frame, shape).
         velocity: shape (frame, pose).
         free: shape (frame,), int64.
-        triangles: shape (number,): lower triangles of the covariances, without the shape's rows where that is kept.
+        triangles: shape (number,): lower triangles of the covariances, without the rows of a fixed shape.
     """
 
     places: np.ndarray
@@ -53,11 +53,11 @@ class Entries:
         cls, place: int, fresh: bool, state: State, rows: np.ndarray, used: np.ndarray, life: TrackState,
         missing_s: float,
     ) -> "Entries":  # fmt: skip
-        """One frame; of the state, of one person, nothing is kept that could change."""
-        n, kept = state.velocity.shape[1], 0 if state.free[0] else state.shape.shape[1]
-        size = state.covariance.shape[1] - kept
+        """Return the entry of one frame, with copies of the state of one person."""
+        n, fixed = state.velocity.shape[1], 0 if state.free[0] else state.shape.shape[1]
+        size = state.covariance.shape[1] - fixed
         triangle = np.empty(size * (size + 1) // 2)
-        pack_triangle(state.covariance[0], n, kept, triangle)
+        pack_triangle(state.covariance[0], n, fixed, triangle)
         return cls(
             np.array([place]), np.array([fresh]), rows[None].copy(), used[None].copy(),
             np.array([life], dtype=np.int8), np.array([missing_s]), state.root.copy(), state.turns.copy(),
@@ -66,13 +66,13 @@ class Entries:
 
     @classmethod
     def joined(cls, parts: Sequence["Entries"]) -> "Entries":
-        """Frames that follow each other, as one."""
+        """Return consecutive entries as one."""
         if len(parts) == 1:
             return parts[0]
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
     def frames(self, start: int, stop: int) -> "Entries":
-        """The frames ``start`` to ``stop`` of these."""
+        """Return the frames ``start`` to ``stop`` of these."""
         n, h = self.velocity.shape[1], self.shape.shape[1]
         size = np.where(self.free != 0, 2 * n + h, 2 * n)
         ends = np.concatenate([[0], np.cumsum(size * (size + 1) // 2)])
@@ -81,19 +81,19 @@ class Entries:
         return Entries(**cut)
 
     def within(self, start: int, stop: int) -> "Entries":
-        """The frames from ``start`` to ``stop`` of the history."""
+        """Return the frames from ``start`` to ``stop`` of the history."""
         first, last = np.searchsorted(self.places, (start, stop))
         return self.frames(int(first), int(last))
 
     def unbroken(self) -> list["Entries"]:
-        """Parts in which each frame follows the one before and goes on from it."""
+        """Return the parts in which every frame continues the one before."""
         begins = np.flatnonzero(self.fresh[1:] | (np.diff(self.places) != 1)) + 1
         edges = [0, *begins.tolist(), len(self)]
         return [self.frames(first, last) for first, last in pairwise(edges)]
 
     @property
     def state(self) -> State:
-        """A State with frames where people stand."""
+        """State with one entry per frame instead of per person."""
         n, h = self.velocity.shape[1], self.shape.shape[1]
         covariance = np.empty((len(self), 2 * n + h, 2 * n + h))
         unpack_triangles(self.triangles, self.free, n, h, covariance)

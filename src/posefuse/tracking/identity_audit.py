@@ -1,7 +1,8 @@
-"""Two people who could not be told from each other for a while: afterwards, who is who, by their bones.
+"""Audit of identities after close contact: which person is which, by bone lengths.
 
-While people hold each other, detections come of both, and a track may go on with either. When they are apart again, a
-body is fitted to what each has shown since, from scratch, and its lengths are compared with those known from before.
+While two people are in close contact, detections may show both, and a track may continue on the wrong person. After they
+separate, a body is fitted to what each has shown since, without a prior from the tracks, and its bone lengths are
+compared with those known from before.
 """
 
 import math
@@ -12,170 +13,205 @@ from itertools import combinations
 import numpy as np
 
 from posefuse.kernels.tracking.records import State
-from posefuse.tracking.records import Evidence, Track
-from posefuse.tracking.reidentification import same_body
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.state_initiation import begin
+from posefuse.model.options.tracking_stages import IdentityAuditOptions
+from posefuse.tracking.records import Observation, Track
+from posefuse.tracking.reidentification import same_body_log_odds
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.strategy import FrameOutcome
+from posefuse.tracking.track_initiation import fit_body
+from posefuse.tracking.track_set import TrackSet
 
-_NEAR_M, _APART_M = 0.6, 0.9
-_MIXED_S = 0.15
-_LOOK_S = 1.2
-_MOST_LOOK_S = 3.0
-_FRAMES, _FEWEST = 12, 4
-_EVERY_S = 0.03
-_FRAMES_KEPT = 100
-_CLEAR = 4.6
-"""A hundred to one: movement had it otherwise, and it is not taken back."""
+_MAX_OBSERVATIONS = 100
+"""Number of observations kept per person, which bounds the memory."""
+
+Contacts = dict[tuple[str, str], "Contact"]
+"""Contacts by the names of the two people."""
 
 
 @dataclass
 class Contact:
-    """Two people who are or were so near that they can be taken for each other.
+    """Two people who are, or recently were, close enough to be confused.
 
     Attributes:
-        names: theirs.
-        mixed_s: for how long detections came of only one of them where both were to be seen.
-        apart_s: since when they are apart, NaN while they are not.
-        shown: by name, what each has shown since.
+        names: Names of the two people.
+        merged_s: Time for which most views that should show both showed only one, in seconds.
+        separated_at_s: Time since which they are separated, in seconds; NaN while they are not.
+        observations: By name, observations since then.
     """
 
     names: tuple[str, str]
-    mixed_s: float = 0.0
-    apart_s: float = np.nan
-    shown: dict[str, deque[Evidence]] = field(default_factory=dict)
+    merged_s: float = 0.0
+    separated_at_s: float = np.nan
+    observations: dict[str, deque[Observation]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What an audit came to.
+class AuditResult:
+    """Result of an audit.
 
     Attributes:
-        names: of the two.
-        exchange: whether each goes on as the other.
-        clear: whether that is sure.
-        odds: the log odds that they are who they were taken for.
-        since_s: since when they are apart.
+        names: Names of the two people.
+        swap: Whether to swap the two identities.
+        is_clear: Whether the bone lengths distinguish the two people.
+        log_odds: Log odds of the current identities.
+        since_s: Time since which the two are separated, in seconds.
     """
 
     names: tuple[str, str]
-    exchange: bool
-    clear: bool
-    odds: float
+    swap: bool
+    is_clear: bool
+    log_odds: float
     since_s: float
 
 
-def contacts(
-    known: dict[tuple[str, str], Contact],
-    tracks: list[Track],
-    state: State,
-    supported: np.ndarray,
-    expected: np.ndarray,
-    time_s: float,
-    dt_s: float,
-    scale: float,
+def update_contacts(
+    contacts: Contacts, tracks: list[Track], state: State, outcome: FrameOutcome, options: IdentityAuditOptions
 ) -> None:
-    """See who is near whom, and for how long views have shown only one of the two.
+    """Update who is close to whom, and for how long views have shown only one of the two.
 
     Args:
-        known: in and out, by names.
-        tracks: of everybody.
-        state: theirs.
-        supported: shape (person, view), bool.
-        expected: shape (person, view), bool.
-        time_s: of the frame.
-        dt_s: since the last.
-        scale: how large bodies are next to an adult human.
+        contacts: In and out.
+        tracks: All tracks.
+        state: States of the tracks.
+        outcome: Outcome of the frame for these tracks.
+        options: Options of the audit.
     """
-    place = {track.name: p for p, track in enumerate(tracks)}
-    for pair in [pair for pair in known if not place.keys() >= set(pair)]:
-        del known[pair]
+    index = {track.name: p for p, track in enumerate(tracks)}
+    for pair in [pair for pair in contacts if not index.keys() >= set(pair)]:
+        del contacts[pair]
     if len(tracks) < 2:
         return
-    # Of most pairs there is nothing to say: they are not near, and have not been.
-    told = {(place[first], place[second]) for first, second in known}
+    supported, expected = outcome.supported, outcome.expected
+    # Most pairs are neither close nor were, so that they cost no more than their distance.
+    known = {(index[first], index[second]) for first, second in contacts}
     for (p, one), (q, other) in combinations(enumerate(state.root.tolist()), 2):
-        away_m = math.dist(one, other) / scale
-        if away_m < _NEAR_M or (p, q) in told or (q, p) in told:
-            pair = pair_of(tracks[p].name, tracks[q].name)
+        distance_m = math.dist(one, other)
+        if distance_m < options.near_m or (p, q) in known or (q, p) in known:
+            pair = ordered_pair(tracks[p].name, tracks[q].name)
             both = expected[p] & expected[q]
-            mixed = 2 * (both & (supported[p] != supported[q])).sum() > both.sum()
-            _note(known, pair, away_m, dt_s if mixed else 0.0, time_s)
+            merged = 2 * (both & (supported[p] != supported[q])).sum() > both.sum()
+            _update_contact(contacts, pair, distance_m, outcome.dt_s if merged else 0.0, outcome.time_s, options)
 
 
-def _note(
-    known: dict[tuple[str, str], Contact], pair: tuple[str, str], away_m: float, mixed_s: float, time_s: float
+def _update_contact(
+    contacts: Contacts,
+    pair: tuple[str, str],
+    distance_m: float,
+    merged_s: float,
+    time_s: float,
+    options: IdentityAuditOptions,
 ) -> None:
-    """Note how far apart two people are, and for how long views of this frame showed only one of them."""
-    contact = known.get(pair)
-    if away_m < _NEAR_M:
-        contact = known.setdefault(pair, Contact(pair))
-        contact.mixed_s += mixed_s
-        contact.apart_s = np.nan
-        contact.shown.clear()
-    elif contact is not None and away_m > _APART_M and np.isnan(contact.apart_s):
-        contact.apart_s = time_s
-        if contact.mixed_s < _MIXED_S:
-            del known[pair]
+    """Update one contact by the distance and by the time for which views of this frame showed only one person."""
+    contact = contacts.get(pair)
+    if distance_m < options.near_m:
+        contact = contacts.setdefault(pair, Contact(pair))
+        contact.merged_s += merged_s
+        contact.separated_at_s = np.nan
+        contact.observations.clear()
+    elif contact is not None and distance_m > options.apart_m and np.isnan(contact.separated_at_s):
+        contact.separated_at_s = time_s
+        if contact.merged_s < options.min_merged_s:
+            del contacts[pair]
 
 
-def pair_of(first: str, second: str) -> tuple[str, str]:
-    """How two people are known together, whichever comes first."""
+def ordered_pair(first: str, second: str) -> tuple[str, str]:
+    """Return two names in the order in which contacts are stored."""
     return (first, second) if first < second else (second, first)
 
 
-def forget(known: dict[tuple[str, str], Contact], names: tuple[str, str]) -> None:
-    """What either of two people, who are now called otherwise, has shown with others was not theirs."""
-    for pair in [pair for pair in known if set(pair) & set(names)]:
-        del known[pair]
+def drop_contacts(contacts: Contacts, names: tuple[str, str]) -> None:
+    """Drop all contacts of two people whose identities were swapped, because their observations are mixed up."""
+    for pair in [pair for pair in contacts if set(pair) & set(names)]:
+        del contacts[pair]
 
 
-def remember(known: dict[tuple[str, str], Contact], name: str, shown: Evidence) -> None:
-    """Keep what somebody has shown since they are apart from somebody."""
-    for contact in known.values():
-        if name in contact.names and np.isfinite(contact.apart_s):
-            kept = contact.shown.setdefault(name, deque(maxlen=_FRAMES_KEPT))
-            # Frames that follow each other at once err alike.
-            if not kept or shown.time_s - kept[-1].time_s > _EVERY_S:
-                kept.append(shown)
-
-
-def audit(
-    known: dict[tuple[str, str], Contact], tracks: list[Track], state: State, time_s: float, settings: Settings
-) -> list[Finding]:
-    """Decide of those who have been apart for long enough; they are then known no more.
+def observe_separated(contacts: Contacts, tracks: TrackSet, outcome: FrameOutcome, settings: TrackerSettings) -> None:
+    """Add this frame's observations of people whom several views show to their contacts.
 
     Args:
-        known: in and out.
-        tracks: of everybody.
-        state: theirs.
-        time_s: of the frame.
-        settings: of the tracker.
+        contacts: In and out.
+        tracks: All tracks.
+        outcome: Outcome of the frame for these tracks.
+        settings: Settings of the tracker.
     """
-    found = []
-    place = {track.name: p for p, track in enumerate(tracks)}
-    for pair, contact in list(known.items()):
-        if not time_s - contact.apart_s > _LOOK_S:
+    projected = tracks.projected(settings.cameras[:0], settings)
+    for p, track in enumerate(tracks.tracks):
+        if outcome.supported[p].sum() > 1:
+            points = projected.points_m[p], projected.covariance_m2[p]
+            observation = _track_observation(outcome, p, *points, tracks.state.root[p].copy(), settings)
+            add_observation(contacts, track.name, observation, settings.options.identity_audit)
+
+
+def add_observation(contacts: Contacts, name: str, observation: Observation, options: IdentityAuditOptions) -> None:
+    """Add an observation of a person to the contacts from which the person is separated."""
+    for contact in contacts.values():
+        if name in contact.names and np.isfinite(contact.separated_at_s):
+            earlier = contact.observations.setdefault(name, deque(maxlen=_MAX_OBSERVATIONS))
+            # Errors of consecutive frames are correlated.
+            if not earlier or observation.time_s - earlier[-1].time_s > options.min_interval_s:
+                earlier.append(observation)
+
+
+def _track_observation(
+    outcome: FrameOutcome,
+    p: int,
+    points_m: np.ndarray,
+    covariance_m2: np.ndarray,
+    root_m: np.ndarray,
+    settings: TrackerSettings,
+) -> Observation:
+    """Return what the frame shows of a tracked person."""
+    shape, frame, rows = (len(settings.rig), len(settings.skeleton)), outcome.frame, outcome.rows[p]
+    pixels, confidence = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+    for v in np.flatnonzero(rows >= 0):
+        order = outcome.labels[p, v]
+        pixels[v], confidence[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
+    return Observation(
+        outcome.time_s, frame.number, pixels, confidence, rows, points_m, covariance_m2, root_m, 0.0, 1.0
+    )  # fmt: skip
+
+
+def audit_identities(
+    contacts: Contacts, tracks: list[Track], state: State, time_s: float, settings: TrackerSettings
+) -> list[AuditResult]:
+    """Audit the people who have been separated for long enough; their contacts are dropped.
+
+    Args:
+        contacts: In and out.
+        tracks: All tracks.
+        state: States of the tracks.
+        time_s: Time of the frame, in seconds.
+        settings: Settings of the tracker.
+    """
+    results, options = [], settings.options.identity_audit
+    index = {track.name: p for p, track in enumerate(tracks)}
+    for pair, contact in list(contacts.items()):
+        if not time_s - contact.separated_at_s > options.observe_s:
             continue
-        frames, late = min(len(contact.shown.get(name, ())) for name in pair), time_s - contact.apart_s > _MOST_LOOK_S
-        if frames < _FRAMES and not late:
+        n_frames = min(len(contact.observations.get(name, ())) for name in pair)
+        overdue = time_s - contact.separated_at_s > options.max_observe_s
+        if n_frames < options.frames and not overdue:
             continue
-        del known[pair]
-        if frames < _FEWEST:
-            found.append(Finding(pair, exchange=False, clear=False, odds=0.0, since_s=contact.apart_s))
+        del contacts[pair]
+        if n_frames < options.min_frames:
+            results.append(AuditResult(pair, swap=False, is_clear=False, log_odds=0.0, since_s=contact.separated_at_s))
             continue
-        fresh = [begin(_some(contact.shown[name]), settings)[0] for name in pair]
-        p, q = (place[name] for name in pair)
-        straight = _likeness(tracks, state, p, fresh[0], settings) + _likeness(tracks, state, q, fresh[1], settings)
-        crossed = _likeness(tracks, state, p, fresh[1], settings) + _likeness(tracks, state, q, fresh[0], settings)
-        odds = straight - crossed
-        found.append(Finding(pair, odds < -_CLEAR, abs(odds) > _CLEAR, odds, contact.apart_s))
-    return found
+        fitted = [fit_body(_subsample(contact.observations[name], options.frames), settings)[0] for name in pair]
+        p, q = (index[name] for name in pair)
+        same = _log_odds(tracks, state, p, fitted[0], settings) + _log_odds(tracks, state, q, fitted[1], settings)
+        swapped = _log_odds(tracks, state, p, fitted[1], settings) + _log_odds(tracks, state, q, fitted[0], settings)
+        odds = same - swapped
+        clear = abs(odds) > options.min_log_odds
+        results.append(AuditResult(pair, odds < -options.min_log_odds, clear, odds, contact.separated_at_s))
+    return results
 
 
-def _some(shown: deque[Evidence]) -> list[Evidence]:
-    """So many frames, evenly spread: their errors have less in common."""
-    return [shown[int(i)] for i in np.linspace(0, len(shown) - 1, min(len(shown), _FRAMES))]
+def _subsample(observations: deque[Observation], n_frames: int) -> list[Observation]:
+    """Return observations that are evenly spread, because their errors are less correlated."""
+    count = len(observations)
+    return [observations[int(i)] for i in np.linspace(0, count - 1, min(count, n_frames))]
 
 
-def _likeness(tracks: list[Track], state: State, p: int, fresh: State, settings: Settings) -> float:
-    return same_body(settings, tracks[p], state, p, fresh, _LOOK_S)
+def _log_odds(tracks: list[Track], state: State, p: int, fitted: State, settings: TrackerSettings) -> float:
+    observed_s = settings.options.identity_audit.observe_s
+    return same_body_log_odds(settings, tracks[p], state, p, fitted, observed_s)

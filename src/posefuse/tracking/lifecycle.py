@@ -1,4 +1,4 @@
-"""Rules of life: who counts as there, who is lost, who is forgotten, and when a body's lengths are kept."""
+"""Lifecycle of tracks: which views should show them, when they are lost, re-acquired and terminated."""
 
 from typing import NamedTuple
 
@@ -7,207 +7,207 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import predict_visibility
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import aim, bones_shown
 from posefuse.kinematics.segment_lengths import told_of_lengths
-from posefuse.model.track_events import Happening
+from posefuse.model.track_events import EventKind
 from posefuse.model.tracks import TrackState
-from posefuse.tracking.body_states import Sight, chosen, put
-from posefuse.tracking.frame_clock import SAME_S
+from posefuse.tracking.body_states import ProjectedBodies, fix_shape_covariance, select_states, set_state
+from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
 from posefuse.tracking.records import Track
-from posefuse.tracking.reinitialize import forget
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.tempering import see_lengths
-
-_SEEN_SHARE = 0.5
-_BESIDE_M = 0.5
-"""Beside what a view sees, of a human: as far outside as somebody is counted as inside."""
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.tempering import update_lengths
 
 
-class Bounds(NamedTuple):
-    """Scores at which somebody's life changes.
+class LifecycleThresholds(NamedTuple):
+    """Scores at which the state of a track changes.
 
     Attributes:
-        begins_with: the least score of who is believed or found again.
-        lost_below: the score with which they are lost.
-        sure_from: the score with which they are no longer taken for a coincidence.
+        initial_score: Lowest score of a track that was just confirmed or re-acquired.
+        lost_score: Score below which a track is lost.
+        established_score: Score from which a track is never again taken for a coincidence.
     """
 
-    begins_with: float
-    lost_below: float
-    sure_from: float
+    initial_score: float
+    lost_score: float
+    established_score: float
 
 
-def newcomer(number: int, time_s: float, bounds: Bounds) -> Track:
-    """Somebody just believed."""
-    track = Track(number, f"person_{number}", TrackState.ACTIVE, bounds.begins_with, time_s, np.zeros(3))
-    track.sure = bounds.begins_with >= bounds.sure_from
+def new_track(number: int, time_s: float, thresholds: LifecycleThresholds) -> Track:
+    """Return a track that was just confirmed."""
+    track = Track(number, f"person_{number}", TrackState.ACTIVE, thresholds.initial_score, time_s, np.zeros(3))
+    track.established = thresholds.initial_score >= thresholds.established_score
     return track
 
 
-def expected(sight: Sight, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Which views should see whom: half of the core within the image; and where people are.
+def expected_views(projected: ProjectedBodies, settings: TrackerSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Return which views should show each person, and where the people are.
 
     Returns:
-        Shape (person, view), bool, and shape (person, 3): the middles of their cores, m.
+        Views with a large enough share of the core keypoints inside the image, shape (person, view), bool; and centers
+        of the cores, shape (person, 3), in meters.
     """
-    should_see = np.empty(sight.pixels.shape[:2], dtype=bool)
-    middles_m = np.empty((len(should_see), 3))
-    core = frozen(settings.core, np.int64)
-    predict_visibility(sight.points_m, sight.pixels, settings.sizes_px, core, _SEEN_SHARE, should_see, middles_m)
-    return should_see, middles_m
+    should_show = np.empty(projected.pixels.shape[:2], dtype=bool)
+    centers_m = np.empty((len(should_show), 3))
+    core, share = frozen(settings.core, np.int64), settings.options.lifecycle.visible_share
+    predict_visibility(projected.points_m, projected.pixels, settings.sizes_px, core, share, should_show, centers_m)
+    return should_show, centers_m
 
 
-def live_on(
+def update_track(
     track: Track,
     score: float,
-    bounds: Bounds,
+    thresholds: LifecycleThresholds,
     supported: np.ndarray,
-    should_see: np.ndarray,
-    torso_m: np.ndarray,
+    expected: np.ndarray,
+    position_m: np.ndarray,
     time_s: float,
-    settings: Settings,
-) -> list[tuple[Happening, str]]:
-    """Change a person's score and state by what the views show.
+    settings: TrackerSettings,
+) -> list[tuple[EventKind, str]]:
+    """Update score and state of a track by the views that support it.
 
     Args:
-        track: in and out.
-        score: that they are there, after the frame.
-        bounds: of scores.
-        supported: shape (view,), bool: which views show them.
-        should_see: shape (view,), bool: which views should.
-        torso_m: shape (3,): where they are.
-        time_s: of the frame.
-        settings: of the tracker.
+        track: In and out.
+        score: Score of the track after the frame.
+        thresholds: Scores at which states change.
+        supported: shape (view,), bool: views that support the track.
+        expected: shape (view,), bool: views that should show the person.
+        position_m: shape (3,): position of the person.
+        time_s: Time of the frame, in seconds.
+        settings: Settings of the tracker.
 
     Returns:
-        What happened, and why.
+        Events and their reasons.
     """
     o = settings.options
     n_views = np.count_nonzero(supported)
     track.log_odds = score
-    track.sure |= score >= bounds.sure_from
+    track.established |= score >= thresholds.established_score
     if n_views > 1:
-        track.firm_s = time_s
-    said: list[tuple[Happening, str]] = []
-    # What may be a coincidence of two views one alone does not show.
-    if n_views >= (1 if track.sure else 2) and track.state == TrackState.ACTIVE:
-        track.seen_s, track.lost_at_m = time_s, torso_m
+        track.last_multiview_s = time_s
+    events: list[tuple[EventKind, str]] = []
+    # A single view does not support a track that may be a coincidence of two views.
+    if n_views >= (1 if track.established else 2) and track.state == TrackState.ACTIVE:
+        track.last_seen_s, track.last_position_m = time_s, position_m
     elif n_views >= o.reacquire_views and track.state == TrackState.LOST:
-        said.append(("found", f"seen again by {_named(supported, settings)} after {time_s - track.seen_s:.2f} s"))
-        track.state, track.seen_s, track.lost_at_m = TrackState.ACTIVE, time_s, torso_m
-        track.log_odds = max(track.log_odds, bounds.begins_with)
+        missing_s = time_s - track.last_seen_s
+        events.append(("reacquired", f"seen again by {_names(supported, settings)} after {missing_s:.2f} s"))
+        track.state, track.last_seen_s, track.last_position_m = TrackState.ACTIVE, time_s, position_m
+        track.log_odds = max(track.log_odds, thresholds.initial_score)
     if track.state == TrackState.ACTIVE:
-        few, lasts_s = ("no camera", o.lost_after_s) if track.sure else ("one camera at most", o.weak_after_s)
-        if time_s - track.seen_s > lasts_s + SAME_S:
+        missing_s = time_s - track.last_seen_s
+        if track.established:
+            views, limit_s = "no camera", o.lost_after_s
+        else:
+            views, limit_s = "at most one camera", o.single_view_after_s
+        if missing_s > limit_s + TIME_TOLERANCE_S:
             track.state = TrackState.LOST
-            said.append(("lost", f"seen by {few} for {time_s - track.seen_s:.2f} s"))
-        elif track.log_odds < bounds.lost_below:
+            events.append(("lost", f"seen by {views} for {missing_s:.2f} s"))
+        elif track.log_odds < thresholds.lost_score:
             track.state = TrackState.LOST
-            others = _named(should_see & ~supported, settings)
-            said.append(("lost", f"seen by {_named(supported, settings)}, but not by {others}"))
-    return said
+            others = _names(expected & ~supported, settings)
+            events.append(("lost", f"seen by {_names(supported, settings)}, but not by {others}"))
+    return events
 
 
-def _named(views: np.ndarray, settings: Settings) -> str:
+def _names(views: np.ndarray, settings: TrackerSettings) -> str:
     names = [settings.rig.names[v] for v in np.flatnonzero(views)]
     return ", ".join(names) if names else "no camera"
 
 
-def note_inside(tracks: list[Track], sight: Sight, time_s: float, settings: Settings) -> None:
-    """Note who is where two views overlap, or near it: their core's middle within the image or so far beside it."""
-    margin = (_BESIDE_M * settings.tree.scale * sight.size_px[:, :, settings.core])[..., None]
-    pixels = sight.pixels[:, :, settings.core]
+def update_last_inside(
+    tracks: list[Track], projected: ProjectedBodies, time_s: float, settings: TrackerSettings
+) -> None:
+    """Note which people are in, or close to, the overlap of two images."""
+    options = settings.options.lifecycle
+    margin = (options.outside_margin_m * projected.px_per_m[:, :, settings.core])[..., None]
+    pixels = projected.pixels[:, :, settings.core]
     inside = ((pixels >= -margin) & (pixels < settings.sizes_px[:, None] + margin)).all(axis=-1)
-    views = (inside.mean(axis=2) >= _SEEN_SHARE).sum(axis=1)
+    n_views = (inside.mean(axis=2) >= options.visible_share).sum(axis=1)
     for p, track in enumerate(tracks):
-        if views[p] >= 2:
-            track.inside_s = time_s
+        if n_views[p] >= 2:
+            track.last_inside_s = time_s
 
 
-def forgotten(tracks: list[Track], state: State, time_s: float, settings: Settings) -> dict[int, str]:
-    """Who is not looked for any more, by place, and why."""
-    over: dict[int, str] = {}
-    sound = np.isfinite(state.root).all(axis=1)
+def tracks_to_terminate(tracks: list[Track], state: State, time_s: float, settings: TrackerSettings) -> dict[int, str]:
+    """Return the tracks that end, by index, each with the reason."""
+    reasons: dict[int, str] = {}
+    finite = np.isfinite(state.root).all(axis=1)
     for p, track in enumerate(tracks):
-        staying = track.sure and settings.options.population is not None
-        lost = track.state == TrackState.LOST and not staying
-        why = _why_forgotten(track, state, p, time_s, settings) if lost else ""
-        if why:
-            over[p] = why
-        elif not sound[p]:
-            over[p] = "the state is broken"
-    return over
+        permanent = track.established and settings.options.population is not None
+        lost = track.state == TrackState.LOST and not permanent
+        reason = _termination_reason(track, state, p, time_s, settings) if lost else ""
+        if reason:
+            reasons[p] = reason
+        elif not finite[p]:
+            reasons[p] = "its state is not finite"
+    return reasons
 
 
-def _why_forgotten(track: Track, state: State, p: int, time_s: float, settings: Settings) -> str:
-    """Why somebody lost is not looked for any more, "" where they are."""
+def _termination_reason(track: Track, state: State, p: int, time_s: float, settings: TrackerSettings) -> str:
+    """Return why a lost track ends; empty if it does not."""
     o = settings.options
-    if not track.sure:
+    if not track.established:
         return "it may have been a coincidence of two cameras"
-    if time_s - track.seen_s > o.forget_after_s + SAME_S:
-        return f"lost for {time_s - track.seen_s:.1f} s"
-    doubt_m = float(np.sqrt(np.trace(state.covariance[p, :3, :3])))
-    if o.forget_beyond_m is not None and doubt_m > o.forget_beyond_m:
-        return f"where they are is known to {doubt_m:.1f} m only"
-    if o.outside_s is not None and time_s - track.inside_s > o.outside_s + SAME_S:
-        return f"outside of what two cameras see for {time_s - track.inside_s:.1f} s"
+    if time_s - track.last_seen_s > o.terminate_after_s + TIME_TOLERANCE_S:
+        return f"lost for {time_s - track.last_seen_s:.1f} s"
+    sd_m = float(np.sqrt(np.trace(state.covariance[p, :3, :3])))
+    if o.terminate_beyond_m is not None and sd_m > o.terminate_beyond_m:
+        return f"position uncertainty of {sd_m:.1f} m"
+    limit_s = o.terminate_outside_after_s
+    if limit_s is not None and time_s - track.last_inside_s > limit_s + TIME_TOLERANCE_S:
+        return f"outside the overlap of two cameras for {time_s - track.last_inside_s:.1f} s"
     return ""
 
 
-def settle_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, settings: Settings) -> None:
-    """Keep a body's lengths once they have been seen for long enough: what goes by while nobody looks does not count.
+def fix_shape(track: Track, state: State, p: int, time_s: float, dt_s: float, settings: TrackerSettings) -> None:
+    """Fix the bone lengths of a body once two views have shown it for long enough.
 
     Args:
-        track: in and out.
-        state: in and out.
-        p: their place in it.
-        time_s: of the frame.
-        dt_s: since the last.
-        settings: of the tracker.
+        track: In and out.
+        state: In and out.
+        p: Index of the track.
+        time_s: Time of the frame, in seconds.
+        dt_s: Time since the last frame, in seconds.
+        settings: Settings of the tracker.
     """
     if track.state != TrackState.ACTIVE or not state.free[p]:
         return
-    if track.firm_s == time_s:
-        track.sought_s += dt_s
-    if track.sought_s > settings.options.shape_settle_s:
+    if track.last_multiview_s == time_s:
+        track.shape_observed_s += dt_s
+    if track.shape_observed_s > settings.options.fix_shape_after_s:
         n, h = settings.tree.n_pose, settings.tree.n_shape
         block = state.covariance[p, n : n + h, n : n + h]
-        track.trusted = (state.shape[p].copy(), block.copy())
-        track.settled_s = time_s
-        state.free[p] = 0
-        state.covariance[p, n : n + h] = 0.0
-        state.covariance[p, :, n : n + h] = 0.0
+        track.known_shape = (state.shape[p].copy(), block.copy())
+        fix_shape_covariance(state, p, n, h)
 
 
-def take_back(state: State, p: int, found: State, settings: Settings) -> None:
-    """Somebody lost is there again, as a new state says; a body whose lengths are known keeps them.
+def restore_track(state: State, p: int, fitted: State, settings: TrackerSettings) -> None:
+    """Give a lost track the state of a newly fitted body; fixed bone lengths stay.
 
-    Where they are still sought, what was found of them goes on with what the new state knows.
+    Lengths that are still estimated are combined with those of the new state.
 
     Args:
-        state: in and out.
-        p: their place in it.
-        found: of one person, whose lengths are sought; it is left as it is.
-        settings: of the tracker.
+        state: In and out.
+        p: Index of the track.
+        fitted: State of one body whose lengths are estimated; it is not changed.
+        settings: Settings of the tracker.
     """
     n, h = settings.tree.n_pose, settings.tree.n_shape
-    known, block, kept = state.shape[p].copy(), state.covariance[p, n : n + h, n : n + h].copy(), not state.free[p]
-    found = chosen(found, [0])
-    if not kept:
-        information, pull = told_of_lengths(settings.tree, known, block)
-        gradient = pull - information @ (found.shape[0] - settings.tree.shape_m)
-        see_lengths(found, information, gradient, settings)
-    put(state, p, found)
-    if kept:
-        state.shape[p] = known
-        state.free[p] = 0
-        state.covariance[p, n : n + h] = 0.0
-        state.covariance[p, :, n : n + h] = 0.0
+    shape_m, block = state.shape[p].copy(), state.covariance[p, n : n + h, n : n + h].copy()
+    is_fixed = not state.free[p]
+    fitted = select_states(fitted, [0])
+    if not is_fixed:
+        information, pull = told_of_lengths(settings.tree, shape_m, block)
+        gradient = pull - information @ (fitted.shape[0] - settings.tree.shape_m)
+        update_lengths(fitted, information, gradient, settings)
+    set_state(state, p, fitted)
+    if is_fixed:
+        state.shape[p] = shape_m
+        fix_shape_covariance(state, p, n, h)
 
 
-def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
-    """Let two people go on as each other: names, and what is known of lengths, change places; poses stay."""
-    for name in ("name", "trusted", "settled_s", "sought_s"):
+def swap_identities(tracks: list[Track], state: State, p: int, q: int) -> None:
+    """Swap the names and the bone lengths of two tracks; the poses stay."""
+    for name in ("name", "known_shape", "shape_observed_s"):
         mine, theirs = getattr(tracks[p], name), getattr(tracks[q], name)
         setattr(tracks[p], name, theirs)
         setattr(tracks[q], name, mine)
@@ -215,37 +215,9 @@ def exchange(tracks: list[Track], state: State, p: int, q: int) -> None:
     lengths = slice(n, n + h)
     blocks = state.covariance[[q, p], lengths, lengths]
     for each in (p, q):
-        # How lengths go with the pose was found of the other body.
+        # The correlation of lengths and pose was estimated for the other body.
         state.covariance[each, lengths] = 0.0
         state.covariance[each, :, lengths] = 0.0
     state.covariance[[p, q], lengths, lengths] = blocks
     state.shape[[p, q]] = state.shape[[q, p]]
     state.free[[p, q]] = state.free[[q, p]]
-
-
-def set_limb_anew(state: State, p: int, keypoint: int, points_m: np.ndarray, settings: Settings) -> bool:
-    """Turn the bones that lead to a keypoint to where they are shown, as little known as those of somebody new.
-
-    Args:
-        state: in and out.
-        p: whose.
-        keypoint: at the end of the limb.
-        points_m: shape (keypoint, 3): where the views show the body's points, NaN where they do not.
-        settings: of the tracker.
-
-    Returns:
-        Whether any bones lead there.
-    """
-    tree = settings.tree
-    node = int(tree.keypoint_nodes[keypoint])
-    bones: list[int] = []
-    while node > 0 and tree.nodes[node].is_bone:
-        bones.append(tree.nodes[node].mover)
-        node = tree.nodes[node].parent
-    if not bones:
-        return False
-    aim(state.bones[p], bones_shown(tree, points_m), bones)
-    forget(
-        state, p, np.array([3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)]), settings
-    )
-    return True

@@ -1,94 +1,53 @@
-"""People whom a detector gives twice, or in pieces: legs below a table by themselves, a trunk above it.
+"""Merging of several detections that show parts of one person in one view.
 
-A view's matching gives each person one detection. Where that lacks keypoints and another one, which is nobody's, has
-them where this person should have them, the two are pieces of one person. A second detection of the whole of somebody
-must not be taken for somebody else, whom nothing else shows.
+A detector may show legs below a table and the trunk above it as two people. The assignment gives each person at most
+one detection per view. If that detection lacks keypoints, and an unassigned one has them where this person should have
+them, both are parts of one person.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from posefuse.model.frames import Frame
-from posefuse.model.options.tracker import TrackerOptions
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.stages import Likeness
-
-_NEVER = 600.0
-"""Log odds of what is never so; with more, probabilities are 0."""
-_SURELY = 1.0 - 1e-12
-_COMMON = 0.25
-"""Two detections of one view are pieces if no more of the smaller one's keypoints are in both."""
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.strategy import MatchScores
 
 
-def hold_back(rows: np.ndarray, gain: np.ndarray, lost: np.ndarray, options: TrackerOptions) -> None:
-    """One view alone does not move somebody who is lost; nor anybody whom it shows by a second one of somebody else's.
+def merge_partial_detections(frame: Frame, rows: np.ndarray, scores: MatchScores, settings: TrackerSettings) -> Frame:
+    """Return the frame with the keypoints of partial detections added to the assigned detections.
 
     Args:
-        rows: shape (track, view), in and out.
-        gain: shape (track, row): what a match is worth.
-        lost: shape (track,), bool: who is.
-        options: of the tracker.
-    """
-    shown = (rows >= 0).sum(axis=1)
-    rows[lost & (shown < options.reacquire_views)] = -1
-    for p in np.flatnonzero(~lost & (shown == 1)).tolist():
-        v = int(rows[p].argmax())
-        theirs = gain[rows[:, v] >= 0, rows[p, v]]
-        if theirs.max() > gain[p, rows[p, v]]:
-            rows[p] = -1
-
-
-def forget_swaps(swapped: np.ndarray, dt_s: float, options: TrackerOptions) -> None:
-    """Limbs whose sides are exchanged change back in time, and others are exchanged; whether seen meanwhile or not.
-
-    A Markov chain of two states that is exchanged for ``swap_lasts_s`` at a stretch.
-
-    Args:
-        swapped: shape (track, view, group), in and out: how probable it is that sides are exchanged.
-        dt_s: since the last frame.
-        options: of the tracker.
-    """
-    usual = 1.0 / (1.0 + math.exp(min(-options.swap_log_odds, _NEVER)))
-    lasts = math.exp(-max(dt_s, 0.0) / options.swap_lasts_s)
-    np.clip(usual + lasts * (swapped - usual), math.exp(-_NEVER), _SURELY, out=swapped)
-
-
-def joined_pieces(frame: Frame, rows: np.ndarray, found: Likeness, settings: Settings) -> Frame:
-    """The frame in which matched detections have the keypoints, too, of other pieces of the same people.
-
-    Args:
-        frame: what the views show.
-        rows: shape (track, view): whose each detection is.
-        found: how well detections go with people; sides of a piece that is joined go along.
-        settings: of the tracker.
+        frame: The detections.
+        rows: shape (track, view): assigned detections, -1 for none.
+        scores: Scores of the assignment; in and out: swaps of merged limbs.
+        settings: Settings of the tracker.
 
     Returns:
-        The same frame where there is nothing to join.
+        The same frame if there is nothing to merge.
     """
-    free = found.explained.copy()
+    free = scores.explained.copy()
     free[rows[rows >= 0]] = False
-    joined = frame
-    for piece in np.flatnonzero(free).tolist():
-        p = int(found.gain[:, piece].argmax())
-        row = int(rows[p, frame.view[piece]])
+    merged, max_common = frame, settings.options.partial_detections.max_common_share
+    for part in np.flatnonzero(free).tolist():
+        p = int(scores.gain[:, part].argmax())
+        row = int(rows[p, frame.view[part]])
         if row < 0:
             continue
-        own, other = (np.isfinite(joined.keypoints_px[r, :, 0]) for r in (row, piece))
-        if (own & other).sum() > _COMMON * min(own.sum(), other.sum()):
+        own, other = (np.isfinite(merged.keypoints_px[r, :, 0]) for r in (row, part))
+        if (own & other).sum() > max_common * min(own.sum(), other.sum()):
             continue
-        lent = other & ~own
-        keypoints_px, confidence = joined.keypoints_px.copy(), joined.confidence.copy()
-        keypoints_px[row, lent], confidence[row, lent] = keypoints_px[piece, lent], confidence[piece, lent]
-        joined = replace(joined, keypoints_px=keypoints_px, confidence=confidence)
-        for sides in (found.swapped[p], found.swap_odds[p]):
-            _lend_sides(sides, row, piece, own, settings)
-    return joined
+        added = other & ~own
+        keypoints_px, confidence = merged.keypoints_px.copy(), merged.confidence.copy()
+        keypoints_px[row, added], confidence[row, added] = keypoints_px[part, added], confidence[part, added]
+        merged = replace(merged, keypoints_px=keypoints_px, confidence=confidence)
+        for sides in (scores.swapped[p], scores.swap_odds[p]):
+            _copy_sides(sides, row, part, own, settings)
+    return merged
 
 
-def _lend_sides(sides: np.ndarray, row: int, piece: int, own: np.ndarray, settings: Settings) -> None:
-    """Sides of limbs of which the detection itself has no keypoint are those of the piece; shape (row, group)."""
+def _copy_sides(sides: np.ndarray, row: int, part: int, own: np.ndarray, settings: TrackerSettings) -> None:
+    """Copy the sides, shape (row, group), of limbs without a keypoint in the assigned detection from the part."""
     groups = settings.group_of
     known = np.bincount(groups[own & (groups >= 0)], minlength=settings.n_groups) > 0
-    sides[row, ~known] = sides[piece, ~known]
+    sides[row, ~known] = sides[part, ~known]

@@ -1,5 +1,6 @@
-"""What the tracker remembers of people beside their states, and what it says of a frame."""
+"""Records of the tracker: tracks, their recent history, observations of new people, and the people of a frame."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,73 +13,80 @@ from posefuse.model.tracks import TrackState
 
 @dataclass
 class Track:
-    """A person who is followed.
+    """A confirmed track of one person.
 
     Attributes:
-        number: of the body that is followed, as long as it is; counted from 1.
-        name: of the person whom it is taken for.
+        number: Number of the tracked body, counted from 1; it stays with the body when identities are swapped.
+        name: Name of the person as whom the body is identified.
         state: ACTIVE or LOST.
-        log_odds: that they are there; another preset's score of it.
-        seen_s: when they were last supported.
-        firm_s: when two views last supported them: one alone does not fix how far away somebody is.
-        trusted: the shape and its covariance before they were last in doubt.
-        lost_at_m: shape (3,): where they were last supported.
-        sought_s: for how long two views have shown them: over which their shape could be seen.
-        settled_s: when the shape was kept.
-        inside_s: when they were last where two views overlap.
-        sure: whether views have shown so much of them that they are no coincidence of two false detections.
+        log_odds: Log odds of presence; another strategy's score.
+        last_seen_s: Time of the last support, in seconds.
+        last_position_m: Position at the last support, shape (3,).
+        shape_observed_s: Time for which two views have shown the person, in seconds; it limits how well the bone
+            lengths are known.
+        last_multiview_s: Time of the last support by two views, in seconds. A single view does not fix the distance.
+        last_inside_s: Time at which the person was last where two views overlap, in seconds.
+        established: Whether the views have shown enough to rule out a coincidence of two false detections.
+        known_shape: Bone lengths and their covariance before the lengths were fixed; None while they are estimated.
     """
 
     number: int
     name: str
     state: TrackState
     log_odds: float
-    seen_s: float
-    lost_at_m: np.ndarray
-    sought_s: float = 0.0
-    settled_s: float = np.nan
-    firm_s: float = -np.inf
-    inside_s: float = np.nan
-    sure: bool = False
-    trusted: tuple[np.ndarray, np.ndarray] | None = None
+    last_seen_s: float
+    last_position_m: np.ndarray
+    shape_observed_s: float = 0.0
+    last_multiview_s: float = -np.inf
+    last_inside_s: float = np.nan
+    established: bool = False
+    known_shape: tuple[np.ndarray, np.ndarray] | None = None
 
 
-class Lately(NamedTuple):
-    """What the last detections of all who are followed were like, side by side in the order of the tracks.
+class RecentHistory(NamedTuple):
+    """Running statistics of the last frames, one entry per track.
 
     Attributes:
-        swapped: shape (track, view, group): how probable it is that their sides are exchanged.
-        ids: shape (track, view), int64: the detector's identity of the last match, -1 for none.
-        off_s: shape (track, keypoint): for how long most views have seen each keypoint elsewhere.
-        noise_px2: shape (track, view, keypoint): how noisy theirs are, where a preset learns that; NaN where not known.
-        renewed: shape (track,), bool: whose states the last frame changed.
-        alone_s: shape (track,): for how long one view alone has shown each.
-        looked_s: shape (track,): for how long several views have shown each.
-        leans: shape (track, segment + bone): cosines between each one's third axis and the trunk's, on average lately.
-        leans_variance: shape (track, segment + bone): of these over time.
-        upright: shape (track, 3): the trunk's third axis, on average lately.
-        stood_s: shape (track,): for how long several views have shown each, where up is known.
-        floor_m: shape (track,): how high the lowest point of each has been, on average lately.
-        floor_variance: shape (track,): of that over time, m^2.
+        swapped: shape (track, view, group): probability that left and right of a limb are swapped.
+        detector_ids: shape (track, view), int64: 2D track identity of the last match, -1 for none.
+        displaced_s: shape (track, keypoint): time for which most views have contradicted a keypoint.
+        noise_px2: shape (track, view, keypoint): noise variances of a strategy that estimates them, NaN if unknown.
+        updated: shape (track,), bool: whether the last frame changed the state.
+        single_view_s: shape (track,): time for which a single view has shown the person.
+        posture_observed_s: shape (track,): time for which several views have shown the posture.
+        leans: shape (track, segment + bone): recent means of the cosines between each third axis and the trunk's.
+        leans_variance: shape (track, segment + bone): variances of these cosines over time.
+        trunk_axis: shape (track, 3): recent mean of the trunk's third axis.
+        height_observed_s: shape (track,): time for which several views have shown the height, where up is known.
+        lowest_m: shape (track,): recent mean height of the body's lowest point.
+        lowest_variance_m2: shape (track,): variance of that height over time.
     """
 
     swapped: np.ndarray
-    ids: np.ndarray
-    off_s: np.ndarray
+    detector_ids: np.ndarray
+    displaced_s: np.ndarray
     noise_px2: np.ndarray
-    renewed: np.ndarray
-    alone_s: np.ndarray
-    looked_s: np.ndarray
+    updated: np.ndarray
+    single_view_s: np.ndarray
+    posture_observed_s: np.ndarray
     leans: np.ndarray
     leans_variance: np.ndarray
-    upright: np.ndarray
-    stood_s: np.ndarray
-    floor_m: np.ndarray
-    floor_variance: np.ndarray
+    trunk_axis: np.ndarray
+    height_observed_s: np.ndarray
+    lowest_m: np.ndarray
+    lowest_variance_m2: np.ndarray
 
     @classmethod
-    def unknown(cls, tracks: int, views: int, groups: int, keypoints: int, movers: int) -> "Lately":
-        """Of people just believed, whose bodies have so many segments and bones."""
+    def new(cls, tracks: int, views: int, groups: int, keypoints: int, movers: int) -> "RecentHistory":
+        """Return the history of tracks that were just confirmed.
+
+        Args:
+            tracks: Number of tracks.
+            views: Number of views.
+            groups: Number of groups of keypoints whose sides swap together.
+            keypoints: Number of keypoints.
+            movers: Number of segments and bones of a body.
+        """
         return cls(
             np.zeros((tracks, views, groups)),
             np.full((tracks, views), -1, dtype=np.int64),
@@ -95,32 +103,32 @@ class Lately(NamedTuple):
             np.zeros(tracks),
         )
 
-    def joined(self, other: "Lately") -> "Lately":
-        """The tracks of both."""
-        return Lately(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+    def joined(self, other: "RecentHistory") -> "RecentHistory":
+        """Return the histories of both sets of tracks."""
+        return RecentHistory(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
 
-    def chosen(self, tracks: list[int]) -> "Lately":
-        """Some of the tracks, copied."""
-        return Lately(*(each[tracks] for each in self))
+    def select(self, tracks: list[int]) -> "RecentHistory":
+        """Return a copy of the histories of some tracks."""
+        return RecentHistory(*(each[tracks] for each in self))
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """What a frame showed of somebody who is not believed yet.
+class Observation:
+    """The detections of one person in one frame, with the points that they give.
 
     Attributes:
-        time_s: of the frame.
-        number: of the frame.
-        keypoints_px: shape (view, keypoint, 2), NaN where no detection is theirs; sides put right.
+        time_s: Time of the frame, in seconds.
+        number: Number of the frame.
+        keypoints_px: shape (view, keypoint, 2), NaN where no detection shows the person; sides are corrected.
         confidence: shape (view, keypoint).
-        rows: shape (view,), int64: of the frame, -1 for none.
+        rows: shape (view,), int64: detections of the frame, -1 for none.
         points_m: shape (keypoint, 3).
         covariance_m2: shape (keypoint, 6).
         torso_m: shape (3,).
-        log_odds: of the proposal.
-        error_sigma: of the proposal.
-        n_pairs: of views, that support the proposal.
-        n_silent: how many views should show them, with nobody before them, and do not; asked where two views do.
+        log_odds: Log odds of the proposal.
+        error_sigma: Median reprojection error of the proposal.
+        n_pairs: Number of pairs of views that support the proposal.
+        n_silent: Number of views that should show the person and do not; only counted if few views show the person.
     """
 
     time_s: float
@@ -138,30 +146,37 @@ class Evidence:
 
     @property
     def n_views(self) -> int:
-        """How many views show them."""
+        """Number of views that show the person."""
         return int((self.rows >= 0).sum())
 
 
 @dataclass
-class Tentative:
-    """Somebody who may be there.
+class TentativeTrack:
+    """A track that is not confirmed yet.
 
     Attributes:
-        number: to tell them apart.
-        evidence: frames that showed them, oldest first.
-        frames: how many frames there have been since the first.
-        score: of their being there.
+        number: Number of the tentative track.
+        observations: Observations of the person, oldest first.
+        frames: Number of frames since the first observation.
+        score: Score of the track; its meaning depends on the strategy.
     """
 
     number: int
-    evidence: list[Evidence]
+    observations: list[Observation]
     frames: int = 1
     score: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
-    """The state of one person in one frame that is past, found when they were believed."""
+class PastState:
+    """State of one person in an earlier frame, found when the track was confirmed.
+
+    Attributes:
+        number: Number of the frame.
+        time_s: Time of the frame, in seconds.
+        state: State of one person.
+        rows: shape (view,), int64: detections of the frame, -1 for none.
+    """
 
     number: int
     time_s: float
@@ -171,19 +186,19 @@ class Remembered:
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """A person in one frame, as far as is known then.
+    """One person in one frame, from this and earlier frames.
 
     Attributes:
-        name: of the person; of tentative ones a number.
+        name: Name of the person; tentative people have a number.
         state: TENTATIVE, ACTIVE or LOST.
         points_m: shape (keypoint, 3), NaN where the body has no such point.
         covariance_m2: shape (keypoint, 6).
-        rows: shape (view,), int64: the frame's detections that are theirs, -1 for none.
-        used: shape (view, keypoint), bool: the keypoints that counted.
-        log_odds: that they are there; another preset's score of it.
-        missing_s: for how long nothing has supported them.
-        nis: squared innovations of the keypoints that counted, each in its own covariance, together; NaN of who is new.
-        nis_dof: their expected value, two for each keypoint and view.
+        rows: shape (view,), int64: detections of the frame assigned to the person, -1 for none.
+        used: shape (view, keypoint), bool: keypoints that the update used.
+        log_odds: Log odds of presence; another strategy's score.
+        missing_s: Time since the last support, in seconds.
+        nis: Normalized innovation squared, summed over the used keypoints; NaN for new tracks.
+        nis_dof: Expected value of ``nis``: two per keypoint and view.
     """
 
     name: str
@@ -200,16 +215,44 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class People:
-    """Everybody in one frame.
+    """All people in one frame.
 
     Attributes:
-        number: of the frame.
-        time_s: of the frame.
-        people: active first, then lost, then tentative.
-        events: of this frame.
+        number: Number of the frame.
+        time_s: Time of the frame, in seconds.
+        people: Active people first, then lost ones, then tentative ones.
+        events: Events of this frame.
     """
 
     number: int
     time_s: float
     people: tuple[Person, ...]
     events: tuple[Event, ...]
+
+
+@dataclass(frozen=True)
+class IdentitySwap:
+    """Two tracks whose names were swapped in a frame.
+
+    Attributes:
+        numbers: Numbers of the two tracks.
+        since_s: Time from which the new names apply, in seconds.
+    """
+
+    numbers: tuple[int, int]
+    since_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """Everything that the tracker found in one frame.
+
+    Attributes:
+        people: All people in the frame.
+        past_states: By name, states in earlier frames of people who were confirmed or re-identified in this frame.
+        swaps: Identity swaps found in this frame.
+    """
+
+    people: People
+    past_states: Mapping[str, list[PastState]]
+    swaps: tuple[IdentitySwap, ...]

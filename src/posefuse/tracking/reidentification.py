@@ -1,6 +1,7 @@
-"""Whether somebody who appears is somebody who was lost: by where they can have gone, and by their bones."""
+"""Re-identification: whether a new person is one whose track was lost, by position and by bone lengths."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,126 +10,140 @@ from posefuse.kinematics.segment_lengths import measured_lengths
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.records import Track
-from posefuse.tracking.settings import Settings
-
-_REACH_M = 0.7
-_ROOM_M = 4.0
-_TRUNK_M = 0.3
-"""By how much one look at a trunk differs from the next where little of it is seen."""
-_DEFINITION_SD = 0.03
-"""By how much of its length a bone differs from one look at a body to the next."""
-_DEFINITION_M = 0.01
-_SPOILT = 0.1
-"""How often so short a look at somebody tells nothing of their bones, having shown two people as one for example."""
-_CLEAR = 1.0
+from posefuse.tracking.settings import TrackerSettings
 
 
-def who_returns(
+@dataclass(frozen=True)
+class Reidentification:
+    """A lost track that a new person continues.
+
+    Attributes:
+        track: Index of the track.
+        reason: Reason, as a clause.
+        doubt: What makes the identification uncertain; empty if it is certain.
+    """
+
+    track: int
+    reason: str
+    doubt: str = ""
+
+
+def find_lost_track(
     tracks: list[Track],
     state: State,
-    found: State,
+    fitted: State,
     torso_m: np.ndarray,
     since_s: float,
     time_s: float,
-    settings: Settings,
-) -> tuple[int, str, str] | None:
-    """The lost person that a new one is, if that is likelier than that they are new, or nobody new can be.
+    settings: TrackerSettings,
+) -> Reidentification | None:
+    """Find the lost track of a new person, if that is more likely than a new identity, or if no new identity is possible.
 
-    Who is not lost yet, but has not been seen for half the time that the new one was, may be them too.
+    A track that is not lost yet is considered too if it has been unsupported for a large enough share of the time for
+    which the new person was visible.
 
     Args:
-        tracks: of people known.
-        state: theirs.
-        found: of the new one.
-        torso_m: shape (3,): where the new one is.
-        since_s: when the new one was first seen.
-        time_s: now.
-        settings: of the tracker.
-
-    Returns:
-        Their place, why, and, where another is nearly as likely, what makes that uncertain ("" where nothing does).
+        tracks: Confirmed tracks.
+        state: States of the tracks.
+        fitted: State of the new person's body.
+        torso_m: shape (3,): position of the new person.
+        since_s: Time at which the new person was first seen, in seconds.
+        time_s: Time of the frame, in seconds.
+        settings: Settings of the tracker.
     """
-    closed = all_are_known(tracks, settings)
+    options = settings.options.reidentification
+    closed = population_is_known(tracks, settings)
     odds = {}
     for p, track in enumerate(tracks):
-        if track.state == TrackState.LOST or time_s - track.seen_s > 0.5 * (time_s - since_s):
-            near = _nearness(track, torso_m, time_s, settings, closed)
+        absent = time_s - track.last_seen_s > options.min_absence_share * (time_s - since_s)
+        if track.state == TrackState.LOST or absent:
+            near = _position_log_odds(track, torso_m, time_s, settings, closed)
             if near > -math.inf:
-                alike = same_body(settings, track, state, p, found, settings.options.births.min_age_s)
-                odds[p] = near + float(np.logaddexp(alike + math.log(1.0 - _SPOILT), math.log(_SPOILT)))
+                alike = same_body_log_odds(settings, track, state, p, fitted, settings.options.initiation.min_age_s)
+                useful, useless = math.log(1.0 - options.corrupt_share), math.log(options.corrupt_share)
+                odds[p] = near + float(np.logaddexp(alike + useful, useless))
     if not odds:
         return None
     best = max(odds, key=lambda p: odds[p])
-    if odds[best] < settings.options.reacquire_log_odds and not closed:
+    if odds[best] < options.min_log_odds and not closed:
         return None
-    others = [p for p in odds if p != best and odds[best] - odds[p] < _CLEAR]
-    uncertain = f"{tracks[others[0]].name} is as likely" if others else ""
-    return best, f"log odds {odds[best]:.1f} that it is them after {time_s - tracks[best].seen_s:.1f} s", uncertain
+    others = [p for p in odds if p != best and odds[best] - odds[p] < options.ambiguity_log_odds]
+    doubt = f"{tracks[others[0]].name} is equally likely" if others else ""
+    absent_s = time_s - tracks[best].last_seen_s
+    return Reidentification(best, f"log odds {odds[best]:.1f} of the same person after {absent_s:.1f} s", doubt)
 
 
-def all_are_known(tracks: list[Track], settings: Settings) -> bool:
-    """Whether everybody there is has been seen, so that nobody is new."""
+def population_is_known(tracks: list[Track], settings: TrackerSettings) -> bool:
+    """Return whether all individuals have been tracked, so that no new identity is possible."""
     population = settings.options.population
-    return population is not None and sum(track.sure for track in tracks) >= population
+    return population is not None and sum(track.established for track in tracks) >= population
 
 
-def _nearness(track: Track, torso_m: np.ndarray, time_s: float, settings: Settings, closed: bool) -> float:
-    """Log odds of somebody being so near to where they were lost, against anywhere in a room.
+def _position_log_odds(
+    track: Track, torso_m: np.ndarray, time_s: float, settings: TrackerSettings, closed: bool
+) -> float:
+    """Return the log odds of a position close to where a track was lost, relative to anywhere in a room.
 
-    Either they went about as people mostly do, which leaves them somewhere near, or fast, anywhere within reach; one is
-    as likely as the other. -inf for who is beyond reach, but where nobody is new.
+    A person either moved as people mostly do, and is close, or moved fast, and is anywhere within reach; both are
+    equally likely. The result is -inf for a person beyond reach, unless no new identity is possible.
     """
-    motion, scale, gone_s = settings.options.motion, settings.tree.scale, time_s - track.seen_s
-    room = _ROOM_M * scale
-    away = float(np.linalg.norm(torso_m - track.lost_at_m))
-    reach = _REACH_M * scale + motion.top_speed_m_s * gone_s
-    # As far as velocities that fade lead: Ornstein and Uhlenbeck.
-    fades = motion.root_decay_s * (1.0 - math.exp(-gone_s / motion.root_decay_s))
-    wandered = motion.root_acceleration * motion.root_decay_s**2 * (gone_s - fades)
-    sd = math.sqrt(wandered + (_TRUNK_M * scale) ** 2)
-    near = 3.0 * math.log(room / (math.sqrt(2.0 * math.pi) * sd)) - 0.5 * (away / sd) ** 2
-    if away > reach:
+    options, motion = settings.options.reidentification, settings.options.motion
+    absent_s = time_s - track.last_seen_s
+    room = options.room_m
+    distance = float(np.linalg.norm(torso_m - track.last_position_m))
+    reach = options.reach_m + motion.top_speed_m_s * absent_s
+    # Displacement by velocities that fade: Ornstein and Uhlenbeck.
+    faded = motion.root_decay_s * (1.0 - math.exp(-absent_s / motion.root_decay_s))
+    variance = motion.root_acceleration * motion.root_decay_s**2 * (absent_s - faded)
+    sd = math.sqrt(variance + options.trunk_sd_m**2)
+    near = 3.0 * math.log(room / (math.sqrt(2.0 * math.pi) * sd)) - 0.5 * (distance / sd) ** 2
+    if distance > reach:
         return near if closed else -math.inf
     return float(np.logaddexp(near, 3.0 * math.log(max(room / min(reach, room), 1.0))) - math.log(2.0))
 
 
-def same_body(settings: Settings, track: Track, state: State, p: int, found: State, looked_s: float) -> float:
-    """How much likelier (log) what was measured of a body is if it is that person's than if it is anybody's.
+def same_body_log_odds(
+    settings: TrackerSettings, track: Track, state: State, index: int, fitted: State, observed_s: float
+) -> float:
+    """Return the log likelihood ratio of measured bone lengths: this person's against any person's.
 
     Args:
-        settings: of the tracker.
-        track: the person's.
-        state: theirs, for lengths that are still sought.
-        p: their place in it.
-        found: of one person, fitted from scratch.
-        looked_s: for how long that one was looked at.
+        settings: Settings of the tracker.
+        track: Track of the person.
+        state: States of the tracks, for lengths that are still estimated.
+        index: Index of the track.
+        fitted: State of one body, fitted without a prior from the track.
+        observed_s: Time for which that body was observed, in seconds.
     """
     tree, options = settings.tree, settings.options
     n, h = tree.n_pose, tree.n_shape
-    known = track.trusted or (state.shape[p], state.covariance[p, n : n + h, n : n + h])
-    # Either look measured lengths by a definition of its own.
-    floor = 0.5 * np.diag((_DEFINITION_SD * np.abs(tree.shape_m) + _DEFINITION_M * tree.scale) ** 2)
+    known = track.known_shape or (state.shape[index], state.covariance[index, n : n + h, n : n + h])
+    # Each observation places the joints differently, so that lengths differ systematically between observations.
+    share, offset_m = options.reidentification.length_sd_share, options.reidentification.length_sd_m
+    floor = 0.5 * np.diag((share * np.abs(tree.shape_m) + offset_m) ** 2)
     theirs, error = measured_lengths(tree, *known)
-    error = _lasting(track.sought_s, options) * error + floor
-    new, new_error = measured_lengths(tree, found.shape[0], found.covariance[0, n : n + h, n : n + h])
-    new_error = _lasting(looked_s, options) * new_error + floor
+    error = _correlation_factor(track.shape_observed_s, options) * error + floor
+    new, new_error = measured_lengths(tree, fitted.shape[0], fitted.covariance[0, n : n + h, n : n + h])
+    new_error = _correlation_factor(observed_s, options) * new_error + floor
     gain = np.linalg.solve(tree.shape_covariance + error, tree.shape_covariance).T
     left = tree.shape_covariance - gain @ tree.shape_covariance
     return _log_normal(new - gain @ theirs, left + new_error) - _log_normal(new, tree.shape_covariance + new_error)
 
 
-def _lasting(looked_s: float, options: TrackerOptions) -> float:
-    """By how much more lengths vary (variance) than the filter says, which looks back less far than errors last.
+def _correlation_factor(observed_s: float, options: TrackerOptions) -> float:
+    """Return the factor by which the variance of lengths exceeds that of the filter, whose error memory is too short.
 
-    Of errors whose correlation fades over m, a look of T is worth 1 + T / 2m independent ones. The filter believes in
-    ``error_memory_s``; ``smoother_error_memory_s`` is true.
+    An observation over time T of errors with correlation time m holds 1 + T / 2m independent errors. The filter assumes
+    ``error_memory_s``; ``smoother_error_memory_s`` is the actual correlation time.
     """
-    believed, true = (1.0 + 0.5 * looked_s / m for m in (options.error_memory_s, options.smoother_error_memory_s))
-    return max(believed / true, 1.0)
+    assumed, actual = (
+        1.0 + 0.5 * observed_s / m for m in (options.error_memory_s, options.smoother_error_memory_s)
+    )  # fmt: skip
+    return max(assumed / actual, 1.0)
 
 
-def _log_normal(off: np.ndarray, covariance: np.ndarray) -> float:
+def _log_normal(residual: np.ndarray, covariance: np.ndarray) -> float:
     sign, log_determinant = np.linalg.slogdet(covariance)
     if sign <= 0:
         return -math.inf
-    return float(-0.5 * (log_determinant + off @ np.linalg.solve(covariance, off)))
+    return float(-0.5 * (log_determinant + residual @ np.linalg.solve(covariance, residual)))

@@ -1,7 +1,8 @@
-"""What is foretold as badly as if it had never been seen is begun anew from where views show it.
+"""Reinitialization of directions that the prediction does not know, from the points that the views show.
 
-Where frames come more rarely than limbs turn, the last frame tells nothing of where a limb points. Small steps from
-there end anywhere: as with somebody new, the steps have to begin where the views themselves put the limb.
+If the time between frames exceeds the time in which limbs turn, the last frame does not constrain the direction of a
+limb. Gauss-Newton steps from there end in an arbitrary minimum. As for a new body, the steps must start where the views
+show the limb.
 """
 
 import math
@@ -10,44 +11,45 @@ import numpy as np
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import aim, bones_shown, pose_from_points
-from posefuse.tracking.settings import Settings
-
-_UNKNOWN = 0.5
-"""Of the variance of a direction that is as good as unknown: with more, the steps begin where views show it."""
+from posefuse.tracking.settings import TrackerSettings
 
 
-def are_rare(dt_s: float, settings: Settings) -> bool:
-    """Whether so long a time makes turning segments or bones as unknown as those of somebody new.
+def is_long_gap(dt_s: float, settings: TrackerSettings) -> bool:
+    """Return whether directions become unknown within a time.
 
-    In it a direction whose velocity is as usual turns by ``q T^2 (dt - T (1 - exp(-dt / T)))``, variance.
+    A direction with the stationary distribution of velocities turns by the variance
+    ``q T^2 (dt - T (1 - exp(-dt / T)))``.
     """
-    # One segment moves by the law of all, one bone too; both are last and first after the root.
+    # All segments share one motion model, and so do all bones: one of each follows the root, the other is last.
     for i in (3, settings.tree.n_pose - 1):
         q, decay = float(settings.power[i]), float(settings.decay_s[i])
         turned = q * decay**2 * (dt_s - decay * (1.0 - math.exp(-dt_s / decay)))
-        if turned > _UNKNOWN * float(settings.most[i]):
+        if turned > settings.options.reinitialization.unknown_share * float(settings.most[i]):
             return True
     return False
 
 
-def unknown(state: State, settings: Settings) -> np.ndarray:
-    """Shape (track, segment + bone), bool: whose directions are foretold no better than those of somebody new."""
+def has_unknown_directions(state: State, settings: TrackerSettings) -> np.ndarray:
+    """Return which segments and bones are predicted no better than those of a new body, shape (track, mover), bool."""
     n, segments, people = settings.tree.n_pose, len(settings.tree.segments), len(state.root)
     columns = np.arange(3, n)
-    vague = state.covariance[:, columns, columns] > _UNKNOWN * settings.most[columns]
+    share = settings.options.reinitialization.unknown_share
+    vague = state.covariance[:, columns, columns] > share * settings.most[columns]
     turns, bones = vague[:, : 3 * segments].reshape(people, -1, 3), vague[:, 3 * segments :].reshape(people, -1, 2)
     return np.concatenate([turns.all(axis=2), bones.all(axis=2)], axis=1)
 
 
-def begin_anew(state: State, p: int, which: np.ndarray, points_m: np.ndarray, settings: Settings) -> None:
-    """Turn somebody's segments and bones to where they are shown; how well they are known stays.
+def reinitialize_directions(
+    state: State, body: int, which: np.ndarray, points_m: np.ndarray, settings: TrackerSettings
+) -> None:
+    """Turn segments and bones of one body to where they are shown; the covariance stays.
 
     Args:
-        state: in and out.
-        p: whose.
+        state: In and out.
+        body: Index of the body.
         which: shape (segment + bone,), bool.
-        points_m: shape (keypoint, 3): where the views show the body's points, NaN where they do not.
-        settings: of the tracker.
+        points_m: shape (keypoint, 3): points that the views show, NaN where there are none.
+        settings: Settings of the tracker.
     """
     if not np.isfinite(points_m).any():
         return
@@ -56,16 +58,43 @@ def begin_anew(state: State, p: int, which: np.ndarray, points_m: np.ndarray, se
     bones = np.flatnonzero(which[segments:] & np.isfinite(shown).all(axis=1))
     turned = np.flatnonzero(which[:segments])
     if len(turned):
-        state.turns[p, turned] = pose_from_points(tree, points_m, state.shape[p])[1][turned]
-    aim(state.bones[p], shown, bones)
+        state.turns[body, turned] = pose_from_points(tree, points_m, state.shape[body])[1][turned]
+    aim(state.bones[body], shown, bones)
 
 
-def forget(state: State, p: int, columns: np.ndarray, settings: Settings) -> None:
-    """Let some numbers of somebody's pose be as little known as those of somebody new, and their velocities none."""
-    cov = state.covariance[p]
+def reinitialize_limb(state: State, body: int, keypoint: int, points_m: np.ndarray, settings: TrackerSettings) -> bool:
+    """Turn the bones that lead to a keypoint to where they are shown, with the uncertainty of a new body.
+
+    Args:
+        state: In and out.
+        body: Index of the body.
+        keypoint: Keypoint at the end of the limb.
+        points_m: shape (keypoint, 3): points that the views show, NaN where there are none.
+        settings: Settings of the tracker.
+
+    Returns:
+        Whether any bones lead to the keypoint.
+    """
+    tree = settings.tree
+    node = int(tree.keypoint_nodes[keypoint])
+    bones: list[int] = []
+    while node > 0 and tree.nodes[node].is_bone:
+        bones.append(tree.nodes[node].mover)
+        node = tree.nodes[node].parent
+    if not bones:
+        return False
+    aim(state.bones[body], bones_shown(tree, points_m), bones)
+    columns = np.array([3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)])
+    _reset_covariance(state, body, columns, settings)
+    return True
+
+
+def _reset_covariance(state: State, body: int, columns: np.ndarray, settings: TrackerSettings) -> None:
+    """Give columns of one body's pose the uncertainty of a new body, and set their velocities to zero."""
+    cov = state.covariance[body]
     velocities = len(cov) - settings.tree.n_pose + columns
     both = np.concatenate([columns, velocities])
     cov[both], cov[:, both] = 0.0, 0.0
     cov[columns, columns] = settings.most[columns]
     cov[velocities, velocities] = 0.5 * settings.power[columns] * settings.decay_s[columns]
-    state.velocity[p, columns] = 0.0
+    state.velocity[body, columns] = 0.0

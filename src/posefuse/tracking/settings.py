@@ -1,4 +1,4 @@
-"""Everything that stays the same while a tracker runs, packed once."""
+"""Settings of a tracker, packed once."""
 
 from dataclasses import dataclass, replace
 
@@ -16,31 +16,32 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.tracking.body_states import body_of
 
-# The filter's memory of errors is the first of these longer with all views, and by the second, shared among them.
-_MANY, _FEW = 0.62, 1.9
-# It is by the first of these shorter where frames are very often, and grows with the time between them, s; frames
-# rarer than the last, s, are as those.
-_OFTEN, _FRAMES_S, _RARELY_S = 0.6, 0.068, 0.2
+# Correlation time of errors for the filter, relative to ``error_memory_s``: a limit for many views and a part that is
+# inversely proportional to the number of views.
+_MANY_VIEWS, _PER_VIEW = 0.62, 1.9
+# Its limit for frequent frames, the time between frames at which it grows, and the time beyond which it does not, in
+# seconds.
+_FREQUENT_FRAMES, _FRAME_TIME_S, _MAX_FRAME_TIME_S = 0.6, 0.068, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Settings(PickledByFields):
-    """What a tracker works with.
+class TrackerSettings(PickledByFields):
+    """Everything that a tracker needs to know about a recording.
 
     Attributes:
-        rig: cameras, in the order of the frames' views.
-        skeleton: of the keypoints.
-        tree: of the bodies.
-        noise: of the detections.
-        options: of the tracker, in proportion to the bodies.
+        rig: Cameras, in the order of the frames' views.
+        skeleton: Skeleton of the keypoints.
+        tree: Tree of the bodies.
+        noise: Noise model of the detections.
+        options: Options of the tracker, in proportion to the bodies.
         cameras: shape (view, COLUMNS).
         sizes_px: shape (view, 2).
-        body: the tree, for kernels.
-        law: of the detections, for kernels.
-        decay_s, power, most: of the motion, shape (pose,).
-        group_of: shape (keypoint,): which limb's sides swap together, -1 for none.
-        n_groups: how many of them.
-        core: shape (core,): keypoints that tell people apart.
+        body: The tree in the form that kernels take.
+        law: Noise model in the form that kernels take.
+        decay_s, power, most: Motion model, shape (pose,): decay times, spectral densities and initial variances.
+        group_of: shape (keypoint,): limb whose sides swap together, -1 for none.
+        n_groups: Number of these limbs.
+        core: shape (core,): keypoints that distinguish people.
     """
 
     rig: CameraRig
@@ -60,30 +61,30 @@ class Settings(PickledByFields):
     core: np.ndarray
 
     def __post_init__(self) -> None:
-        # Frozen arrays, also of settings that were pickled: for kernels writable ones are another type.
+        # Freeze the arrays also if the settings were pickled: kernels compile writable arrays as another type.
         object.__setattr__(self, "cameras", self.rig.packed[0])
         object.__setattr__(self, "body", body_of(self.tree))
         object.__setattr__(self, "core", frozen(self.core, np.int64))
 
     @classmethod
-    def of(cls, rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: TrackerOptions) -> "Settings":
-        """Packed from the records users know.
+    def of(cls, rig: CameraRig, skeleton: Skeleton, noise: NoiseModel, options: TrackerOptions) -> "TrackerSettings":
+        """Pack cameras, skeleton, noise model and options.
 
         Raises:
-            SkeletonError: if the skeleton has no tree.
+            SkeletonError: If the skeleton has no tree.
         """
         tree = skeleton.tree
         if tree is None:
             raise SkeletonError(
-                f"Skeleton {skeleton.name!r} has no tree, so nobody knows how its body moves. Add a table [tree] to "
-                "its TOML, or at least how large the body is, in metres, as size_m in that table; see docs/formats.md."
+                f"Skeleton {skeleton.name!r} has no kinematic tree. Add a table [tree] to its TOML file with at least "
+                "size_m, the size of the body in meters; see docs/formats.md."
             )
         options = options.in_proportion(tree.scale)
-        # Half of what there is to see supports somebody, where there is little.
+        # Half of the keypoints support a person if the skeleton has few.
         half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
         options = replace(options, min_joints=min(options.min_joints, half))
         decay, power = motion_laws(tree, options.motion)
-        # Bodies stand for the detections of either side.
+        # BodyFrame stand for the detections of either side.
         cameras = rig.packed[0]
         law = ErrorModel(
             np.ascontiguousarray(noise.scale_px * noise.spread),
@@ -103,53 +104,54 @@ class Settings(PickledByFields):
         )  # fmt: skip
 
     def variance_px2(self, confidence: np.ndarray, view: np.ndarray) -> np.ndarray:
-        """How noisy keypoints are by the noise law alone.
+        """Return the noise variance per axis of keypoints by the noise model alone, shape (row, keypoint).
 
         Args:
             confidence: shape (row, keypoint), NaN where the detector gives none.
             view: shape (row,), int64.
-
-        Returns:
-            Shape (row, keypoint): per axis.
         """
         trust = np.maximum(np.where(np.isfinite(confidence), confidence, 1.0), self.law.min_confidence)
         return (self.law.scale_px[view][:, None] * trust**-self.law.exponent) ** 2
 
 
-def memory_s(n_views: np.ndarray, alone_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions) -> np.ndarray:
-    """For how long the filter takes the errors of people's detections to last.
+def filter_memory_s(
+    n_views: np.ndarray, single_view_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions
+) -> np.ndarray:
+    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape (track,).
 
-    Errors last longer than the filter looks back. The fewer views there are the less each frame says, so that it looks
-    back further and lasting errors weigh more; the rarer frames are the fewer of them tell of the same moment. How far
-    away somebody is whom one view alone shows follows from how large they look, which hardly changes: of that the
+    Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
+    filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an
+    error. The distance of a person in a single view follows from the apparent size, which hardly changes: over that the
     filter averages so many frames that errors last as long as they do for the smoother.
 
     Args:
-        n_views: shape (person,), int64: how many views show each.
-        alone_s: shape (person,): for how long one view alone has shown them.
-        dt_s: shape (person,): since the last frame.
-        options: of the tracker; their ``error_memory_s`` is that of five views and 20 frames a second.
-
-    Returns:
-        Shape (person,).
+        n_views: shape (track,), int64: number of views that show each person.
+        single_view_s: shape (track,): time for which a single view has shown each person, in seconds.
+        dt_s: shape (track,): time since the last frame, in seconds.
+        options: Options of the tracker; ``error_memory_s`` holds for five views and 20 frames per second.
     """
-    few = _MANY + _FEW / np.maximum(n_views, 1)
-    mine = options.error_memory_s * few * np.hypot(_OFTEN, np.minimum(dt_s, _RARELY_S) / _FRAMES_S)
-    longer = np.maximum(options.smoother_error_memory_s, mine)
-    return np.where(alone_s > options.weak_after_s, longer, mine)
+    views = _MANY_VIEWS + _PER_VIEW / np.maximum(n_views, 1)
+    frames = np.hypot(_FREQUENT_FRAMES, np.minimum(dt_s, _MAX_FRAME_TIME_S) / _FRAME_TIME_S)
+    memory = options.error_memory_s * views * frames
+    longer = np.maximum(options.smoother_error_memory_s, memory)
+    return np.where(single_view_s > options.single_view_after_s, longer, memory)
 
 
-def tempering(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarray:
-    """As how many independent frames so many count as one whose errors last that long, for each time between frames.
+def tempering_factor(dt_s: np.ndarray, memory_s: float | np.ndarray) -> np.ndarray:
+    """Return the number of correlated frames that count as one independent frame, for each time between frames.
 
-    Errors whose correlation is ``r = exp(-dt / memory)`` from a frame to the next leave ``(1 - r) / (1 + r)`` of what
-    white noise would.
+    Errors with the correlation ``r = exp(-dt / memory)`` between consecutive frames leave ``(1 - r) / (1 + r)`` of the
+    information of white noise.
+
+    Args:
+        dt_s: Times between frames, in seconds.
+        memory_s: Correlation time of the errors, in seconds.
     """
     return 1.0 / np.tanh(0.5 * np.maximum(dt_s, 1e-6) / memory_s)
 
 
 def _groups(skeleton: Skeleton) -> np.ndarray:
-    """Limbs by chain; pairs of no chain are one more group each."""
+    """Return the limb of each keypoint by chain; a pair outside all chains is a group of its own."""
     group = np.full(len(skeleton), -1, dtype=np.int64)
     n = 0
     for chain in skeleton.chains.values():

@@ -1,119 +1,219 @@
-"""People who are not believed yet: what frames show of them is kept for a short time, to be confirmed or forgotten."""
+"""Initiation of tracks: tentative tracks collect observations, and a body is fitted to them by the filter."""
 
 from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from posefuse.arrays import frozen
+from posefuse.kernels.tracking.predict import predict_people
+from posefuse.kernels.tracking.records import USED, State
+from posefuse.kernels.tracking.update import update_people
+from posefuse.kinematics.initial_pose import aim, bones_shown, newborn
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
-from posefuse.tracking.frame_clock import SAME_S
-from posefuse.tracking.records import Evidence, Tentative
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.body_states import ProjectedBodies, select_states
+from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
+from posefuse.tracking.records import Observation, PastState, TentativeTrack
+from posefuse.tracking.settings import TrackerSettings, tempering_factor
 
-_FAR = 1e6
+_IMPOSSIBLE = 1e6
+"""Cost of an assignment that is not allowed."""
+_FIRST_ITERATIONS = 12
+"""Gauss-Newton steps for the first frame of a body."""
 
 
-def evidence_of(frame: Frame, time_s: float, proposals: Proposals, which: int, mirror: np.ndarray) -> Evidence:
-    """What a proposal's detections show, their sides put right."""
-    rows = proposals.rows[which]
+def observation_of(frame: Frame, time_s: float, proposals: Proposals, index: int, mirror: np.ndarray) -> Observation:
+    """Return the detections of a proposal as an observation with corrected sides.
+
+    Args:
+        frame: The detections.
+        time_s: Time of the frame, in seconds.
+        proposals: Proposals of the frame.
+        index: Index of the proposal.
+        mirror: shape (keypoint,): the keypoint of the other side.
+    """
+    rows = proposals.rows[index]
     shape = (len(rows), *frame.keypoints_px.shape[1:])
-    pixels, trust = np.full(shape, np.nan), np.full(shape[:2], np.nan)
+    pixels, confidence = np.full(shape, np.nan), np.full(shape[:2], np.nan)
     for v in np.flatnonzero(rows >= 0):
-        order = mirror if proposals.swapped[which, v] else slice(None)
-        pixels[v], trust[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
-    return Evidence(
-        time_s, frame.number, pixels, trust, rows, proposals.points_m[which], proposals.covariance_m2[which],
-        proposals.torso_m[which], float(proposals.log_odds[which]), float(proposals.error_sigma[which]),
-        int(proposals.n_pairs[which]),
+        order = mirror if proposals.swapped[index, v] else slice(None)
+        pixels[v], confidence[v] = frame.keypoints_px[rows[v]][order], frame.confidence[rows[v]][order]
+    return Observation(
+        time_s, frame.number, pixels, confidence, rows, proposals.points_m[index], proposals.covariance_m2[index],
+        proposals.torso_m[index], float(proposals.log_odds[index]), float(proposals.error_sigma[index]),
+        int(proposals.n_pairs[index]),
     )  # fmt: skip
 
 
-def continue_with(
-    tentative: list[Tentative], found: list[Evidence], apart: Callable[[Evidence, Evidence], float]
-) -> list[Evidence]:
-    """Give every tentative person the proposal that goes on where they were; the proposals that are nobody's.
+def continue_tentative(
+    tracks: list[TentativeTrack],
+    observations: list[Observation],
+    distance: Callable[[Observation, Observation], float],
+) -> list[Observation]:
+    """Assign observations to tentative tracks and return the remaining observations.
 
     Args:
-        tentative: in and out.
-        found: of this frame.
-        apart: how far a proposal is from what was last seen of somebody; inf where it cannot be them.
+        tracks: In and out.
+        observations: Observations of this frame.
+        distance: Distance of a new observation from a track's last one; inf if it cannot continue the track.
     """
-    for each in tentative:
-        each.frames += 1
-    if not tentative or not found:
-        return found
-    cost = np.full((len(tentative), len(found)), _FAR)
-    for i, each in enumerate(tentative):
-        for j, new in enumerate(found):
-            cost[i, j] = min(apart(each.evidence[-1], new), _FAR)
-    taken = set()
+    for track in tracks:
+        track.frames += 1
+    if not tracks or not observations:
+        return observations
+    cost = np.full((len(tracks), len(observations)), _IMPOSSIBLE)
+    for i, track in enumerate(tracks):
+        for j, new in enumerate(observations):
+            cost[i, j] = min(distance(track.observations[-1], new), _IMPOSSIBLE)
+    assigned = set()
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
-        if cost[i, j] < _FAR:
-            tentative[i].evidence.append(found[j])
-            taken.add(int(j))
-    return [new for j, new in enumerate(found) if j not in taken]
+        if cost[i, j] < _IMPOSSIBLE:
+            tracks[i].observations.append(observations[j])
+            assigned.add(int(j))
+    return [new for j, new in enumerate(observations) if j not in assigned]
 
 
-def is_of_two_views(each: Tentative, settings: Settings) -> bool:
-    """Whether a tentative person was seen by hardly more views, on average, than one must be seen by."""
-    return float(np.mean([e.n_views for e in each.evidence])) < settings.options.births.min_views + 0.5
+def is_of_two_views(track: TentativeTrack, settings: TrackerSettings) -> bool:
+    """Return whether a tentative track was seen by hardly more views, on average, than it must be."""
+    return float(np.mean([e.n_views for e in track.observations])) < settings.options.initiation.min_views + 0.5
 
 
-def is_over(each: Tentative, time_s: float, waits_s: float, settings: Settings) -> bool:
-    """Whether a tentative person is to be forgotten; who must be old to be believed may get twice as old."""
-    births = settings.options.births
-    most_s = births.max_age_s * (2.0 if waits_s > births.min_age_two_views_s else 1.0)
-    too_old = time_s - each.evidence[0].time_s > most_s + SAME_S
-    return too_old or time_s - each.evidence[-1].time_s > births.max_missing_s + SAME_S
+def is_expired(track: TentativeTrack, time_s: float, min_age_s: float, settings: TrackerSettings) -> bool:
+    """Return whether a tentative track is dropped; one that needs a long time to be confirmed lasts twice as long."""
+    options = settings.options.initiation
+    limit_s = options.max_age_s * (2.0 if min_age_s > options.min_age_two_views_s else 1.0)
+    too_old = time_s - track.observations[0].time_s > limit_s + TIME_TOLERANCE_S
+    return too_old or time_s - track.observations[-1].time_s > options.max_missing_s + TIME_TOLERANCE_S
 
 
-def is_believable(each: Tentative, time_s: float, promotes_from: float, waits_s: float, settings: Settings) -> bool:
-    """Whether what is known of a tentative person is enough to follow them: the rule of promotion.
+def is_confirmed(
+    track: TentativeTrack, time_s: float, promotion_score: float, min_age_s: float, settings: TrackerSettings
+) -> bool:
+    """Return whether a tentative track satisfies the promotion rule.
 
     Args:
-        each: the person.
-        time_s: of this frame.
-        promotes_from: the least score.
-        waits_s: how old they must be.
-        settings: of the tracker.
+        track: The tentative track.
+        time_s: Time of the frame, in seconds.
+        promotion_score: Score that the track needs.
+        min_age_s: Age that the track needs, in seconds.
+        settings: Settings of the tracker.
     """
-    births = settings.options.births
-    views = float(np.mean([e.n_views for e in each.evidence]))
-    age = time_s - each.evidence[0].time_s
+    options = settings.options.initiation
+    views = float(np.mean([e.n_views for e in track.observations]))
+    age = time_s - track.observations[0].time_s
     return (
-        len(each.evidence) > 1
-        and each.evidence[-1].time_s == time_s
-        and age >= waits_s - SAME_S
-        and len(each.evidence) >= births.hit_share * each.frames
-        and views >= births.min_views
-        and float(np.median([e.error_sigma for e in each.evidence])) <= births.max_error_sigma
-        and each.score >= promotes_from
-        and _bone_variation(each, settings) <= births.max_bone_variation
+        len(track.observations) > 1
+        and track.observations[-1].time_s == time_s
+        and age >= min_age_s - TIME_TOLERANCE_S
+        and len(track.observations) >= options.hit_share * track.frames
+        and views >= options.min_views
+        and float(np.median([e.error_sigma for e in track.observations])) <= options.max_error_sigma
+        and track.score >= promotion_score
+        and _bone_variation(track, settings) <= options.max_bone_variation
     )
 
 
-def core_bones(each: Tentative, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths of the core's bones that more than one frame shows, and their variances, shape (frame, bone) both.
+def core_bones(track: TentativeTrack, settings: TrackerSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Return lengths and variances of the core bones that more than one frame shows, shape (frame, bone) each.
 
     Args:
-        each: the person.
-        settings: of the tracker.
+        track: The tentative track.
+        settings: Settings of the tracker.
     """
     edges = settings.skeleton.edge_indices
     edges = edges[np.isin(edges, settings.core).all(axis=1)]
-    points = np.stack([e.points_m for e in each.evidence])
-    variances = np.stack([e.covariance_m2[:, (0, 3, 5)].mean(axis=1) for e in each.evidence])
+    points = np.stack([e.points_m for e in track.observations])
+    variances = np.stack([e.covariance_m2[:, (0, 3, 5)].mean(axis=1) for e in track.observations])
     lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
     noise = variances[:, edges].sum(axis=-1)
     usable = np.isfinite(lengths).sum(axis=0) > 1
     return lengths[:, usable], noise[:, usable]
 
 
-def _bone_variation(each: Tentative, settings: Settings) -> float:
-    """By which share the bones of the core vary from frame to frame, noise taken off; 0 where that cannot be told."""
-    lengths, noise = core_bones(each, settings)
+def _bone_variation(track: TentativeTrack, settings: TrackerSettings) -> float:
+    """Return the relative variation of core bone lengths beyond the noise; 0 if it cannot be measured."""
+    lengths, noise = core_bones(track, settings)
     if not lengths.size:
         return 0.0
     excess = np.nanvar(lengths, axis=0, ddof=1) - np.nanmean(noise, axis=0)
     return float(np.median(np.sqrt(np.maximum(excess, 0.0)) / np.nanmean(lengths, axis=0)))
+
+
+def fit_body(
+    observations: list[Observation],
+    settings: TrackerSettings,
+    shape_m: np.ndarray | None = None,
+    covariance: np.ndarray | None = None,
+) -> tuple[State, list[PastState], float]:
+    """Fit a body to the first observation and filter it to the last.
+
+    Args:
+        observations: Observations, oldest first.
+        settings: Settings of the tracker.
+        shape_m: shape (shape,): mean of the bone lengths; None for that of the tree.
+        covariance: shape (shape, shape): covariance of the bone lengths; None for that of the tree.
+
+    Returns:
+        State of one body in the last frame; states in the frames before it; and the median reprojection error in the
+        last frame, in standard deviations.
+    """
+    tree = settings.tree
+    mean = tree.shape_m if shape_m is None else shape_m
+    spread = tree.shape_covariance if covariance is None else covariance
+    state = newborn(tree, observations[0].points_m, mean, spread, settings.options.motion)
+    past: list[PastState] = []
+    seen = np.zeros(len(tree.bones), dtype=bool)
+    for i, each in enumerate(observations):
+        since_s = each.time_s - observations[i - 1].time_s if i else np.inf
+        if i:
+            predict_people(
+                np.array([since_s]), settings.decay_s, settings.power, settings.most,
+                settings.options.motion.shape_walk, state,
+            )  # fmt: skip
+        shown = bones_shown(tree, each.points_m)
+        aim(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
+        seen |= np.isfinite(shown).all(axis=1)
+        update_by_observation(state, each, settings, since_s)
+        past.append(PastState(each.number, each.time_s, select_states(state, [0]), each.rows))
+    return state, past[:-1], reprojection_error_sigma(state, observations[-1], settings)
+
+
+def update_by_observation(
+    state: State, observation: Observation, settings: TrackerSettings, since_s: float
+) -> np.ndarray:
+    """Update one body by an observation.
+
+    Args:
+        state: State of one body, in and out.
+        observation: The observation.
+        settings: Settings of the tracker.
+        since_s: Time since the last observation, with which it shares errors, in seconds; inf for the first one, which
+            counts fully and is not gated.
+
+    Returns:
+        Keypoints that were used, shape (view, keypoint), bool.
+    """
+    views, keypoints = observation.confidence.shape
+    use = np.empty((1, views, keypoints), dtype=np.int64)
+    rows = np.where(observation.rows >= 0, np.arange(views), -1)[None]
+    labels = np.tile(np.arange(keypoints), (1, views, 1))
+    first = np.isinf(since_s)
+    law = settings.law._replace(gate=np.inf) if first else settings.law
+    temper = tempering_factor(np.array([since_s]), settings.options.error_memory_s)
+    update_people(
+        settings.cameras, settings.body, law, temper, _FIRST_ITERATIONS if first else settings.options.iterations, rows,
+        labels, frozen(observation.keypoints_px), frozen(observation.confidence), state, use, np.empty(1), np.empty(1),
+    )  # fmt: skip
+    return use[0] == USED
+
+
+def reprojection_error_sigma(state: State, observation: Observation, settings: TrackerSettings) -> float:
+    """Return the median reprojection error of one body, in standard deviations; inf without keypoints."""
+    projected = ProjectedBodies.of(state, settings.cameras, settings.body)
+    law = settings.law
+    confidence = np.where(np.isfinite(observation.confidence), observation.confidence, 1.0)
+    sigma = law.scale_px[:, None] * np.maximum(confidence, 0.05) ** -law.exponent
+    sigma = np.hypot(sigma, law.floor_m * projected.px_per_m[0])
+    error = np.linalg.norm(observation.keypoints_px - projected.pixels[0], axis=-1) / sigma
+    return float(np.median(error[np.isfinite(error)])) if np.isfinite(error).any() else np.inf

@@ -1,1 +1,1 @@
-"""One solve over a whole recording: paths that explain every view, move smoothly and keep their bones' lengths."""
+"""Trajectory solve: keypoint paths over a recording that explain all views, move smoothly and keep bone lengths."""

@@ -1,4 +1,4 @@
-"""Bones as the solve sees them: edges of the skeleton, and the forest that tells keypoints of their neighbours."""
+"""Bones of the trajectory solve: edges of the skeleton, and the forest along which information propagates."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,12 +12,12 @@ from posefuse.skeleton.skeletons import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """Which keypoints are joined.
+    """Pairs of connected keypoints.
 
     Attributes:
         ends: shape (bone, 2), int64.
         order: shape (tree bone, 2), int64: bones of a forest, those nearest to a root first, and which end is outer.
-        rigid: shape (bone,), bool: whether the skeleton says that it keeps its length.
+        rigid: shape (bone,), bool: whether the skeleton declares the bone rigid.
     """
 
     ends: np.ndarray
@@ -26,12 +26,12 @@ class Bones:
 
     @classmethod
     def none(cls) -> Self:
-        """No keypoint is joined to another."""
+        """Return a record without bones."""
         return cls(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=np.bool_))
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> Self:
-        """The skeleton's edges, each once."""
+        """Return the unique edges of a skeleton."""
         if not len(skeleton.edge_indices):
             return cls.none()
         ends = np.unique(np.sort(skeleton.edge_indices, axis=1), axis=0)
@@ -41,11 +41,11 @@ class Bones:
         number = {(int(a), int(b)): i for i, (a, b) in enumerate(ends)}
         order = []
         for root in np.unique(label, return_index=True)[1]:
-            found, parent = breadth_first_order(graph, int(root), directed=False)
-            for outer in found[1:]:
+            visited, parent = breadth_first_order(graph, int(root), directed=False)
+            for outer in visited[1:]:
                 inner = parent[outer]
                 bone = number[min(int(inner), int(outer)), max(int(inner), int(outer))]
                 order.append((bone, int(ends[bone, 0] != outer)))
-        stiff = {frozenset((skeleton.index(a), skeleton.index(b))) for a, b in skeleton.rigid}
-        rigid = np.array([frozenset((int(a), int(b))) in stiff for a, b in ends])
+        rigid_pairs = {frozenset((skeleton.index(a), skeleton.index(b))) for a, b in skeleton.rigid}
+        rigid = np.array([frozenset((int(a), int(b))) in rigid_pairs for a, b in ends])
         return cls(np.ascontiguousarray(ends, dtype=np.int64), np.array(order, dtype=np.int64).reshape(-1, 2), rigid)

@@ -1,4 +1,4 @@
-"""One solve over the whole recording: the paths that best explain every view, move smoothly and keep their bones.
+"""Trajectory solve: keypoint paths that best explain every view, move smoothly and keep bone lengths.
 
 See docs/methods.md, "One solve over the whole recording".
 """
@@ -16,17 +16,18 @@ from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.trajectory.ambiguity import ambiguous
+from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.observed import Measured, Observed, swapped_pairs
-from posefuse.trajectory.paths import Paths, Solver
-from posefuse.trajectory.priors import Laws
+from posefuse.trajectory.observations import MeasuredRange, PersonObservations, swapped_pairs
+from posefuse.trajectory.path_solver import PathSolver
+from posefuse.trajectory.paths import Paths
+from posefuse.trajectory.priors import RecordingPriors
 from posefuse.trajectory.priors import margin_s as margin_s
 from posefuse.trajectory.roughness import Roughness
 from posefuse.trajectory.smoothness import Smoothness
 
-_COUNTS = 0.5
-"""An observation that counts less is not one the point rests on."""
+_MIN_USED_WEIGHT = 0.5
+"""Minimum weight of an observation that a point uses."""
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -38,117 +39,126 @@ def solve(
     layer: Layer,
     swaps: Swaps | None,
     noise: NoiseModel,
-    laws: Laws,
+    recording_priors: RecordingPriors,
     options: TrajectoryOptions,
 ) -> Layer:
-    """Solve every keypoint's path over a range of frames, as one.
+    """Solve the paths of all keypoints over a range of frames jointly.
 
     Args:
-        rig: the cameras, in the order of the detections' views.
-        detections: in memory; of a range of a longer recording, :func:`margin_s` more on both sides.
-        tracks: whose detection is whose, of the same frames.
-        layer: the measured layer of the same frames, by ``consensus``: where to begin.
-        swaps: which views took left for right, or None where labels are believed.
-        noise: of the detections.
-        laws: of the recording.
+        rig: the cameras, in the order of the views of the detections.
+        detections: in memory; for a range of a longer recording, extended by :func:`margin_s` on both sides.
+        tracks: assignment of detections to people, for the same frames.
+        layer: the measured layer of the same frames, by ``consensus``: the initial points.
+        swaps: views with swapped left and right labels, or None if labels are taken as correct.
+        noise: noise model of the detections.
+        recording_priors: of the recording.
         options: of the solve.
 
     Returns:
-        The solved layer, its source ``trajectory``, or ``filled`` where no view sees a point.
+        The solved layer; its source is ``trajectory``, or ``filled`` where no view observes a point.
     """
-    given = Measured(rig, detections, tracks, layer, swaps, noise)
+    measured_range = MeasuredRange(rig, detections, tracks, layer, swaps, noise)
     bones = Bones.of(detections.skeleton)
-    people = [_person(given, person, bones, laws, options) for person in range(tracks.detection.shape[1])]
+    people = [
+        _solve_person(measured_range, person, bones, recording_priors, options)
+        for person in range(tracks.detection.shape[1])
+    ]
     if not people:
         return layer
     return Layer(*(np.stack(arrays, axis=1) for arrays in zip(*people, strict=True)))
 
 
-def with_roughness(laws: Laws, parts: Iterable[Measured], options: TrajectoryOptions) -> Laws:
-    """The laws with what the motion is beside its paths, so that all ranges of a recording hold it for the same.
+def estimate_roughness(
+    recording_priors: RecordingPriors, parts: Iterable[MeasuredRange], options: TrajectoryOptions
+) -> RecordingPriors:
+    """Return the priors with the roughness of the motion, so that all ranges of a recording use the same.
 
     Args:
-        laws: of the recording.
-        parts: ranges of its frames, those the laws were learned from.
+        recording_priors: of the recording.
+        parts: ranges of its frames, those the priors were estimated from.
         options: of the solve.
     """
-    found: dict[int, Roughness] = {}
+    roughness_of: dict[int, Roughness] = {}
     for part in parts:
         bones = Bones.of(part.detections.skeleton)
-        for person in range(len(laws.density)):
-            law = laws.of(person, part.noise.spread)
-            if not np.isfinite(law.density).all():
+        for person in range(len(recording_priors.density)):
+            person_priors = recording_priors.of(person, part.noise.spread)
+            if not np.isfinite(person_priors.density).all():
                 continue
-            observed = Observed.of(part, person)
-            solver = Solver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
-            if solver.tells_roughness(law):
-                told = solver.roughness(solver.smooth(law), law)
-                found[person] = found[person] + told if person in found else told
-    variance_m2 = laws.roughness_m2.copy()
-    for person, told in found.items():
-        variance_m2[person] = told.variance_m2
-    return replace(laws, roughness_m2=variance_m2)
+            observed = PersonObservations.of(part, person)
+            solver = PathSolver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
+            if solver.can_estimate_roughness(person_priors):
+                roughness = solver.roughness(solver.smooth(person_priors), person_priors)
+                roughness_of[person] = roughness_of[person] + roughness if person in roughness_of else roughness
+    variance_m2 = recording_priors.roughness_m2.copy()
+    for person, roughness in roughness_of.items():
+        variance_m2[person] = roughness.variance_m2
+    return replace(recording_priors, roughness_m2=variance_m2)
 
 
-def _person(
-    given: Measured, person: int, bones: Bones, laws: Laws, options: TrajectoryOptions
+def _solve_person(
+    measured_range: MeasuredRange,
+    person: int,
+    bones: Bones,
+    recording_priors: RecordingPriors,
+    options: TrajectoryOptions,
 ) -> tuple[np.ndarray, ...]:
-    """The layer's arrays of one person, without their axis."""
-    observed = Observed.of(given, person)
-    law = laws.of(person, given.noise.spread)
-    if not np.isfinite(law.density).all():
-        return _nobody(given, person)
-    solver = Solver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
-    paths = solver.solve(law)
-    absent = np.asarray(given.tracks.state[:])[:, person] == TrackState.ABSENT
-    before = np.asarray(given.layer.status)[:, person].T
-    status = judge(paths, before, options.max_sd_share * laws.size_m[person])
+    """Return the layer arrays of one person, without the person axis."""
+    observed = PersonObservations.of(measured_range, person)
+    person_priors = recording_priors.of(person, measured_range.noise.spread)
+    if not np.isfinite(person_priors.density).all():
+        return _unsolved(measured_range, person)
+    solver = PathSolver(observed, Smoothness.of(options.prior, observed.time_s), bones, options)
+    paths = solver.solve(person_priors)
+    absent = np.asarray(measured_range.tracks.state[:])[:, person] == TrackState.ABSENT
+    before = np.asarray(measured_range.layer.status)[:, person].T
+    status = point_statuses(paths, before, options.max_sd_share * recording_priors.size_m[person])
     residuals, jacobians = observed.linear(paths.paths_m)
-    doubted = ambiguous(paths, jacobians, bones, law.length_m)
-    doubted &= (status < PointStatus.NOT_SEEN) & (before >= PointStatus.NOT_SEEN)
-    status[doubted] = PointStatus.UNCERTAIN
+    is_ambiguous = find_ambiguous(paths, jacobians, bones, person_priors.length_m)
+    is_ambiguous &= (status < PointStatus.NOT_SEEN) & (before >= PointStatus.NOT_SEEN)
+    status[is_ambiguous] = PointStatus.UNCERTAIN
     status[:, absent] = PointStatus.ABSENT
-    there = status < PointStatus.NOT_SEEN
-    errors = np.where(there[..., None], np.linalg.norm(residuals, axis=-1), np.nan)
-    used = paths.weights > _COUNTS
-    measured = np.asarray(given.layer.view_status)[:, person]
-    swapped = swapped_keypoints(given, person, measured)
-    view_status = judge_views(measured.transpose(1, 0, 2), np.isfinite(observed.sigma_px), used, there, swapped)
-    counted = used & there[..., None]
+    has_point = status < PointStatus.NOT_SEEN
+    errors = np.where(has_point[..., None], np.linalg.norm(residuals, axis=-1), np.nan)
+    used = paths.weights > _MIN_USED_WEIGHT
+    measured = np.asarray(measured_range.layer.view_status)[:, person]
+    swapped = swapped_keypoints(measured_range, person, measured)
+    view_status = view_statuses(measured.transpose(1, 0, 2), np.isfinite(observed.sigma_px), used, has_point, swapped)
+    used_points = used & has_point[..., None]
     with np.errstate(invalid="ignore"):
-        mean = np.where(counted, errors, 0.0).sum(axis=-1) / counted.sum(axis=-1)
-    both = paths.covariance_m2 + paths.lasting_m2
-    covariance = np.stack([both[..., i, j] for i, j in _UPPER], axis=-1)
-    source = np.where(there, Source.TRAJECTORY, Source.NONE)
+        mean_error = np.where(used_points, errors, 0.0).sum(axis=-1) / used_points.sum(axis=-1)
+    total_covariance = paths.covariance_m2 + paths.persistent_covariance_m2
+    covariance = np.stack([total_covariance[..., i, j] for i, j in _UPPER], axis=-1)
+    source = np.where(has_point, Source.TRAJECTORY, Source.NONE)
     source[status == PointStatus.FILLED] = Source.FILLED
-    by_frame = (
-        np.where(there[..., None], paths.paths_m, np.nan),
-        np.where(there[..., None], covariance, np.nan),
+    arrays = (
+        np.where(has_point[..., None], paths.paths_m, np.nan),
+        np.where(has_point[..., None], covariance, np.nan),
         status.astype(np.int8),
         source.astype(np.int8),
-        np.where(there, mean, np.nan),
+        np.where(has_point, mean_error, np.nan),
         view_status.astype(np.int8),
         errors.astype(np.float32),
     )
-    return tuple(np.ascontiguousarray(np.swapaxes(array, 0, 1)) for array in by_frame)
+    return tuple(np.ascontiguousarray(np.swapaxes(array, 0, 1)) for array in arrays)
 
 
-def _nobody(given: Measured, person: int) -> tuple[np.ndarray, ...]:
-    """Of somebody of whom nothing is known: as measured, that is not at all."""
-    layer = given.layer
+def _unsolved(measured_range: MeasuredRange, person: int) -> tuple[np.ndarray, ...]:
+    """Return the measured arrays of a person without priors."""
+    layer = measured_range.layer
     names = ("points_m", "covariance_m2", "status", "source", "reprojection_error_px", "view_status", "view_error_px")
-    return tuple(np.asarray(getattr(layer, name))[:, person] for name in names)
+    return tuple(np.asarray(getattr(layer, used_status))[:, person] for used_status in names)
 
 
-def judge(paths: Paths, before: np.ndarray, most_sd_m: float) -> np.ndarray:
-    """Shape (keypoint, frame): what became of each point.
+def point_statuses(paths: Paths, before: np.ndarray, max_sd_m: float) -> np.ndarray:
+    """Return the status of each point, shape (keypoint, frame).
 
     Args:
-        paths: solved.
-        before: shape (keypoint, frame): status of the measured points, why they are missing.
-        most_sd_m: points known worse are not given; NaN gives all.
+        paths: solved paths.
+        before: shape (keypoint, frame): status of the measured points, the reason where they are missing.
+        max_sd_m: maximum standard deviation of points not measured by two views; NaN disables the limit.
     """
-    views = (paths.weights > _COUNTS).sum(axis=-1)
+    views = (paths.weights > _MIN_USED_WEIGHT).sum(axis=-1)
     status = np.select(
         [views > 2, views == 2, views == 1],
         [PointStatus.OK, PointStatus.TWO_VIEWS, PointStatus.HELD],
@@ -156,41 +166,41 @@ def judge(paths: Paths, before: np.ndarray, most_sd_m: float) -> np.ndarray:
     )
     missing = np.where(before >= PointStatus.NOT_SEEN, before, PointStatus.OUTLIER)
     status = np.where(paths.alive, status, missing)
-    both = paths.covariance_m2 + paths.lasting_m2
-    finite = np.asarray(np.isfinite(both).all(axis=(-1, -2)) & np.isfinite(paths.paths_m).all(axis=-1))
-    passing = np.where(finite[..., None, None], paths.covariance_m2, 0.0)
-    variance = np.linalg.eigvalsh(passing)[..., -1]
-    # What views measured together is given however badly they did: its covariance says so.
+    total_covariance = paths.covariance_m2 + paths.persistent_covariance_m2
+    finite = np.asarray(np.isfinite(total_covariance).all(axis=(-1, -2)) & np.isfinite(paths.paths_m).all(axis=-1))
+    finite_covariance = np.where(finite[..., None, None], paths.covariance_m2, 0.0)
+    variance = np.linalg.eigvalsh(finite_covariance)[..., -1]
+    # Points measured by two views are always reported; their covariance states the uncertainty.
     measured = (views > 1) & (before < PointStatus.NOT_SEEN)
-    unknown = ~finite | (~measured & (variance > most_sd_m**2))
+    unknown = ~finite | (~measured & (variance > max_sd_m**2))
     unknown &= status < PointStatus.NOT_SEEN
     return np.where(unknown, PointStatus.UNCERTAIN, status)
 
 
-def judge_views(
-    measured: np.ndarray, valid: np.ndarray, used: np.ndarray, there: np.ndarray, swapped: np.ndarray
+def view_statuses(
+    measured: np.ndarray, valid: np.ndarray, used: np.ndarray, has_point: np.ndarray, swapped: np.ndarray
 ) -> np.ndarray:
-    """Shape (keypoint, frame, view): what each view contributed.
+    """Return the contribution of each view, shape (keypoint, frame, view).
 
     Args:
-        measured: shape (keypoint, frame, view): what it contributed to the measured point.
-        valid: the same shape, bool: whether it has a detection that could count.
-        used: the same shape, bool: whether it did.
-        there: shape (keypoint, frame), bool: whether the point has coordinates.
+        measured: shape (keypoint, frame, view): its contribution to the measured point.
+        valid: the same shape, bool: whether it has a usable detection.
+        used: the same shape, bool: whether the path uses it.
+        has_point: shape (keypoint, frame), bool: whether the point has coordinates.
         swapped: shape (keypoint, frame, view), bool: whether left and right were exchanged.
     """
-    name = np.where(swapped, ViewStatus.USED_SWAPPED, ViewStatus.USED)
-    judged = np.where(used, name, ViewStatus.OUTLIER)
-    judged = np.where(there[..., None], judged, ViewStatus.NOT_USED)
+    used_status = np.where(swapped, ViewStatus.USED_SWAPPED, ViewStatus.USED)
+    judged = np.where(used, used_status, ViewStatus.OUTLIER)
+    judged = np.where(has_point[..., None], judged, ViewStatus.NOT_USED)
     return np.where(valid, judged, measured)
 
 
-def swapped_keypoints(given: Measured, person: int, view_status: np.ndarray) -> np.ndarray:
-    """Shape (keypoint, frame, view), bool: whether a keypoint's label was exchanged; view_status is (frame, ...)."""
-    skeleton = given.detections.skeleton
+def swapped_keypoints(measured_range: MeasuredRange, person: int, view_status: np.ndarray) -> np.ndarray:
+    """Return whether each label was exchanged, shape (keypoint, frame, view); ``view_status`` is (frame, ...)."""
+    skeleton = measured_range.detections.skeleton
     frames, keypoints, views = view_status.shape
     out = np.zeros((keypoints, frames, views), dtype=bool)
-    swapped = swapped_pairs(skeleton, given.swaps, view_status, person)
+    swapped = swapped_pairs(skeleton, measured_range.swaps, view_status, person)
     for p, pair in enumerate(skeleton.pair_indices):
         out[pair] = swapped[:, p]
     return out

@@ -1,10 +1,10 @@
 """Scenes with planted faults, shared by all tests of the recording check."""
 
 import pytest
+from benchmarks.fault_scenes import Scene, healthy, plant
 
 from posefuse.association.one_subject import SingleSubject
 from posefuse.diagnostics.observations import TrackedObservations, gather_observations
-from posefuse.synthetic.faults import Scene, healthy, plant
 from posefuse.synthetic.options import CLEAN, DetectorOptions
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from benchmarks.fault_scenes import healthy, plant
 
 from posefuse.diagnostics.clock_model import fit_clock
 from posefuse.diagnostics.linear_system import LinearSystem, NormalEquations
 from posefuse.diagnostics.recording_model import N_PARAMETERS, Parameter
 from posefuse.pipeline.diagnose import measure_sync
-from posefuse.synthetic.faults import healthy, plant
 
 BLOCKS, PERIOD_S, SD_S = 30, 0.04, 0.01
 SECONDS = np.arange(BLOCKS) + 0.5

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from benchmarks.fault_scenes import plant
 
 from posefuse.diagnostics.epipolar import PosedView, disagreement_table, posed_views, squared_distances
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import sample_frames
 from posefuse.diagnostics.recording_model import RecordingModel
-from posefuse.synthetic.faults import plant
 
 from .conftest import observe
 

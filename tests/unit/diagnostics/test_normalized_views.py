@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+from benchmarks.fault_scenes import plant
 
 from posefuse.diagnostics.normalized_views import normalize_views, normalized_coordinates
 from posefuse.diagnostics.observations import sample_frames
 from posefuse.diagnostics.recording_model import N_PARAMETERS, Parameter, RecordingModel
 from posefuse.model.cameras import LensModel
-from posefuse.synthetic.faults import plant
 
 from .conftest import observe
 

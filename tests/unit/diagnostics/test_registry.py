@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from benchmarks.fault_scenes import FAULTS, USUAL, Fault, healthy, plant
 from benchmarks.faults import is_named, views_of
 
 from posefuse.diagnostics.examine import examine
 from posefuse.diagnostics.registry import list_findings
 from posefuse.model.findings import Finding, FindingKind
 from posefuse.pipeline.diagnose import inspect_health
-from posefuse.synthetic.faults import FAULTS, USUAL, Fault, healthy, plant
 from posefuse.synthetic.options import DetectorOptions
 
 from .conftest import observe

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.fault_scenes import Scene, healthy, plant
 
 from posefuse.diagnostics.start_offsets import offsets_from_pairs
 from posefuse.errors import DetectionsError
 from posefuse.model.findings import FindingKind
 from posefuse.pipeline.diagnose import inspect_health, measure_sync
-from posefuse.synthetic.faults import Scene, healthy, plant
 
 RATE_HZ = 25.0
 

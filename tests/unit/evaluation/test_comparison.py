@@ -8,8 +8,8 @@ import pytest
 from posefuse.errors import DetectionsError
 from posefuse.evaluation.accuracy import truth_from_result
 from posefuse.evaluation.comparison import SHARES, acceleration_m_s2, method_numbers, spread_of
+from posefuse.evaluation.paired_results import people_points
 from posefuse.evaluation.people import matched_errors_mm
-from posefuse.evaluation.together import people_points
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS, TriangulationOptions

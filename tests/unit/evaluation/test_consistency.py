@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.evaluation.consistency import consistency, nis, normalised_squares, region
+from posefuse.evaluation.consistency import consistency, nis, normalized_squares, region
 from posefuse.evaluation.motion import accelerations_m_s2, bone_spreads, jitter
 
 
@@ -38,19 +38,19 @@ def test_what_has_no_covariance_is_left_out():
     errors = np.ones((4, 3))
     errors[0, 1] = np.nan
     covariances = np.stack([np.eye(3), np.full((3, 3), np.nan), np.zeros((3, 3)), 1e-8 * np.eye(3)])
-    squares = normalised_squares(errors, covariances)
+    squares = normalized_squares(errors, covariances)
     assert np.isnan(squares[:3]).all()
     assert squares[3] == pytest.approx(3e8)
     assert consistency(squares[:3], 3).n == 0
     assert np.isnan(consistency(squares[:3], 3).covered_68)
-    assert normalised_squares(np.empty((0, 3)), np.empty((0, 3, 3))).shape == (0,)
+    assert normalized_squares(np.empty((0, 3)), np.empty((0, 3, 3))).shape == (0,)
 
 
 def test_consistency_does_not_depend_on_the_world_s_axes(rng):
     errors, covariances = gaussian(rng, 50, 3)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    turned = normalised_squares(errors @ turn.T, turn @ covariances @ turn.T)
-    np.testing.assert_allclose(turned, normalised_squares(errors, covariances))
+    turned = normalized_squares(errors @ turn.T, turn @ covariances @ turn.T)
+    np.testing.assert_allclose(turned, normalized_squares(errors, covariances))
 
 
 TIME_S = np.arange(40) / 25.0

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from posefuse.errors import ResultError
-from posefuse.evaluation.heads import HEAD_RULES, JOINTS, joints_14
+from posefuse.evaluation.head_points import HEAD_RULES, JOINTS, joints_14
+from posefuse.evaluation.paired_results import PeoplePoints, only_in_states, people_points
 from posefuse.evaluation.people import ScoringOptions, score_people
-from posefuse.evaluation.together import PeoplePoints, only_in_states, people_points
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
@@ -75,12 +75,12 @@ def test_every_nan_has_its_reason(rng):
     away = PeoplePoints(COCO, truth + 50.0, truth)
     found = score_people(away)
     assert math.isnan(found.mpjpe_mm)
-    assert found.undefined["mpjpe_mm"] == "nobody is matched within 0.5 m"
+    assert found.undefined["mpjpe_mm"] == "no person is matched within 0.5 m"
     assert found.undefined["recall_after_entry"] == "the frames have no times"
     assert found.undefined["nees.mean"] == "the layer carries no covariance"
     assert found.undefined["parts.by_part.9"].startswith("head rule none")
     nobody = score_people(PeoplePoints(COCO, truth[:, :0], truth, np.arange(10) / 25))
-    assert nobody.undefined["clear.0.precision"] == "the result has nobody in these frames"
+    assert nobody.undefined["clear.0.precision"] == "the result contains no person in these frames"
     assert nobody.undefined["bone_variation"] == "no bone is seen twice"
     assert (nobody.clear[0].recall, nobody.identity.idf1, nobody.parts.average) == (0, 0, 0)
     perfect = score_people(PeoplePoints(COCO, truth, truth, np.arange(10) / 25))
@@ -201,9 +201,9 @@ def test_arrays_that_do_not_fit(rng):
         PeoplePoints(COCO, truth, truth, person_ids=("a", "b", "c"))
     with pytest.raises(ResultError, match="covariance_m2: expected"):
         PeoplePoints(COCO, truth, truth, None, np.zeros((5, 2, 17, 6)))
-    with pytest.raises(ResultError, match="The truth has nobody"):
+    with pytest.raises(ResultError, match="The truth contains no person"):
         score_people(PeoplePoints(COCO, truth, truth[:, :0]))
-    with pytest.raises(ResultError, match="each above 0 m"):
+    with pytest.raises(ResultError, match="distances above 0 m"):
         ScoringOptions(gates_m=(0.0,))
 
 

@@ -1,4 +1,4 @@
-"""Calibration files: conventions, units, order, and what is said of broken ones."""
+"""Calibration files: conventions, units, order and error messages."""
 
 import re
 from dataclasses import replace
@@ -47,7 +47,7 @@ def test_qualisys(tmp_path):
     assert (found.up_axis, found.metres_per_unit) == ("z", 0.001)
 
 
-def test_qualisys_videos_of_fewer_lines_have_fewer_pixels(tmp_path):
+def test_qualisys_scales_videos_of_lower_resolution(tmp_path):
     """720 of 1080 lines: as if the images of the calibration had been made smaller."""
     path, rig = tmp_path / "x.qca.txt", ring(2)
     path.write_text(qualisys_xml(rig).replace('viewrotation="0"', 'viewrotation="0" video_resolution="720p"'))
@@ -62,19 +62,19 @@ def test_qualisys_videos_of_fewer_lines_have_fewer_pixels(tmp_path):
         np.testing.assert_allclose(read_cameras(path).cameras[1].matrix, rig.cameras[1].matrix)
 
 
-def test_qualisys_cameras_for_markers_are_left_out(tmp_path):
+def test_qualisys_marker_cameras_are_left_out(tmp_path):
     path = tmp_path / "x.qca.txt"
     kinds = iter(["Miqus Video", "Miqus M3", "Miqus Hybrid"])
     text = re.sub('model="none"', lambda _: f'model="{next(kinds)}"', qualisys_xml(ring(3)))
     path.write_text(text)
     found = read_cameras(path)
     assert found.names == ("cam_0", "cam_2")
-    assert found.notes == ("x.qca.txt: cameras for markers are left out: cam_1.",)
+    assert found.notes == ("x.qca.txt: marker cameras are left out: cam_1.",)
     path.write_text(re.sub('model="[^"]*"', 'model="Oqus 210c"', text))
     assert len(read_cameras(path)) == 3
 
 
-def test_qualisys_counts_the_principal_point_from_the_video(tmp_path):
+def test_qualisys_principal_point_is_relative_to_the_video(tmp_path):
     path = tmp_path / "Calib.qca.txt"
     text = qualisys_xml(ring(2)).replace('left="0" top="0" right="1919"', 'left="100" top="0" right="2019"')
     path.write_text(text)
@@ -82,17 +82,17 @@ def test_qualisys_counts_the_principal_point_from_the_video(tmp_path):
 
 
 @pytest.mark.parametrize("lens", ["pinhole", "barrel", "fisheye"])
-def test_anipose_in_its_usual_millimetres(lens, tmp_path):
+def test_anipose_in_millimeters(lens, tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(3, lens)
     path.write_text(anipose_toml(rig))
     found = read_cameras(path)
     assert_same_cameras(found, rig)
     assert found.up_axis is None
-    assert "read as mm" in found.notes[0]
+    assert "assumed mm" in found.notes[0]
 
 
-def test_anipose_counts_its_cameras(tmp_path):
+def test_anipose_orders_cameras_by_number(tmp_path):
     """As text cam_10 comes before cam_2."""
     path = tmp_path / "calibration.toml"
     rig = ring(12)
@@ -100,7 +100,7 @@ def test_anipose_counts_its_cameras(tmp_path):
     assert read_cameras(path).names == rig.names
 
 
-def test_anipose_in_metres(tmp_path):
+def test_anipose_in_meters(tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(3)
     path.write_text(anipose_toml(rig, unit_per_m=1.0))
@@ -111,7 +111,7 @@ def test_anipose_in_metres(tmp_path):
     np.testing.assert_allclose(in_mm.cameras[0].centre_m, rig.cameras[0].centre_m / 1000, atol=1e-12)
 
 
-def test_anipose_written_here_says_everything(tmp_path):
+def test_anipose_metadata_round_trips(tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(3, "barrel")
     anipose.write(rig, path)
@@ -128,7 +128,7 @@ def test_freemocap_ground_plane_means_z_up(tmp_path):
     assert read_cameras(path).up_axis == "z"
 
 
-def test_rotation_as_a_matrix(tmp_path):
+def test_rotation_matrix(tmp_path):
     path = tmp_path / "calibration.toml"
     rig = ring(2)
     text = anipose_toml(rig)
@@ -148,7 +148,7 @@ BROKEN = [
         FileError,
         ["rotation should hold 3 or 9 numbers, got 4"],
     ),
-    (lambda text: text.replace("size = [1920, 1080]", 'size = "HD"'), FileError, ["not made of numbers"]),
+    (lambda text: text.replace("size = [1920, 1080]", 'size = "HD"'), FileError, ["does not consist of numbers"]),
     (lambda text: text.replace("1200.0", "0.0"), CameraError, ["'cam_0'", "focal lengths must be positive"]),
     (lambda text: text.replace("1200.0", "nan"), CameraError, ["not finite"]),
     (lambda text: text.replace("[metadata]", '[metadata]\nunit = "inch"'), FileError, ["metadata.unit is 'inch'"]),
@@ -158,7 +158,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize(("break_it", "kind", "words"), BROKEN)
-def test_a_broken_calibration_says_what_and_where(break_it, kind, words, tmp_path):
+def test_invalid_calibration_error_names_the_location(break_it, kind, words, tmp_path):
     path = tmp_path / "calibration.toml"
     path.write_text(break_it(anipose_toml(ring(3))))
     with pytest.raises(kind) as error:
@@ -171,7 +171,7 @@ def test_a_broken_calibration_says_what_and_where(break_it, kind, words, tmp_pat
     ("break_it", "words"),
     [
         (lambda text: text[:-40], "not complete XML"),
-        (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "describes no camera"),
+        (lambda text: text.replace("<camera ", "<kamera ").replace("</camera>", "</kamera>"), "has no cameras"),
         (
             lambda text: text.replace('focalLengthU="', 'focalLengthU="x'),
             "intrinsic@focalLengthU should be a number, got 'x",
@@ -179,36 +179,36 @@ def test_a_broken_calibration_says_what_and_where(break_it, kind, words, tmp_pat
         (lambda text: text.replace('<?xml version="1.0"?>', '<!DOCTYPE a [<!ENTITY b "c">]>'), "entities"),
     ],
 )
-def test_a_broken_qualisys_file_says_what_and_where(break_it, words, tmp_path):
+def test_invalid_qualisys_error_names_the_location(break_it, words, tmp_path):
     path = tmp_path / "Calib.qca.txt"
     path.write_text(break_it(qualisys_xml(ring(2))))
     with pytest.raises(FileError, match=words):
         read_cameras(path)
 
 
-def test_a_matrix_that_is_no_rotation(tmp_path):
+def test_invalid_rotation_is_an_error(tmp_path):
     path = tmp_path / "Calib.qca.txt"
     path.write_text(qualisys_xml(ring(2)).replace('r11="', 'r11="1'))
     with pytest.raises(CameraError, match=r"Calib\.qca\.txt: Camera 'cam_0': the rotation is not one"):
         read_cameras(path)
 
 
-def test_what_is_no_calibration(tmp_path):
+def test_other_files_are_not_calibrations(tmp_path):
     with pytest.raises(FileError, match=r"No calibration file at .*contains: "):
         read_cameras(tmp_path / "calibration.toml")
     with pytest.raises(FileError, match="is a folder"):
         read_cameras(tmp_path)
     notes = tmp_path / "notes.txt"
     notes.write_text("hello")
-    with pytest.raises(FileError, match=r"no calibration in a known format. Known: caliscope"):
+    with pytest.raises(FileError, match=r"not a calibration in a supported format. Supported: caliscope"):
         read_cameras(notes)
     settings = tmp_path / "settings.toml"
     settings.write_text("a = 1")
-    with pytest.raises(PosefuseError, match="no calibration"):
+    with pytest.raises(PosefuseError, match="not a calibration"):
         read_cameras(settings)
 
 
-def test_writing_leaves_nothing_half_done(tmp_path, monkeypatch):
+def test_failed_write_leaves_no_file(tmp_path, monkeypatch):
     path = tmp_path / "calibration.toml"
 
     def broken(*_):
@@ -220,24 +220,24 @@ def test_writing_leaves_nothing_half_done(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_lenses_survive_by_model():
+def test_lens_models_round_trip():
     assert ring(2, "fisheye").cameras[0].lens is LensModel.FISHEYE
 
 
 @pytest.mark.parametrize("up", ["z", None])
-def test_a_calibration_is_written_like_the_one_that_was_read(up, tmp_path):
+def test_calibration_is_written_in_the_format_of_the_original(up, tmp_path):
     rig = replace(four_coefficients(ring(3, "mild")), up_axis="z", notes=("Refined.",), left_out=("cam_9",))
     original = tmp_path / "Calib.toml"
     pose2sim.write(rig, original)
     said = write_like(replace(rig, up_axis=up), tmp_path / "refined.toml", original)
     again = read_cameras(tmp_path / "refined.toml")
-    assert ("in pose2sim's" in said) is (up == "z")
+    assert ("in the format pose2sim" in said) is (up == "z")
     assert find_format(tmp_path / "refined.toml").name == ("pose2sim" if up == "z" else "anipose")
     assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, up)
     assert_same_cameras(again, rig)
 
 
-def test_lenses_that_do_not_fit_are_written_as_anipose(tmp_path):
+def test_unsupported_lenses_are_written_as_anipose(tmp_path):
     pose2sim.write(replace(ring(2), up_axis="z"), tmp_path / "a.toml")
     fish = replace(ring(2, "fisheye"), up_axis="z")
     said = write_like(fish, tmp_path / "b.toml", tmp_path / "a.toml")
@@ -245,13 +245,13 @@ def test_lenses_that_do_not_fit_are_written_as_anipose(tmp_path):
     assert "k1 k2 p1 p2" in said
 
 
-def test_what_is_read_as_qualisys_is_written_as_such(tmp_path):
+def test_qualisys_is_written_as_qualisys(tmp_path):
     rig = replace(ring(3, "mild"), up_axis="z", notes=("Refined & so on.",), left_out=("cam_9",))
     original = tmp_path / "Calib.qca.txt"
     original.write_text(qualisys_xml(rig))
-    assert write_like(rig, tmp_path / "b.qca.txt", original) == "in qualisys's format, as Calib.qca.txt is"
+    assert write_like(rig, tmp_path / "b.qca.txt", original) == "in the format qualisys of Calib.qca.txt"
     assert find_format(tmp_path / "b.qca.txt").name == "qualisys"
-    assert write_like(rig, tmp_path / "b.toml", original).startswith("in anipose's format: ")
+    assert write_like(rig, tmp_path / "b.toml", original).startswith("in the format anipose: ")
     for name in ("b.qca.txt", "b.toml"):
         again = read_cameras(tmp_path / name)
         assert (again.names, again.notes, again.left_out, again.up_axis) == (rig.names, rig.notes, rig.left_out, "z")
@@ -261,12 +261,12 @@ def test_what_is_read_as_qualisys_is_written_as_such(tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"up_axis": "y"}, "has z up, and here up is y"),
+        ({"up_axis": "y"}, "requires z up, and the up axis is y"),
         ({"cameras": ring(2, "fisheye").cameras}, "has others"),
-        ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "no letters such as in"),
+        ({"cameras": (replace(ring(2).cameras[0], name="a\x01"),)}, "does not allow some characters"),
     ],
 )
-def test_what_qualisys_cannot_hold_is_written_as_nothing(change, why, tmp_path):
+def test_rig_that_qualisys_cannot_represent_is_an_error(change, why, tmp_path):
     rig = replace(replace(ring(2), up_axis="z"), **change)
     original = tmp_path / "Calib.qca.txt"
     original.write_text(qualisys_xml(ring(2)))
@@ -275,7 +275,7 @@ def test_what_qualisys_cannot_hold_is_written_as_nothing(change, why, tmp_path):
     assert not (tmp_path / "b.qca.txt").exists()
 
 
-def test_a_name_by_which_a_calibration_would_not_be_known(tmp_path):
+def test_name_with_a_wrong_ending_is_an_error(tmp_path):
     (tmp_path / "Calib.qca.txt").write_text(qualisys_xml(ring(2)))
-    with pytest.raises(FileError, match=r"end the name of the calibration to write in \.qca\.txt, \.qca\.xml, \.toml"):
+    with pytest.raises(FileError, match=r"the name of the calibration must end in \.qca\.txt, \.qca\.xml, \.toml"):
         write_like(ring(2), tmp_path / "refined", tmp_path / "Calib.qca.txt")

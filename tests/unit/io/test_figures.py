@@ -15,7 +15,7 @@ import posefuse
 from posefuse.biomechanics.animation_figures import body_of
 from posefuse.errors import ResultError
 from posefuse.io.results import bvh, clips, gltf
-from posefuse.io.results.axes import least_y_up_from_world
+from posefuse.io.results.axes import minimal_y_up_from_world
 from posefuse.io.results.figures import write_figures
 from posefuse.model.cameras import UP_AXES, up_vector
 from tests.figures import RATE_HZ, Bvh, Gltf, model_layer, places, posed
@@ -28,7 +28,7 @@ BVH_M, GLTF_M = 1e-6, 5e-6
 
 def expected(result, person: int = 0) -> np.ndarray:
     """Points of the model layer in the file's axes."""
-    turn = least_y_up_from_world(result.rig.up_axis)
+    turn = minimal_y_up_from_world(result.rig.up_axis)
     return np.asarray(result.layers["model"].points_m)[:, person] @ turn.T
 
 
@@ -95,7 +95,7 @@ class TestBvh:
         notes = bvh.write(result, "person_1", tmp_path / "a.bvh")
         assert notes == [
             "person_1: the first frame of the BVH is frame 103 of the recording.",
-            "person_1 is away in frames 110 to 113: the BVH holds the last pose, it cannot leave frames out.",
+            "person_1 is absent in frames 110 to 113: BVH cannot leave out frames, so the last pose is held.",
         ]
         found = Bvh(tmp_path / "a.bvh")
         keypoints, joints = joints_of(result, found.names)
@@ -141,7 +141,7 @@ class TestBvh:
             result, poses=replace(poses, turns=turns, directions=ways), layers={"model": model_layer(points)}
         )
         (note,) = bvh.write(lost, "person_1", tmp_path / "a.bvh")
-        assert "hands or face are not followed all the time; they stay" in note
+        assert "hands or face are not tracked in all frames" in note
         found = Bvh(tmp_path / "a.bvh")
         keypoints, joints = joints_of(lost, found.names)
         there = np.isfinite(expected(lost)[:, keypoints])
@@ -156,12 +156,12 @@ class TestBvh:
         result = posed("body_20")
         shape = 1.1 * np.asarray(result.poses.shape_m)
         (note,) = bvh.write(replace(result, poses=replace(result.poses, shape_m=shape)), "person_1", tmp_path / "a.bvh")
-        assert "a figure has one length for each bone" in note
+        assert "bones of an animation skeleton have constant lengths" in note
 
     def test_where_up_is_unknown_it_is_said(self, tmp_path):
         result = posed("body_20")
         (note,) = bvh.write(replace(result, rig=replace(result.rig, up_axis=None)), "person_1", tmp_path / "a.bvh")
-        assert "which axis is up is not known (--up)" in note
+        assert "the up axis is unknown (--up)" in note
 
 
 class TestGltf:
@@ -210,7 +210,7 @@ class TestGltf:
         result = posed(away=(slice(0, 3), slice(10, 14), slice(28, 30)))
         (note,) = gltf.write(result, "person_1", tmp_path / "a.glb")
         assert note == (
-            "person_1 is away in frames 110 to 113: the glTF has no keys there, and the figure is scaled to nothing."
+            "person_1 is absent in frames 110 to 113: the glTF has no keys there, and the skeleton is scaled to zero."
         )
         found = Gltf(tmp_path / "a.glb")
         seconds, scales, kind = found.channel(0, "scale")
@@ -264,7 +264,7 @@ class TestWhatCannotBeWritten:
 
     @pytest.mark.parametrize("end", ["bvh", "glb", "gltf"])
     def test_nobody_in_any_frame(self, end, tmp_path):
-        with pytest.raises(ResultError, match="person_1 stands in no frame"):
+        with pytest.raises(ResultError, match="person_1 is absent in all frames"):
             posefuse.write(posed(away=(slice(0, 30),)), tmp_path / f"a.{end}")
         assert list(tmp_path.iterdir()) == []
 
@@ -282,7 +282,7 @@ class TestWhatCannotBeWritten:
         result = posed(people=2)
         result = replace(result, rig=replace(result.rig, up_axis=None))
         done = posefuse.write(result, tmp_path / "a.bvh")
-        assert any("up is not known" in note for note in done.notes)
+        assert any("up axis is unknown" in note for note in done.notes)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a_person_1.bvh", "a_person_2.bvh"]
 
     def test_a_folder_gets_both_formats_of_everybody_who_is_there(self, tmp_path):
@@ -293,12 +293,12 @@ class TestWhatCannotBeWritten:
         gone = replace(result, poses=replace(result.poses, turns=turns), layers=layers)
         files, notes = write_figures(gone, gone.person_ids, tmp_path)
         assert files == ["person_1.bvh", "person_1.glb"]
-        assert notes == ["person_2 stands in no frame: there is no BVH or glTF of person_2."]
+        assert notes == ["person_2 is absent in all frames: no BVH or glTF was written for person_2."]
 
 
 @pytest.mark.parametrize("up", UP_AXES)
 def test_up_becomes_y_by_the_least_turn(up):
-    turn = least_y_up_from_world(up)
+    turn = minimal_y_up_from_world(up)
     np.testing.assert_allclose(turn @ up_vector(up), [0, 1, 0])
     np.testing.assert_allclose(turn @ turn.T, np.eye(3))
     assert np.linalg.det(turn) == pytest.approx(1.0)

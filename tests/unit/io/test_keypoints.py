@@ -94,7 +94,7 @@ class TestOpenPose:
         found = read_detections(write_openpose(tmp_path / "pose", walk))
         assert found.rate_hz == 50
         assert found.skeleton.name == "body_25"
-        assert found.notes == ()
+        assert found.notes == ("Frame rate 50 Hz read from Config.toml.",)
 
     @pytest.mark.parametrize(
         ("content", "words"),

@@ -20,7 +20,7 @@ from posefuse.io.results.write import write_folder
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.track_events import Event
 from posefuse.skeleton.skeletons import shipped_skeleton
-from tests.people import crowd, followed, nobody
+from tests.people import crowd, followed, without_people
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ class TestNetcdf:
                 assert file[name].compression == "gzip"
 
     def test_nobody(self, scene, tmp_path):
-        empty = nobody(scene)
+        empty = without_people(scene)
         netcdf.write(empty.chunks(10), tmp_path / "r.nc")
         assert posefuse.read_reconstruction(tmp_path / "r.nc") == empty
         (tmp_path / "out").mkdir()

@@ -14,8 +14,9 @@ from posefuse.errors import FileError, RecordingError
 from posefuse.io.calibration import anipose
 from posefuse.io.files import exclusive_folder, natural_key, replacing_folder
 from posefuse.io.keypoints import native
-from posefuse.io.recording import choose_calibration, choose_keypoints, find_recording
-from posefuse.synthetic.options import SceneOptions
+from posefuse.io.recording import InputPaths, choose_calibration, choose_keypoints, find_inputs, find_recording
+from posefuse.model.options.options import Options
+from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.files import qualisys_xml, write_openpose
 from tests.scenes import ring
@@ -229,3 +230,39 @@ def test_the_lock_of_a_killed_process_is_released(tmp_path):
     with replacing_folder(out) as staging:
         (staging / "reconstruction.nc").write_text("next")
     assert not (tmp_path / ".out.partial").exists()
+
+
+class TestFindInputs:
+    """Missing choices are reported together, with what to pass."""
+
+    @pytest.fixture
+    def ambiguous(self, tmp_path):
+        """Return a folder with two calibrations and two sets of keypoints without a frame rate."""
+        scene = simulate(SceneOptions(duration_s=0.2, cameras=2, detector=CLEAN))
+        for name in ("a", "b"):
+            anipose.write(scene.rig, tmp_path / f"{name}.toml")
+            write_openpose(tmp_path / name, scene.detections)
+        return tmp_path
+
+    def test_all_missing_choices_are_in_one_message(self, ambiguous):
+        with pytest.raises(RecordingError) as caught:
+            find_inputs(ambiguous)
+        message = str(caught.value)
+        for words in ("2 calibrations", "2 sets of 2D keypoints", "Add --rate-hz"):
+            assert words in message
+        for path in ("a.toml", "b.toml"):
+            assert f"--calibration {ambiguous / path}" in message
+        for path in ("a", "b"):
+            assert f"--keypoints {ambiguous / path}" in message
+
+    def test_choices_that_are_made_are_not_reported(self, ambiguous):
+        with pytest.raises(RecordingError) as caught:
+            find_inputs(ambiguous, keypoints=ambiguous / "a", options=Options(rate_hz=30.0))
+        assert "keypoints" not in str(caught.value)
+        assert "--rate-hz" not in str(caught.value)
+        found = find_inputs(ambiguous, ambiguous / "b.toml", ambiguous / "a")
+        assert found == InputPaths(ambiguous / "b.toml", ambiguous / "a")
+
+    def test_an_empty_folder(self, tmp_path):
+        with pytest.raises(RecordingError, match=r"(?s)No calibrations.*No sets of 2D keypoints"):
+            find_inputs(tmp_path)

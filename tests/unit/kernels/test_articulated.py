@@ -56,7 +56,7 @@ def test_jacobian_is_the_derivative(rng):
         np.testing.assert_allclose(jacobian[:, :, c], change, atol=1e-8)
 
 
-def test_only_the_columns_of_a_node_move_it(rng):
+def test_only_listed_columns_move_a_node(rng):
     jacobian = np.empty((len(TREE.nodes), 3, TREE.n_pose + TREE.n_shape))
     differentiate(*WHERE, TREE.n_pose, *pose(rng, TREE)[1:], jacobian)
     starts, columns = TREE.packed[6:]
@@ -65,14 +65,14 @@ def test_only_the_columns_of_a_node_move_it(rng):
         assert np.abs(jacobian[n][:, others]).max() == 0.0
 
 
-def test_turning_about_a_bone_moves_nothing(rng):
+def test_rotation_about_a_bone_has_no_effect(rng):
     root, turns, bones, shape = pose(rng, TREE)
     before = points_of(TREE, root, turns, bones, shape)
     twisted = bones @ Rotation.from_euler("z", rng.uniform(-3, 3, (len(bones), 1))).as_matrix()
     np.testing.assert_allclose(points_of(TREE, root, turns, twisted, shape), before, atol=1e-12)
 
 
-def test_small_turns_go_there_and_back(rng):
+def test_rotation_logarithm_inverts_the_exponential(rng):
     turn, between = from_python(rotations.rotate), from_python(rotations.rotation_between)
     for _ in range(20):
         start = Rotation.random(rng=rng).as_matrix()
@@ -85,7 +85,7 @@ def test_small_turns_go_there_and_back(rng):
 
 
 @pytest.mark.parametrize("n", [1, 7, 40])
-def test_systems_are_solved_and_inverted(n, rng):
+def test_symmetric_systems_are_solved_and_inverted(n, rng):
     factor, invert, solve = (
         from_python(each) for each in (symmetric.cholesky, symmetric.invert, symmetric.cholesky_solve)
     )
@@ -117,7 +117,7 @@ def people(tree: Tree, rng: np.random.Generator, spread: float) -> State:
     )
 
 
-def test_prediction_is_the_linear_formula(rng):
+def test_prediction_matches_the_linear_formula(rng):
     state = people(TREE, rng, 0.1)
     n, h = TREE.n_pose, TREE.n_shape
     state.velocity[0] = 0.01 * rng.normal(size=n)
@@ -150,7 +150,7 @@ def seen_by(rig, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lens", ["pinhole", "barrel", "fisheye"])
-def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
+def test_update_matches_the_kalman_formula_for_a_linear_problem(lens, rng):
     rig = build_rig(n_cameras=4, lens=lens)
     state = people(TREE, rng, 1e-3)
     n, h, keypoints = TREE.n_pose, TREE.n_shape, len(TREE.keypoint_nodes)
@@ -199,8 +199,8 @@ def test_update_is_the_kalman_formula_where_all_is_linear(lens, rng):
     )
 
 
-def test_limits_pull_back_where_they_are_overstepped(rng):
-    """A knee bent forwards and a trunk twisted round, seen by nobody: both go back, and nothing else moves."""
+def test_joint_limits_correct_violations(rng):
+    """A hyperextended knee and an overtwisted trunk without observations return to their limits; nothing else moves."""
     state = people(TREE, rng, 1e-9)
     n = TREE.n_pose
     state.covariance[0] = 0.1 * np.eye(len(state.covariance[0]))
@@ -227,7 +227,7 @@ def test_limits_pull_back_where_they_are_overstepped(rng):
     assert n == 34
 
 
-def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
+def test_indefinite_covariance_is_reported_and_ignored(rng):
     rig = build_rig(n_cameras=2)
     state, keypoints = people(TREE, rng, 0.1), len(TREE.keypoint_nodes)
     state.covariance[0, 5, 5] = -1.0
@@ -244,7 +244,7 @@ def test_a_covariance_that_is_none_is_said_and_counts_for_nothing(rng):
 
 
 @pytest.mark.parametrize("m", [1, 3, 4, 7, 28])
-def test_products_are_those_of_matrices(m, rng):
+def test_products_match_matrix_products(m, rng):
     multiply, subtract = (from_python(each) for each in (symmetric.multiply, symmetric.subtract_symmetric_product))
     left, right, out = rng.normal(size=(m + 2, m + 1)), rng.normal(size=(m + 1, m + 1)), np.empty((m, m + 1))
     multiply(left, 2, right, m, m, out)

@@ -10,7 +10,7 @@ from tests.reference import chains as naive
 pytestmark = pytest.mark.no_jit
 
 
-def test_agrees_with_the_naive_twin(rng):
+def test_agrees_with_the_reference(rng):
     parents = np.array([-1, 0, 1, 1, 0, 4, 5])
     offsets = rng.normal(size=(7, 3))
     turning = np.array([0, 1, -1, 2, -1, 3, -1])
@@ -21,7 +21,7 @@ def test_agrees_with_the_naive_twin(rng):
     np.testing.assert_allclose(found, naive.positions(parents, offsets, turning, rotations, root), atol=1e-12)
 
 
-def test_a_root_that_does_not_turn(rng):
+def test_root_without_rotation(rng):
     parents, turning = np.array([-1, 0]), np.array([-1, -1])
     offsets, root = rng.normal(size=(2, 3)), rng.normal(size=(3, 3))
     found = np.empty((3, 2, 3))

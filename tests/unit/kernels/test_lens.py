@@ -1,4 +1,4 @@
-"""Lenses against their naive twins, against OpenCV, against finite differences, and at the fold."""
+"""Lens models against the reference, OpenCV and finite differences, and at the fold."""
 
 import cv2
 import numpy as np
@@ -32,7 +32,7 @@ def points_in_view(camera: Camera, rng: np.random.Generator, n: int = 200) -> np
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_projection_agrees_with_the_naive_twin(lens, rng):
+def test_projection_agrees_with_the_reference(lens, rng):
     camera = camera_with(lens)
     points = points_in_view(camera, rng)
     pixels, codes = camera.project(points)
@@ -41,7 +41,7 @@ def test_projection_agrees_with_the_naive_twin(lens, rng):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_rays_agree_with_the_naive_twin(lens, rng):
+def test_rays_agree_with_the_reference(lens, rng):
     camera = camera_with(lens)
     pixels, _ = camera.project(points_in_view(camera, rng, 60))
     directions, codes = camera.rays(pixels)
@@ -52,7 +52,7 @@ def test_rays_agree_with_the_naive_twin(lens, rng):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_rays_undo_projection(lens, rng):
+def test_rays_invert_projection(lens, rng):
     camera = camera_with(lens)
     points = points_in_view(camera, rng)
     directions, _ = camera.rays(camera.project(points)[0])
@@ -151,7 +151,7 @@ def test_missing_and_hidden_points_have_no_pixel(lens):
     assert np.isnan(pixels).all()
 
 
-def test_fisheye_sees_past_ninety_degrees():
+def test_fisheye_projects_beyond_ninety_degrees():
     camera = camera_with("fisheye")
     angle = np.radians(100)
     point = np.array([np.sin(angle), 0.0, np.cos(angle)])
@@ -161,14 +161,14 @@ def test_fisheye_sees_past_ninety_degrees():
 
 
 class TestFold:
-    """A lens that folds over has a place beyond which there is no number."""
+    """Beyond the fold of a lens model, results are undefined."""
 
     def test_barrel_folds_where_the_slope_vanishes(self):
         camera = camera_with("barrel")
         assert camera.packed[kernels.MAX_RADIUS] == pytest.approx(1 / np.sqrt(3 * 0.28), rel=1e-12)
 
     @pytest.mark.parametrize("lens", [*LENSES, "double"])
-    def test_fold_agrees_with_walking_outwards(self, lens):
+    def test_fold_agrees_with_a_radial_scan(self, lens):
         camera = (
             Camera("c", (1920, 1080), MATRIX, np.eye(4), LensModel.RATIONAL, (0.1, -0.3, 0, 0, 0.02, 0.2, 0.1, -0.05))
             if lens == "double"
@@ -182,7 +182,7 @@ class TestFold:
             assert found >= furthest - 1e-9
 
     @pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
-    def test_inside_the_fold_both_ways_agree(self, share):
+    def test_projection_and_rays_agree_inside_the_fold(self, share):
         camera = camera_with("barrel")
         radius = share * camera.packed[kernels.MAX_RADIUS]
         point = np.array([radius * np.cos(0.3), radius * np.sin(0.3), 1.0])
@@ -190,11 +190,11 @@ class TestFold:
         assert code == kernels.OK
         direction, code = camera.rays(pixel)
         assert code == kernels.OK
-        # Near the fold the image hardly moves, so the way back loses digits in proportion.
+        # Near the fold the image hardly moves, so the inverse loses precision in proportion.
         np.testing.assert_allclose(direction / direction[2], point, atol=1e-9 / (1 - share))
 
     @pytest.mark.parametrize("share", [1.001, 1.2, 3.0])
-    def test_beyond_the_fold_projection_says_so(self, share):
+    def test_projection_beyond_the_fold_has_a_status(self, share):
         camera = camera_with("barrel")
         pixel, code = camera.project(np.array([share * camera.packed[kernels.MAX_RADIUS], 0.0, 1.0]))
         assert code == kernels.BEYOND

@@ -1,4 +1,4 @@
-"""A kernel calls its own copies of what it is made of, whatever else the process has compiled."""
+"""A kernel calls private copies of its subroutines, whatever else the process has compiled."""
 
 import numba
 import numpy as np
@@ -26,7 +26,7 @@ def _total_of_a_copy(values):
 
 
 @pytest.mark.parametrize("compiled", [_total, _total_of_a_copy])
-def test_only_the_kernel_itself_is_seen_from_outside(compiled):
+def test_kernel_exports_only_itself(compiled):
     assert compiled(np.arange(5.0)) == pytest.approx(10.0 / 3.0 + 6.0)
     (overload,) = compiled.overloads.values()
     functions = overload.library._get_module_for_linking().functions
@@ -40,8 +40,8 @@ def test_only_the_kernel_itself_is_seen_from_outside(compiled):
     }
 
 
-def test_a_function_that_is_no_kernel_finds_the_step_itself():
-    """Not the copy of a kernel, whose arguments the optimiser may have changed."""
+def test_plain_function_uses_the_original_subroutine():
+    """It does not use the copy of a kernel, whose arguments the optimizer may have changed."""
 
     @numba.njit
     def plain(values):

@@ -14,7 +14,7 @@ from tests.laws import examples
 
 
 def best_gain(scores: np.ndarray, least: float) -> float:
-    """By SciPy, with a column of its own for every row."""
+    """Match with SciPy, with one additional column per row."""
     own = np.full((len(scores), len(scores)), -1e9)
     np.fill_diagonal(own, least)
     gain = np.hstack([np.where(scores > least, scores, -1e9), own])
@@ -23,7 +23,7 @@ def best_gain(scores: np.ndarray, least: float) -> float:
 
 @examples(60)
 @given(st.integers(1, 6), st.integers(0, 7), st.integers(0, 5), st.integers(0, 10**6))
-def test_matching_gains_as_much_as_can_be(people, first, second, seed):
+def test_matching_has_the_maximum_gain(people, first, second, seed):
     rng = np.random.default_rng(seed)
     scores = rng.normal(size=(people, first + second))
     scores[rng.random(scores.shape) < 0.2] = -np.inf
@@ -40,7 +40,7 @@ def test_matching_gains_as_much_as_can_be(people, first, second, seed):
 
 
 @pytest.mark.parametrize("nu", [0.5, 2.5, 1e6])
-def test_what_is_far_off_says_the_least_and_everything_else_the_logarithm(nu):
+def test_log_odds_are_bounded_below_and_exact_otherwise(nu):
     of_residual = from_python(keypoint_log_odds)
     uu, uv, vv, area, least = 9.0, 2.0, 16.0, 4e4, -3.0
     determinant = uu * vv - uv * uv

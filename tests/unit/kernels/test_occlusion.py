@@ -1,4 +1,4 @@
-"""What hides what: known cases, and sampling as the judge."""
+"""Occlusion by capsules: known cases, and comparison with sampling."""
 
 import numpy as np
 import pytest
@@ -37,14 +37,14 @@ def test_known_cases(start, end, radius, expected):
     assert hides((0, 5, 0), start, end, radius) is expected
 
 
-def test_nobody_hides_themselves_and_nothing_absent_is_hidden():
+def test_own_capsules_and_absent_points_are_not_occluded():
     wall = ((0, 3, -1), (0, 3, 1), 0.5)
     assert hides((0, 5, 0), *wall)
     assert not hides((0, 5, 0), *wall, owner=0)
     assert not hides((np.nan, 5, 0), *wall)
 
 
-def test_what_touches_the_point_does_not_hide_it():
+def test_capsules_within_the_margin_do_not_occlude():
     assert not hides((0, 5, 0), (0, 5.05, -1), (0, 5.05, 1), 0.09)
     assert hides((0, 5, 0), (0, 5.05, -1), (0, 5.05, 1), 0.09, margin_m=0.0)
 
@@ -55,7 +55,7 @@ place = st.tuples(coordinate, coordinate, coordinate)
 
 @examples(100)
 @given(place, place, place, st.floats(0.05, 0.8))
-def test_sampled_distances_agree(point, start, end, radius):
+def test_segment_distances_agree_with_sampling(point, start, end, radius):
     point, start, end = (np.array(p) for p in (point, start, end))
     far = np.linalg.norm(point)
     if far < 0.1:

@@ -1,4 +1,4 @@
-"""Kernels of sides against twins that try everything."""
+"""Left/right kernels against exhaustive references."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def block(rng, frames=3, pairs=4):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_block_takes_its_cheapest_sequence(seed):
+def test_block_has_the_cheapest_sequence(seed):
     costs_of = block(np.random.default_rng(seed))
     members = costs_of[3]
     best, sequence = naive.cheapest(*costs_of)
@@ -31,7 +31,7 @@ def test_a_block_takes_its_cheapest_sequence(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_sequence_may_be_decided_in_pieces(seed):
+def test_sequence_can_be_solved_in_pieces(seed):
     costs_of = block(np.random.default_rng(seed), frames=6)
     arrays, fixed = costs_of[:3], costs_of[3:]
     whole, pieces = np.zeros(8), np.zeros(8)
@@ -44,7 +44,7 @@ def test_a_sequence_may_be_decided_in_pieces(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_swaps_of_a_view(seed):
+def test_view_swaps_match_the_reference(seed):
     rng = np.random.default_rng(seed)
     odds, time_s = rng.normal(0, 3, (9, 2)), np.cumsum(rng.uniform(0.02, 0.2, 9))
     share, rate = np.array([0.2, 0.4]), np.array([2.0, 9.0])
@@ -60,7 +60,7 @@ def covariances(rng, *shape):
     return full[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
 
 
-def test_costs_over_time(rng):
+def test_temporal_costs_match_the_reference(rng):
     frames, pairs, views = 2, 3, 2
     points, covariance = rng.normal(0, 0.3, (frames, pairs, 2, 3)), covariances(rng, frames, pairs, 2)
     points[1] = points[0] + rng.normal(0, 0.05, points[0].shape)
@@ -96,7 +96,7 @@ def test_costs_over_time(rng):
     np.testing.assert_array_equal(memory[2], [[5.04, 5.04], [5.04, 5.04], [5.0, 5.0]])
 
 
-def test_one_point_of_a_pair_tells_by_where_it_was(rng):
+def test_single_point_of_a_pair_uses_its_last_position(rng):
     near, far = np.zeros(3), np.array([0.3, 0.0, 0.0])
     covariance = np.tile([1e-4, 0, 0, 1e-4, 0, 1e-4], (2, 1, 2, 1))
     points = np.array([[[near, far]], [[far + 0.01, np.full(3, np.nan)]]])
@@ -112,7 +112,7 @@ def test_one_point_of_a_pair_tells_by_where_it_was(rng):
     assert out[1, 0, 0, 1] == out[1, 0, 1, 0]
 
 
-def test_links(rng):
+def test_link_costs_match_the_reference(rng):
     hips, knees = np.array([[0.0, 0.1, 1.0], [0.0, -0.1, 1.0]]), np.array([[0.1, 0.1, 0.6], [-0.1, -0.1, 0.6]])
     length = float(np.linalg.norm(hips[0] - knees[0]))
     points = np.stack([np.stack([hips, knees]), np.stack([hips, knees[::-1]]), np.stack([hips, [[np.nan] * 3] * 2])])
@@ -136,7 +136,7 @@ def test_links(rng):
     assert costs(0.0, 0.5)[0] > expected
 
 
-def test_links_to_other_blocks():
+def test_cross_links_use_decided_pairs_only():
     field, link_cost = np.zeros((1, 3)), np.array([[2.0, 5.0]])
     links, flipped, out = np.array([[0, 1], [1, 2]]), np.array([[False, True, False]]), np.empty((1, 3))
     orientation.add_cross_links(field, link_cost, links, np.array([0, 1]), flipped, np.array([True, True, False]), out)

@@ -1,4 +1,4 @@
-"""Painting: as pixel by pixel over the whole picture, wherever shapes lie."""
+"""Painting against the reference, pixel by pixel over the whole image."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def random_shapes(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 @pytest.mark.no_jit
-def test_as_pixel_by_pixel(rng):
+def test_painting_matches_the_reference(rng):
     image = rng.integers(0, 256, (31, 47, 3)).astype(np.uint8)
     shapes = random_shapes(rng, 40)
     painted = image.copy()
@@ -30,7 +30,7 @@ def test_as_pixel_by_pixel(rng):
     assert (painted != image).any()
 
 
-def test_what_is_not_there_or_far_away_paints_nothing(rng):
+def test_missing_and_distant_shapes_paint_nothing(rng):
     image = rng.integers(0, 256, (20, 30, 3)).astype(np.uint8)
     shapes = random_shapes(rng, 6)
     shapes[0, 0] = np.nan

@@ -76,7 +76,7 @@ def test_points_are_the_maximum_likelihood_points(lens, rng):
                 rig.cameras, pixels[f, :, k], np.full(5, 2.0), truth[f, k]
             )
             deviation = np.sqrt(np.diag(covariance))
-            # A lens is linearised at the observed pixel, which moves the point by a small part of its own error.
+            # The lens is linearized at the observed pixel, which moves the point by a small fraction of its error.
             close = 2e-3 if lens == "pinhole" else 0.1
             np.testing.assert_array_less(np.abs(out["points"][f, k] - expected), close * deviation)
             packed = covariance[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
@@ -91,7 +91,7 @@ def test_noise_free_points_come_back_exactly(rng):
     np.testing.assert_allclose(out["view_errors"], 0.0, atol=1e-4)
 
 
-def test_lenses_that_the_rig_lacks_change_nothing(rng):
+def test_unused_lens_code_does_not_change_results(rng):
     rig = ring(4)
     pixels = noisy(rig, body_points(rng, 3, 5), rng)
     mixed = CameraRig((*rig.cameras, *(replace(ring(4, lens).cameras[0], name=lens) for lens in ("barrel", "fisheye"))))
@@ -113,7 +113,7 @@ def test_view_errors_are_true_pixel_distances(rng):
 
 
 @pytest.mark.parametrize("n", [1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
-def test_blocks_do_not_show(n, rng):
+def test_results_do_not_depend_on_blocks(n, rng):
     rig = ring(3)
     truth = body_points(rng, n, 1)
     pixels = noisy(rig, truth, rng)
@@ -149,14 +149,14 @@ class TestStatus:
         assert np.isnan(out["view_errors"][0, :3]).all()
         assert out["view_codes"][0, 0].tolist() == [status_codes.VIEW_NOT_USED] + [status_codes.VIEW_UNSEEN] * 4
 
-    def test_two_views_are_said(self, scene):
+    def test_two_views_have_their_own_status(self, scene):
         rig, pixels = scene
         pixels[0, 2:, 1] = np.nan
         out = triangulate(rig, pixels, min_views=2)
         assert out["status"][0, 1] == status_codes.POINT_TWO_VIEWS
         assert out["status"][0, 0] == status_codes.POINT_OK
 
-    def test_low_confidence_is_not_used_but_its_error_is_known(self, scene):
+    def test_low_confidence_is_not_used_but_has_an_error(self, scene):
         rig, pixels = scene
         confidence = np.full(pixels.shape[:-1], 0.8)
         confidence[0, 3, 0] = 0.1
@@ -175,29 +175,29 @@ class TestStatus:
         expected = triangulate(rig, pixels, np.ones(pixels.shape[:-1]), exponent=1.0)
         np.testing.assert_array_equal(out["points"], expected["points"])
 
-    def test_half_a_pixel_is_no_pixel(self, scene):
+    def test_incomplete_pixel_is_missing(self, scene):
         rig, pixels = scene
         pixels[0, 0, 0, 1] = np.nan
         out = triangulate(rig, pixels)
         assert out["view_codes"][0, 0, 0] == status_codes.VIEW_UNSEEN
 
-    def test_rays_that_diverge_meet_behind(self):
+    def test_diverging_rays_are_behind_the_camera(self):
         poses = np.eye(4), np.eye(4)
         poses[1][0, 3] = -1.0
         rig = CameraRig(tuple(camera_with("pinhole", f"cam_{i}", pose) for i, pose in enumerate(poses)))
-        # The left camera sees the point further left than the right one does.
+        # The left camera observes the point farther left than the right one.
         pixels = np.array([[[[900.0, 540.0]], [[1000.0, 540.0]]]])
         out = triangulate(rig, pixels)
         assert out["status"][0, 0] == status_codes.POINT_BEHIND_CAMERA
         assert np.isnan(out["points"]).all()
 
-    def test_one_centre_fixes_no_point(self, rng):
+    def test_one_camera_center_determines_no_point(self, rng):
         one = ring(2).cameras[0]
         rig = CameraRig((one, type(one)("twin", one.size_px, one.matrix, one.camera_from_world)))
         pixels = np.full((1, 2, 1, 2), 700.0)
         assert triangulate(rig, pixels)["status"][0, 0] == status_codes.POINT_DEGENERATE
 
-    def test_one_centre_fixes_no_point_however_noisy(self, rng):
+    def test_one_camera_center_determines_no_point_with_noise(self, rng):
         one = ring(2).cameras[0]
         twins = [type(one)(f"twin_{i}", one.size_px, one.matrix, one.camera_from_world) for i in range(3)]
         rig = CameraRig(tuple(twins))
@@ -207,7 +207,7 @@ class TestStatus:
     @pytest.mark.parametrize(
         ("apart_m", "expected"), [(0.02, status_codes.POINT_DEGENERATE), (0.1, status_codes.POINT_WEAK_GEOMETRY)]
     )
-    def test_nearly_parallel_rays_are_said(self, apart_m, expected, rng):
+    def test_nearly_parallel_rays_have_a_status(self, apart_m, expected, rng):
         poses = np.stack([np.eye(4)] * 2)
         poses[1, 0, 3] = -apart_m
         rig = CameraRig(tuple(camera_with("pinhole", f"cam_{i}", pose) for i, pose in enumerate(poses)))
@@ -216,7 +216,7 @@ class TestStatus:
         assert (out["status"] == expected).mean() > 0.75
         assert (out["status"] >= status_codes.POINT_TWO_VIEWS).mean() > 0.99
 
-    def test_a_point_just_past_a_fold_has_errors_all_the_same(self):
+    def test_point_just_beyond_the_fold_has_errors(self):
         rig = build_rig("ring", 4, "barrel")
         pixels = np.array([[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]])
         out = triangulate(rig, pixels.reshape(1, 4, 1, 2))
@@ -226,7 +226,7 @@ class TestStatus:
         assert np.isfinite(out["view_errors"]).all()
         assert np.isfinite(out["mean_errors"]).all()
 
-    def test_confidence_zero_says_nothing_and_is_not_used(self, scene):
+    def test_confidence_zero_is_not_used(self, scene):
         rig, pixels = scene
         confidence = np.full(pixels.shape[:-1], 0.8)
         confidence[0, :2, 0] = 0.0
@@ -247,7 +247,7 @@ class TestStatus:
         assert out["view_codes"][0, 0].tolist() == [0, status_codes.VIEW_UNSEEN, 0, status_codes.VIEW_NOT_RECORDED, 0]
 
 
-def test_confidence_weighs_views(rng):
+def test_confidence_weights_views(rng):
     """With sigma in proportion to 1 / c the weighted point equals the maximum-likelihood point of that noise."""
     rig = ring(4)
     truth = body_points(rng, 2, 3)
@@ -263,8 +263,8 @@ def test_confidence_weighs_views(rng):
             np.testing.assert_allclose(out["points"][f, k], expected, atol=5e-5)
 
 
-def test_world_far_from_its_origin_keeps_its_digits(rng):
-    """Points a thousand kilometres from the world's origin are as good as near it, up to the numbers' own digits."""
+def test_points_far_from_the_origin_keep_precision(rng):
+    """Points a thousand kilometers from the origin are as accurate as near it, up to floating-point precision."""
     rig = ring(4)
     offset = np.array([5e5, -8e5, 100.0])
     moved = CameraRig(
@@ -302,7 +302,7 @@ def test_symmetric_solver_and_inverse(rng):
         assert not solve_symmetric(*flat, 1.0, 1.0, 1.0)[0]
 
 
-def test_weak_geometry_does_not_hide_a_graver_doubt():
+def test_weak_geometry_does_not_replace_a_worse_status():
     state, sums = np.zeros((points.STATE_ROWS, BLOCK)), np.zeros((points.SUM_ROWS, BLOCK))
     state[[points.INFORMATION, points.INFORMATION + 3, points.INFORMATION + 5]] = 100.0
     sums[points.DEPTH] = 1.0

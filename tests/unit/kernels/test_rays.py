@@ -1,4 +1,4 @@
-"""Ray intersection against its naive twin, and distances."""
+"""Ray intersection and distances against the reference."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def intersect(origins, directions, weights):
     return out
 
 
-def test_agrees_with_the_naive_twin(rng):
+def test_agrees_with_the_reference(rng):
     origins = rng.normal(size=(5, 3)) * 4
     directions = rng.normal(size=(40, 5, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
@@ -47,7 +47,7 @@ def test_rays_of_a_point_meet_there(rng):
     np.testing.assert_allclose(found, truth, atol=1e-7)
 
 
-def test_parallel_or_single_rays_fix_no_point():
+def test_parallel_or_single_rays_determine_no_point():
     origins = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     directions = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 1.0], [np.nan] * 3]])
     found, covariance, status = intersect(origins, directions, np.ones((2, 2)))

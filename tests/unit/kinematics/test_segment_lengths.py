@@ -11,12 +11,12 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.lifecycle import Bounds, newcomer, settle_shape, take_back
+from posefuse.tracking.lifecycle import LifecycleThresholds, fix_shape, new_track, restore_track
 from posefuse.tracking.records import Track
-from posefuse.tracking.reidentification import same_body
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.reidentification import same_body_log_odds
+from posefuse.tracking.settings import TrackerSettings
 
-BOUNDS = Bounds(3.0, -2.0, 3.0)
+BOUNDS = LifecycleThresholds(3.0, -2.0, 3.0)
 SKELETON = shipped_skeleton("body_20")
 HUMAN = SKELETON.tree
 assert HUMAN is not None
@@ -28,8 +28,8 @@ DEFINITION = (0.03 * np.abs(TREE.shape_m) + 0.01) ** 2
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
-    return Settings.of(build_rig("ring", 3), SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
+def settings() -> TrackerSettings:
+    return TrackerSettings.of(build_rig("ring", 3), SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
 
 
 def posterior(measured: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -38,7 +38,7 @@ def posterior(measured: np.ndarray, information: np.ndarray) -> tuple[np.ndarray
     return TREE.shape_m + covariance @ information @ measured, covariance
 
 
-def body(settings: Settings, mean_m: np.ndarray, covariance: np.ndarray) -> State:
+def body(settings: TrackerSettings, mean_m: np.ndarray, covariance: np.ndarray) -> State:
     """At rest."""
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
@@ -65,13 +65,13 @@ def test_a_look_that_told_nothing_tells_nothing(settings):
     assert np.linalg.eigvalsh(information).min() > 0.0
     assert np.abs(information @ TREE.shape_covariance).max() < 1e-3
     assert np.abs(pull).max() == 0.0
-    track = newcomer(1, 0.0, BOUNDS)
+    track = new_track(1, 0.0, BOUNDS)
     nobody = body(settings, TREE.shape_m, TREE.shape_covariance)
-    assert same_body(settings, track, nobody, 0, nobody, 0.1) == pytest.approx(0.0, abs=1e-3)
+    assert same_body_log_odds(settings, track, nobody, 0, nobody, 0.1) == pytest.approx(0.0, abs=1e-3)
 
 
 def looks(
-    settings: Settings, lengths: np.ndarray, sd_m: float, lasting: float, rng: np.random.Generator
+    settings: TrackerSettings, lengths: np.ndarray, sd_m: float, lasting: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """A posterior of a filter to which errors are white, when they vary more, and definitions differ."""
     information = np.eye(H) / sd_m**2
@@ -79,7 +79,7 @@ def looks(
     return posterior(lengths + errors, information)
 
 
-def lasting(settings: Settings, look_s: float) -> float:
+def lasting(settings: TrackerSettings, look_s: float) -> float:
     o = settings.options
     return (1.0 + 0.5 * look_s / o.error_memory_s) / (1.0 + 0.5 * look_s / o.smoother_error_memory_s)
 
@@ -90,17 +90,17 @@ def lasting(settings: Settings, look_s: float) -> float:
 def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
     """Of bodies drawn from the model: those of whom it says so much are who they are taken for so often."""
     rng = np.random.default_rng(5)
-    track = newcomer(1, 0.0, BOUNDS)
-    track.sought_s = settings.options.shape_settle_s
+    track = new_track(1, 0.0, BOUNDS)
+    track.shape_observed_s = settings.options.fix_shape_after_s
     odds: dict[bool, list[float]] = {True: [], False: []}
     spread, new_body = np.linalg.cholesky(TREE.shape_covariance), body(settings, TREE.shape_m, TREE.shape_covariance)
     for _ in range(400):
         for same, found in odds.items():
             theirs, other = rng.normal(size=(2, H)) @ spread.T
-            track.trusted = looks(settings, theirs, known_sd_m, lasting(settings, track.sought_s), rng)
+            track.known_shape = looks(settings, theirs, known_sd_m, lasting(settings, track.shape_observed_s), rng)
             new = looks(settings, theirs if same else other, new_sd_m, lasting(settings, look_s), rng)
             new_body.shape[0], new_body.covariance[0, SHAPE, SHAPE] = new
-            found.append(same_body(settings, track, new_body, 0, new_body, look_s))
+            found.append(same_body_log_odds(settings, track, new_body, 0, new_body, look_s))
     same, other = np.array(odds[True]), np.array(odds[False])
     assert np.mean(np.exp(-same)) == pytest.approx(1.0, abs=0.35)
     both, truly = np.concatenate([same, other]), np.repeat([1.0, 0.0], 400)
@@ -110,19 +110,21 @@ def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
         assert truly[within].mean() == pytest.approx(expected, abs=3.5 * 0.5 / np.sqrt(within.sum()))
 
 
-def followed(settings: Settings, track: Track, state: State, seconds: float, start_s: float, views: int = 2) -> float:
+def followed(
+    settings: TrackerSettings, track: Track, state: State, seconds: float, start_s: float, views: int = 2
+) -> float:
     """Look at somebody for so long; the time after it."""
     frames = round(25 * seconds)
     for k in range(1, frames + 1):
         now_s = start_s + k / 25
         if views > 1:
-            track.firm_s = now_s
-        settle_shape(track, state, 0, now_s, 0.04, settings)
+            track.last_multiview_s = now_s
+        fix_shape(track, state, 0, now_s, 0.04, settings)
     return start_s + seconds
 
 
 def test_time_away_is_no_time_of_looking(settings, rng):
-    track = newcomer(1, 0.0, BOUNDS)
+    track = new_track(1, 0.0, BOUNDS)
     state = body(settings, *posterior(rng.normal(0.0, 0.05, H), random_information(rng)))
     now_s = followed(settings, track, state, 2.4, 0.0)
     track.state = TrackState.LOST
@@ -131,10 +133,10 @@ def test_time_away_is_no_time_of_looking(settings, rng):
     now_s = followed(settings, track, state, 1.2, now_s)
     now_s = followed(settings, track, state, 5.0, now_s, views=1)
     assert state.free[0]
-    assert track.sought_s == pytest.approx(3.6)
+    assert track.shape_observed_s == pytest.approx(3.6)
     now_s = followed(settings, track, state, 0.6, now_s)
     assert not state.free[0]
-    assert track.trusted is not None
+    assert track.known_shape is not None
 
 
 def test_two_looks_at_a_body_know_what_both_know(settings, rng):
@@ -143,7 +145,7 @@ def test_two_looks_at_a_body_know_what_both_know(settings, rng):
     measured = rng.normal(0.0, 0.05, (2, H))
     before, found = (body(settings, *posterior(*each)) for each in zip(measured, information, strict=True))
     found.root[0] = [1.0, 2.0, 0.9]
-    take_back(before, 0, found, settings)
+    restore_track(before, 0, found, settings)
     together = information[0] + information[1]
     pull = information[0] @ measured[0] + information[1] @ measured[1]
     mean, covariance = posterior(np.linalg.solve(together, pull), together)
@@ -160,7 +162,7 @@ def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng)
     longer = TREE.shape_m.copy()
     longer[0] += 0.02
     before = body(settings, longer, 1e-12 * np.eye(H))
-    take_back(before, 0, found, settings)
+    restore_track(before, 0, found, settings)
     assert before.shape[0, 0] == pytest.approx(longer[0], abs=1e-6)
     assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
 
@@ -169,7 +171,7 @@ def test_lengths_that_are_kept_stay(settings, rng):
     before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
     before.free[0] = 0
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
-    take_back(before, 0, found, settings)
+    restore_track(before, 0, found, settings)
     np.testing.assert_array_equal(before.shape[0], TREE.shape_m + 0.01)
     assert not before.free[0]
     assert not before.covariance[0, SHAPE].any()

@@ -1,4 +1,4 @@
-"""Left and right put right in the detections, and what comes of it."""
+"""Correction of swapped labels in the detections, and its effect on the points."""
 
 from dataclasses import replace
 
@@ -18,7 +18,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
+from posefuse.pipeline.measured_layer import reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import Scene, simulate
@@ -32,12 +33,12 @@ def scene() -> Scene:
 
 
 def exchange(detections: Detections, view: int, chain: str, start: int, stop: int) -> Detections:
-    """A limb's left and right taken for each other in a view, from one frame to another."""
+    """Swap left and right of a limb in one view and a range of frames."""
     skeleton = detections.skeleton
     flags = np.zeros((detections.n_frames, 1, len(skeleton.pairs), detections.n_views), dtype=bool)
     for p, pair in enumerate(skeleton.pairs):
         flags[start:stop, :, p, view] = pair in skeleton.chains[chain]
-    return relabel.relabelled(detections, tracks_of(detections), flags, skeleton.pair_indices)
+    return relabel.exchange_labels(detections, tracks_of(detections), flags, skeleton.pair_indices)
 
 
 def tracks_of(detections: Detections):
@@ -48,12 +49,12 @@ def measured(result: Reconstruction) -> np.ndarray:
     return np.asarray(result.layers["measured"].points_m)
 
 
-def test_labels_exchanged_twice_are_as_before(scene, rng):
+def test_exchanging_labels_twice_restores_them(scene, rng):
     detections = scene.detections
     pairs = detections.skeleton.pair_indices
     flags = rng.random((detections.n_frames, 1, len(pairs), detections.n_views)) < 0.3
-    once = relabel.relabelled(detections, tracks_of(detections), flags, pairs)
-    twice = relabel.relabelled(once, tracks_of(detections), flags, pairs)
+    once = relabel.exchange_labels(detections, tracks_of(detections), flags, pairs)
+    twice = relabel.exchange_labels(once, tracks_of(detections), flags, pairs)
     np.testing.assert_array_equal(twice.keypoints_px, detections.keypoints_px)
     changed = (np.asarray(once.keypoints_px) != np.asarray(detections.keypoints_px)).any(axis=-1)
     expected = np.zeros_like(changed)
@@ -64,17 +65,17 @@ def test_labels_exchanged_twice_are_as_before(scene, rng):
     assert (changed | ~(expected & seen)).all()
 
 
-def test_without_swaps_labels_are_as_good(scene):
+def test_points_are_unchanged_without_swaps(scene):
     ours = posefuse.reconstruct(scene.rig, scene.detections, NOISE)
-    believed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
-    np.testing.assert_array_equal(measured(ours), measured(believed))
+    as_labeled = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
+    np.testing.assert_array_equal(measured(ours), measured(as_labeled))
     assert ours.swaps is not None
-    assert believed.swaps is None
+    assert as_labeled.swaps is None
     assert not (np.asarray(ours.swaps.state) == SwapState.SWAPPED).any()
 
 
 @pytest.mark.parametrize("chain", ["leg", "arm"])
-def test_a_swapped_limb_comes_out_as_if_it_had_not_been(chain, scene):
+def test_swapped_limb_is_corrected(chain, scene):
     swapped = exchange(scene.detections, 1, chain, 40, 70)
     ours = posefuse.reconstruct(scene.rig, swapped, NOISE)
     undisturbed = posefuse.reconstruct(scene.rig, scene.detections, replace(NOISE, pairs="labels"))
@@ -92,7 +93,7 @@ def test_a_swapped_limb_comes_out_as_if_it_had_not_been(chain, scene):
     assert (status[:, columns] == ViewStatus.USED_SWAPPED).mean() > 0.9
 
 
-def test_a_recording_in_ranges_comes_out_as_in_one_piece(scene):
+def test_result_is_independent_of_chunks(scene):
     swapped = exchange(scene.detections, 1, "leg", 40, 70)
     plan = prepare(scene.rig, swapped, NOISE, Silent())
     whole = posefuse.reconstruct(scene.rig, swapped, NOISE)
@@ -103,15 +104,15 @@ def test_a_recording_in_ranges_comes_out_as_in_one_piece(scene):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.25])
-def test_how_often_pairs_are_swapped_on_their_own_is_learned(share, rng):
+def test_share_of_independent_swaps_is_estimated(share, rng):
     truth = rng.random((500, 1, 8, 3)) < share
     # Twice the log-likelihood ratio of a normal number with mean +-d.
     d = 2.0
     evidence = 4.0 * d * (np.where(truth, d, -d) + rng.standard_normal(truth.shape))
-    assert (relabel.on_their_own(evidence)[0] != truth).mean() < 0.03
+    assert (relabel.independent_swaps(evidence)[0] != truth).mean() < 0.03
 
 
-def test_evidence_has_the_sign_of_the_swap(scene):
+def test_evidence_is_positive_for_swapped_labels(scene):
     noise, pairs = NoiseModel(np.full(4, CLEAN.sigma_px)), scene.detections.skeleton.pair_indices
     swapped = exchange(scene.detections, 1, "arm", 0, scene.detections.n_frames)
     tracks = tracks_of(swapped)
@@ -124,33 +125,35 @@ def test_evidence_has_the_sign_of_the_swap(scene):
     assert np.abs(evidence).max() < 100.0
 
 
-def test_a_stretch_that_explains_nothing_better_is_taken_back(scene):
+def test_unsupported_segment_is_reverted(scene):
     options = TriangulationOptions(min_views=2)
     noise, tracks = NoiseModel(np.full(4, CLEAN.sigma_px)), tracks_of(scene.detections)
     pairs, chain_of = scene.detections.skeleton.pair_indices, np.zeros(len(scene.detections.skeleton.pairs))
     solve = relabel.find_method("consensus").solve
     wrong = np.zeros((scene.detections.n_frames, 1, len(pairs), 4), dtype=bool)
     wrong[10:20, :, :, 2] = True
-    believed = solve(scene.rig, scene.detections, tracks, noise, options)
-    exchanged = solve(scene.rig, relabel.relabelled(scene.detections, tracks, wrong, pairs), tracks, noise, options)
-    kept, back = model_selection.settled(wrong, believed, exchanged, noise, pairs, chain_of)
+    as_labeled = solve(scene.rig, scene.detections, tracks, noise, options)
+    exchanged = solve(
+        scene.rig, relabel.exchange_labels(scene.detections, tracks, wrong, pairs), tracks, noise, options
+    )
+    kept, reverted = model_selection.revert_unsupported_swaps(wrong, as_labeled, exchanged, noise, pairs, chain_of)
     assert not kept.any()
-    assert back[10:20].all()
-    assert not back[:10].any()
+    assert reverted[10:20].all()
+    assert not reverted[:10].any()
     # The other way round: the labels are wrong there, and exchanging them mends it.
-    kept, back = model_selection.settled(wrong, exchanged, believed, noise, pairs, chain_of)
+    kept, reverted = model_selection.revert_unsupported_swaps(wrong, exchanged, as_labeled, noise, pairs, chain_of)
     np.testing.assert_array_equal(kept, wrong)
-    assert not back.any()
+    assert not reverted.any()
 
 
 @pytest.mark.parametrize(("method", "pairs"), [("consensus", "enumerate"), ("simple", "labels"), ("ransac", "labels")])
-def test_other_methods_believe_labels_unless_told_otherwise(method, pairs, scene):
+def test_default_pair_solver_depends_on_the_method(method, pairs, scene):
     options = replace(NOISE, triangulation=TriangulationOptions(method=method))
     assert prepare(scene.rig, scene.detections, options, Silent()).options.pairs == pairs
 
 
 @pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {"sides": "plane", "up": "z"}])
-def test_every_way_runs_through(given, scene):
+def test_all_combinations_run(given, scene):
     short = exchange(scene.detections, 1, "leg", 10, 20).frames(0, 30)
     result = posefuse.reconstruct(scene.rig, short, replace(NOISE, **given))
     assert result.swaps is not None
@@ -158,7 +161,7 @@ def test_every_way_runs_through(given, scene):
 
 
 @pytest.mark.parametrize("offset_s", [0.004, -0.015])
-def test_clocks_that_differ_by_less_than_half_a_frame_turn_nothing_over(offset_s, scene):
+def test_small_time_offsets_change_nothing(offset_s, scene):
     swapped = exchange(scene.detections, 1, "leg", 40, 70)
     times = np.array(swapped.time_s)
     times[:, 3] += offset_s
@@ -168,7 +171,7 @@ def test_clocks_that_differ_by_less_than_half_a_frame_turn_nothing_over(offset_s
     assert np.nanpercentile(moved, 99) < 1e-9
 
 
-def test_clocks_that_have_nothing_in_common_are_an_error(scene):
+def test_unrelated_clocks_are_an_error(scene):
     times = np.array(scene.detections.time_s)
     times[:, 1:] += 3600.0 * np.arange(1, times.shape[1])
     with pytest.raises(DetectionsError, match="one clock"):
@@ -176,7 +179,7 @@ def test_clocks_that_have_nothing_in_common_are_an_error(scene):
 
 
 @pytest.mark.parametrize("given", [{"pairs": "sds"}, {"sides": "votes"}, {}])
-def test_a_recording_in_which_nobody_is_seen(given, scene):
+def test_recording_without_detections(given, scene):
     empty = replace(
         scene.detections,
         offsets=np.zeros_like(scene.detections.offsets),
@@ -188,7 +191,7 @@ def test_a_recording_in_which_nobody_is_seen(given, scene):
     assert np.isnan(measured(result)).all()
 
 
-def test_what_is_below_min_confidence_says_nothing_of_sides(scene):
+def test_detections_below_min_confidence_are_ignored(scene):
     swapped = exchange(scene.detections, 1, "leg", 40, 70)
     confidence = np.array(swapped.confidence)
     confidence[3::4] = 0.05
@@ -199,8 +202,8 @@ def test_what_is_below_min_confidence_says_nothing_of_sides(scene):
     assert (state[:, :, 3] == SwapState.UNKNOWN).all()
 
 
-def test_two_of_three_views_are_enough_to_put_sides_right(scene):
-    """A third camera that sees nothing must not keep the others from it."""
+def test_two_of_three_views_suffice(scene):
+    """A third camera without detections must not prevent the correction."""
     three = scene.detections.views(scene.detections.view_names[:3])
     keypoints = np.array(exchange(three, 1, "leg", 40, 70).keypoints_px)
     keypoints[2::3] = np.nan

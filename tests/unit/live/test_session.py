@@ -70,7 +70,7 @@ def test_lines_say_who_is_where(scene, lines):
         assert seen == [
             label in ("ok", "two_views", "weak_geometry", "ambiguous") for label in person["keypoint_status"]
         ]
-    assert [event["what"] for frame in frames for event in frame["events"]].count("born") == 2
+    assert [event["what"] for frame in frames for event in frame["events"]].count("confirmed") == 2
 
 
 def test_it_goes_on_without_a_camera_and_says_which(scene, lines):
@@ -141,7 +141,7 @@ def test_people_stay_who_they_are_where_clocks_jump(scene, lines):
     assert len(frames) == 75
     assert frames[-1]["time_s"] < -4000.0
     assert {person["id"] for person in frames[-1]["people"]} == {person["id"] for person in frames[30]["people"]}
-    assert sum(event["what"] == "born" for frame in frames for event in frame["events"]) == 2
+    assert sum(event["what"] == "confirmed" for frame in frames for event in frame["events"]) == 2
 
 
 def test_one_camera_is_none_to_follow_by(scene):
@@ -151,7 +151,7 @@ def test_one_camera_is_none_to_follow_by(scene):
 
 def test_what_needs_a_whole_recording_is_refused_or_said(scene):
     filtered = Options(triangulation=TriangulationOptions(method="percentile_filter"))
-    with pytest.raises(OptionsError, match="looks at the whole recording"):
+    with pytest.raises(OptionsError, match="needs the whole recording"):
         Session(scene.rig, "body_20", filtered, ARRIVAL)
     with pytest.warns(PosefuseWarning, match="do nothing in a stream: end_s, solve, pairs"):
         Session(scene.rig, "body_20", Options(end_s=3.0, solve="trajectory", pairs="enumerate"), ARRIVAL)

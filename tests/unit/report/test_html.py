@@ -112,7 +112,7 @@ def test_page_is_independent_of_the_range_size(monkeypatch, result):
 
 
 def test_findings_come_first(result):
-    notes = ("Read.", "Recording check: Camera <b>3</b> is turned. (90 % certain) Refit it.")
+    notes = ("Read.", "Health: Camera <b>3</b> is turned. (90 % certain) Refit it.")
     page = render_report(replace(result, provenance=Provenance(notes=notes)))
     assert "<ol><li>Camera &lt;b&gt;3&lt;/b&gt; is turned." in page
     assert "Findings of the recording check" not in render_report(result)
@@ -185,9 +185,9 @@ def test_rejected_and_little_used_cameras_are_listed(result):
     name, layer = result.best_layer()
     statuses = np.array(layer.view_status)
     statuses[:40, ..., 3] = ViewStatus.UNSEEN
-    event = Event(40, 40 / 30, "cam_3", "camera refused", "it shows < 15% of the people")
+    event = Event(40, 40 / 30, "cam_3", "camera_rejected", "it shows < 15% of the people")
     page = render_report(replace(result, layers={name: replace(layer, view_status=statuses)}, events=(event,)))
     highlights = page.split('id="highlights"')[1].split("</section>")[0]
-    assert "cam_3: camera refused, it shows &lt; 15% of the people. <button" in highlights
+    assert "cam_3: camera_rejected, it shows &lt; 15% of the people. <button" in highlights
     assert re.search(r"Camera cam_3 contributes to 3\d % of the points", highlights)
     assert "Camera cam_1 contributes" not in highlights

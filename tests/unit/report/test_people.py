@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posefuse.evaluation.sightings import count_misses
+from posefuse.evaluation.visibility import count_misses
 from posefuse.model.status import PointStatus
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
 from posefuse.report.html import render_report
 from posefuse.report.people import format_event_counts, summarize_people, track_timeline
 from posefuse.report.summary import summarize
-from tests.people import TENTATIVE_FRAMES, crowd, followed, nobody
+from tests.people import TENTATIVE_FRAMES, crowd, followed, without_people
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +61,10 @@ def test_timeline_matches_the_track_states(result):
 
 
 def test_camera_events_have_a_separate_row(result):
-    event = Event(7, 0.28, "cam_1", "camera refused", "it disagrees")
+    event = Event(7, 0.28, "cam_1", "camera_rejected", "it disagrees")
     timeline = track_timeline(replace(result, events=(event,)))
     assert timeline["rows"] == [*result.person_ids, "cam_1"]
-    assert (timeline["people"], timeline["events"]) == (4, [[7, 4, "camera refused", "it disagrees", 7]])
+    assert (timeline["people"], timeline["events"]) == (4, [[7, 4, "camera_rejected", "it disagrees", 7]])
 
 
 def test_person_statistics(result):
@@ -108,7 +108,7 @@ def test_names_are_escaped(result):
 
 
 def test_result_without_people(scene):
-    page = render_report(nobody(scene))
+    page = render_report(without_people(scene))
     assert "0 people" in page
     assert "No person was found." in page
     assert "Nothing stands out" not in page

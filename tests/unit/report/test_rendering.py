@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from posefuse.evaluation.filtering import error_profile
+from posefuse.evaluation.error_profile import error_profile
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS, TriangulationOptions
 from posefuse.pipeline.compare_methods import compare_methods

@@ -135,7 +135,7 @@ def test_parts_come_back_from_a_file_as_they_went():
 def test_a_part_that_is_not_there_is_named():
     with pytest.raises(SkeletonError, match=r"No shared body 'wing'.*hand"):
         parse_parts({"parts": ["wing"]}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
-    with pytest.raises(SkeletonError, match="tree.parts is a list of names"):
+    with pytest.raises(SkeletonError, match="tree.parts must be a list of names"):
         parse_parts({"parts": "hand"}, WHOLE.tree, WHOLE.keypoints, {}, "thing")
     beside = 'name = "a"\nkeypoints = ["b", "c"]\n[tree]\nparts = ["hand"]\n[tree.segments]\nt = {}\n'
     assert parse_skeleton(beside + '[tree.points]\nb = ["t", 0.1, 0.0, 0.0]\n', "a.toml").parts == ()

@@ -6,7 +6,7 @@ from scipy.stats import kstest, t
 
 from posefuse.errors import OptionsError
 from posefuse.skeleton.skeletons import shipped_skeletons
-from posefuse.synthetic.detector import detect, spells
+from posefuse.synthetic.detector import detect, on_intervals
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.motions import CreatureMotion, HumanMotion
 from posefuse.synthetic.options import ACTIVITIES, CLEAN, MOST_CAMERAS, DetectorOptions, SceneOptions
@@ -162,7 +162,7 @@ class TestDetector:
 
     @pytest.mark.parametrize(("share", "rate_hz"), [(0.8, 5.0), (0.6, 2.0), (0.9, 30.0), (0.05, 100.0), (1.0, 30.0)])
     def testspells_last_the_share_asked_for(self, share, rate_hz):
-        on = spells((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
+        on = on_intervals((4000, 20), share, 0.2, rate_hz, np.random.default_rng(2))
         assert on.mean() == pytest.approx(share, abs=0.02)
 
     def test_limbs_swap_as_a_whole(self):
@@ -238,7 +238,7 @@ class TestDetector:
             DetectorOptions(**change)
 
     def test_one_share_for_each_view(self):
-        with pytest.raises(OptionsError, match="one share for each of 5 views, got 2"):
+        with pytest.raises(OptionsError, match="one fraction per view \\(5\\), got 2"):
             simulate(SceneOptions(duration_s=0.1, detector=DetectorOptions(swap_shares=(0.1, 0.2))))
 
 

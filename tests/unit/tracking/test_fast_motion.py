@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.animal_scenes import animal_rig
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import newborn
@@ -12,16 +13,15 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.proposals import Proposals
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
-from posefuse.synthetic.animals import animal_rig
 from posefuse.tracking import fast_motion, reinitialize
-from posefuse.tracking.lifecycle import Bounds, newcomer
+from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
 from posefuse.tracking.records import Track
-from posefuse.tracking.reidentification import all_are_known, who_returns
-from posefuse.tracking.settings import Settings
+from posefuse.tracking.reidentification import find_lost_track, population_is_known
+from posefuse.tracking.settings import TrackerSettings
 
 MOUSE = shipped_skeleton("mouse_22")
 RIG = animal_rig(3, 0.5)
-SETTINGS = Settings.of(RIG, MOUSE, NoiseModel(np.full(3, 5.0), 1.0), TrackerOptions())
+SETTINGS = TrackerSettings.of(RIG, MOUSE, NoiseModel(np.full(3, 5.0), 1.0), TrackerOptions())
 TREE = SETTINGS.tree
 
 
@@ -50,21 +50,23 @@ NOBODY = np.full((1, 3), -1)
 
 def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray = NOBODY, gone_s: float = 0.03) -> int:
     proposals = proposed(points_m, views, log_odds)
-    return len(fast_motion.leaps(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS))
+    return len(
+        fast_motion.find_fast_motions(np.array([0]), rows, POINTS[None], np.array([gone_s]), proposals, SETTINGS)
+    )
 
 
 def test_only_who_is_missing_where_others_show_somebody_may_have_leapt() -> None:
     rows = np.array([[0, 1, 2], [-1, -1, 3], [-1, -1, -1]])
     free = np.array([True, True, False])
     may = np.array([True, True, True])
-    assert fast_motion.may_have(rows, free, may).tolist() == [1, 2]
-    assert fast_motion.may_have(rows, free, np.array([True, False, True])).tolist() == [2]
-    assert fast_motion.may_have(rows, np.array([True, False, False]), may).tolist() == []
+    assert fast_motion.find_candidates(rows, free, may).tolist() == [1, 2]
+    assert fast_motion.find_candidates(rows, free, np.array([True, False, True])).tolist() == [2]
+    assert fast_motion.find_candidates(rows, np.array([True, False, False]), may).tolist() == []
 
 
 def test_a_leap_is_within_reach_and_shown_by_more_views() -> None:
     """Reach is 0.35 m of a human, 20 mm of a mouse, and what its top speed adds."""
-    births, motion = SETTINGS.options.births, SETTINGS.options.motion
+    births, motion = SETTINGS.options.initiation, SETTINGS.options.motion
     reach_m = births.gate_m + motion.top_speed_m_s * 0.03
     assert births.gate_m == pytest.approx(0.02)
     aside = np.array([1.0, 0.0, 0.0])
@@ -83,7 +85,7 @@ def test_weak_odds_are_enough_only_for_who_is_shown_by_none() -> None:
 
 def test_who_leapt_is_there_faster_and_less_known() -> None:
     state, shift = standing(np.zeros(3)), np.array([0.02, -0.01, 0.0])
-    after = fast_motion.leapt(state, fast_motion.Leap(0, 0, shift), 1.0 / 30.0, SETTINGS)
+    after = fast_motion.displaced_state(state, fast_motion.FastMotion(0, 0, shift), 1.0 / 30.0, SETTINGS)
     np.testing.assert_allclose(after.root[0] - state.root[0], shift)
     assert (after.velocity[0, :3] @ shift) > 0.0
     assert (np.diagonal(after.covariance[0]) >= np.diagonal(state.covariance[0]) - 1e-15).all()
@@ -94,18 +96,18 @@ def test_who_leapt_is_there_faster_and_less_known() -> None:
 
 
 def test_frames_are_rare_where_limbs_turn_too_far_in_between() -> None:
-    human = Settings.of(RIG, shipped_skeleton("body_20"), SETTINGS.noise, TrackerOptions())
-    assert [reinitialize.are_rare(1.0 / rate_hz, SETTINGS) for rate_hz in (100, 30, 2)] == [False, False, True]
-    assert [reinitialize.are_rare(1.0 / rate_hz, human) for rate_hz in (25, 5, 2)] == [False, False, True]
+    human = TrackerSettings.of(RIG, shipped_skeleton("body_20"), SETTINGS.noise, TrackerOptions())
+    assert [reinitialize.is_long_gap(1.0 / rate_hz, SETTINGS) for rate_hz in (100, 30, 2)] == [False, False, True]
+    assert [reinitialize.is_long_gap(1.0 / rate_hz, human) for rate_hz in (25, 5, 2)] == [False, False, True]
 
 
 def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news() -> None:
     state = standing(np.zeros(3))
     columns = np.arange(TREE.n_pose)
     state.covariance[:, columns, columns] = SETTINGS.most
-    assert reinitialize.unknown(state, SETTINGS).all()
+    assert reinitialize.has_unknown_directions(state, SETTINGS).all()
     state.covariance[:, columns, columns] = 0.1 * SETTINGS.most
-    assert not reinitialize.unknown(state, SETTINGS).any()
+    assert not reinitialize.has_unknown_directions(state, SETTINGS).any()
 
 
 def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
@@ -114,22 +116,22 @@ def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
     which = np.zeros(len(TREE.segments) + len(TREE.bones), dtype=bool)
     which[len(TREE.segments) :] = True
     before = state.bones.copy()
-    reinitialize.begin_anew(state, 0, which, points, SETTINGS)
+    reinitialize.reinitialize_directions(state, 0, which, points, SETTINGS)
     tail = TREE.bones.index("tail_middle")
     np.testing.assert_allclose(state.bones[0, tail, :, 2], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_array_equal(np.delete(state.bones[0], tail, axis=0), np.delete(before[0], tail, axis=0))
 
 
-def somebody(seen_s: float, state: TrackState = TrackState.ACTIVE) -> Track:
-    track = newcomer(1, 0.0, Bounds(3.0, -2.0, 6.0))
-    track.seen_s, track.state, track.sure = seen_s, state, True
+def somebody(last_seen_s: float, state: TrackState = TrackState.ACTIVE) -> Track:
+    track = new_track(1, 0.0, LifecycleThresholds(3.0, -2.0, 6.0))
+    track.last_seen_s, track.state, track.established = last_seen_s, state, True
     return track
 
 
-def returns(track: Track, settings: Settings, at_m: float = 0.01) -> bool:
+def returns(track: Track, settings: TrackerSettings, at_m: float = 0.01) -> bool:
     """Whether who is first seen at 0.8 s, and now at 1 s, so far away, is them."""
     state = standing(np.zeros(3))
-    found = who_returns([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
+    found = find_lost_track([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
     return found is not None
 
 
@@ -143,8 +145,8 @@ def test_who_is_not_seen_while_a_new_one_is_may_be_them_before_they_are_lost() -
 def test_where_all_are_known_nobody_is_new() -> None:
     closed = replace(SETTINGS, options=replace(SETTINGS.options, population=1))
     track = somebody(0.0, TrackState.LOST)
-    assert all_are_known([track], closed)
-    assert not all_are_known([track], SETTINGS)
-    assert not all_are_known([replace(track, sure=False)], closed)
+    assert population_is_known([track], closed)
+    assert not population_is_known([track], SETTINGS)
+    assert not population_is_known([replace(track, established=False)], closed)
     assert not returns(track, SETTINGS, at_m=5.0)
     assert returns(track, closed, at_m=5.0)

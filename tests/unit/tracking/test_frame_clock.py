@@ -5,7 +5,7 @@ import pytest
 
 from posefuse.errors import DetectionsError
 from posefuse.model.frames import Frame
-from posefuse.tracking.frame_clock import Clock, moments
+from posefuse.tracking.frame_clock import FrameClock, view_times
 
 NAN = float("nan")
 
@@ -24,61 +24,61 @@ def frame(number: int, *times_s: float, people: int = 0, recorded: tuple[bool, .
     )
 
 
-def after(*frames: Frame) -> Clock:
-    clock = Clock()
+def after(*frames: Frame) -> FrameClock:
+    clock = FrameClock()
     for each in frames:
-        clock.take(each)
+        clock.advance(each)
     return clock
 
 
 def test_the_time_between_frames():
-    clock = Clock()
-    assert [clock.take(frame(k, 0.1 * k, 0.1 * k)) for k in (3, 4, 6)] == pytest.approx([0.0, 0.1, 0.2])
+    clock = FrameClock()
+    assert [clock.advance(frame(k, 0.1 * k, 0.1 * k)) for k in (3, 4, 6)] == pytest.approx([0.0, 0.1, 0.2])
     assert clock.time_s == pytest.approx(0.6)
     assert clock.period_s == pytest.approx(0.1)
-    assert clock.apart_s == pytest.approx(0.2)
+    assert clock.view_dt_s == pytest.approx(0.2)
 
 
 def test_a_frame_that_no_camera_recorded_is_when_it_should_have_been():
     clock = after(frame(0, 0.0, 0.0), frame(1, 0.1, 0.1))
-    assert clock.take(frame(2, NAN, NAN)) == pytest.approx(0.1)
-    assert clock.take(frame(4, NAN, NAN)) == pytest.approx(0.2)
-    assert clock.take(frame(5, 0.5, NAN)) == pytest.approx(0.1)
+    assert clock.advance(frame(2, NAN, NAN)) == pytest.approx(0.1)
+    assert clock.advance(frame(4, NAN, NAN)) == pytest.approx(0.2)
+    assert clock.advance(frame(5, 0.5, NAN)) == pytest.approx(0.1)
     said = frame(6, 0.57, 0.57, recorded=(False, False))
-    assert clock.take(said) == pytest.approx(0.07)
-    assert moments(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
+    assert clock.advance(said) == pytest.approx(0.07)
+    assert view_times(frame(7, NAN, NAN), 0.67)[0][0] == 0.67
 
 
 def test_frames_without_numbers_have_periods_too():
     clock = after(frame(0, 0.0, 0.0), frame(0, 0.1, 0.1))
-    assert clock.take(frame(0, NAN, NAN)) == pytest.approx(0.1)
+    assert clock.advance(frame(0, NAN, NAN)) == pytest.approx(0.1)
 
 
 def test_people_without_a_time_are_an_error():
     clock = after(frame(0, 0.0, 0.0), frame(1, 0.1, 0.1))
     with pytest.raises(DetectionsError, match="Frame 2 has no time"):
-        clock.take(frame(2, NAN, NAN, people=1))
+        clock.advance(frame(2, NAN, NAN, people=1))
     with pytest.raises(DetectionsError, match="Frame 0 has no time"):
-        Clock().take(frame(0, NAN, NAN))
+        FrameClock().advance(frame(0, NAN, NAN))
 
 
 def test_a_late_camera_that_drops_a_frame_does_not_turn_time_back():
     clock = after(frame(0, 0.0, 0.025), frame(1, 0.02, 0.045))
-    assert 0.0 < clock.take(frame(2, 0.04, NAN, people=1)) < 1e-3
+    assert 0.0 < clock.advance(frame(2, 0.04, NAN, people=1)) < 1e-3
     # What the view shows is as old a news as ever: its own last frame was 20 ms before.
-    assert clock.apart_s == pytest.approx(0.02)
-    assert clock.take(frame(3, 0.06, 0.085)) == pytest.approx(0.04, abs=1e-3)
+    assert clock.view_dt_s == pytest.approx(0.02)
+    assert clock.advance(frame(3, 0.06, 0.085)) == pytest.approx(0.04, abs=1e-3)
 
 
 def test_frames_come_in_order():
     clock = after(frame(0, 0.0, 0.0), frame(1, 0.1, 0.1))
     for late in (frame(2, 0.1, 0.1), frame(2, 0.05, 0.05), frame(2, 0.05, NAN)):
-        with pytest.raises(DetectionsError, match=r"Frame 2 is of 0\.\d+ s, the last was of 0\.1000 s"):
-            clock.take(late)
+        with pytest.raises(DetectionsError, match=r"Frame 2 is at 0\.\d+ s, after a frame at 0\.1000 s"):
+            clock.advance(late)
 
 
 def test_views_one_after_the_other():
-    parts = moments(frame(0, 0.1, 0.12, NAN, 0.1002), 0.12)
+    parts = view_times(frame(0, 0.1, 0.12, NAN, 0.1002), 0.12)
     assert [(time_s, views.tolist()) for time_s, views in parts] == [
         (0.1002, [True, False, True, True]),
         (0.12, [False, True, False, False]),

@@ -11,12 +11,12 @@ from posefuse.errors import DetectionsError
 from posefuse.kernels.tracking.records import State
 from posefuse.model.tracks import TrackState
 from posefuse.tracking import history as history_module
-from posefuse.tracking.body_states import chosen, joined, nobody
+from posefuse.tracking.body_states import empty_state, join_states, select_states
 from posefuse.tracking.history import History
-from posefuse.tracking.records import People, Person, Remembered
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson, smooth_people
-from posefuse.tracking.tempering import ahead
+from posefuse.tracking.records import PastState, People, Person, TrackedFrame
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.smoothing import PeopleSmoother, SmoothedPerson
+from posefuse.tracking.tempering import predict_states
 from tests.unit.tracking.test_smoothing import DT_S, SKELETON, close, filtered, settings, times
 
 __all__ = ["settings"]
@@ -31,21 +31,28 @@ def person(name: str, life: TrackState, missing_s: float) -> Person:
 
 def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None, numbers=None) -> None:
     """Add a frame in which these people stand so, of whom some are remembered, some lost for that long."""
-    everybody = nobody(history.settings.tree)
+    everybody = empty_state(history.settings.tree)
     for state in states.values():
-        everybody = joined(everybody, state)
+        everybody = join_states(everybody, state)
     lost = lost or {}
     told = [person(n, TrackState.LOST if n in lost else TrackState.ACTIVE, lost.get(n, 0.0)) for n in states]
     tracks = [SimpleNamespace(name=name, number=(numbers or {}).get(name, int(name[-1]))) for name in states]
-    tracker = SimpleNamespace(tracks=tracks, state=everybody, remembered=past or {})
-    history.add(tracker, People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ()))  # type: ignore[arg-type]
+    tracker = SimpleNamespace(tracks=tracks, state=everybody)
+    people = People(10 + 2 * frame, DT_S * frame, tuple(reversed(told)), ())
+    history.add(tracker, TrackedFrame(people, past or {}, ()))  # type: ignore[arg-type]
 
 
-def history_of(settings: Settings, states: State, lost=None) -> History:
+def history_of(settings: TrackerSettings, states: State, lost=None) -> History:
     history = History(settings)
     for k in range(len(states.root)):
         past = {"person_1": []} if k == 0 else {}
-        tell(history, k, {"person_1": chosen(states, [k])}, past, {"person_1": lost[k]} if lost and k in lost else {})
+        tell(
+            history,
+            k,
+            {"person_1": select_states(states, [k])},
+            past,
+            {"person_1": lost[k]} if lost and k in lost else {},
+        )
     return history
 
 
@@ -64,7 +71,7 @@ def test_what_is_recorded_comes_back(settings, rng, monkeypatch):
     np.testing.assert_array_equal(run.places, np.arange(40))
     np.testing.assert_allclose(run.time_s, times(40))
     (part,) = history.runs(7, 21)
-    close(part.state, chosen(states, np.arange(7, 21)), 0.0)
+    close(part.state, select_states(states, np.arange(7, 21)), 0.0)
     assert not part.fresh
     assert history.place(10 + 2 * 7) == 7
 
@@ -82,15 +89,15 @@ def test_people_are_remembered_from_before_they_were_believed(settings, rng):
     history = History(settings)
     for k in range(6):
         tell(history, k, {})
-    past = [Remembered(10 + 2 * k, DT_S * k, chosen(states, [k]), np.arange(VIEWS)) for k in (2, 3, 5)]
-    tell(history, 6, {"person_1": chosen(states, [6])}, {"person_1": past})
+    past = [PastState(10 + 2 * k, DT_S * k, select_states(states, [k]), np.arange(VIEWS)) for k in (2, 3, 5)]
+    tell(history, 6, {"person_1": select_states(states, [6])}, {"person_1": past})
     (run,) = history.runs(0, 7)
     np.testing.assert_array_equal(run.places, np.arange(2, 7))
     np.testing.assert_array_equal(run.life, [TrackState.TENTATIVE] * 4 + [TrackState.ACTIVE])
     np.testing.assert_allclose(run.missing_s, [0.0, 0.0, DT_S, 0.0, 0.0], atol=1e-12)
     assert run.fresh
     assert (run.rows[2] == -1).all()
-    close(chosen(run.state, [0, 1, 3]), chosen(states, [2, 3, 5]), 0.0)
+    close(select_states(run.state, [0, 1, 3]), select_states(states, [2, 3, 5]), 0.0)
     # In the frame without evidence they are where they were going.
     np.testing.assert_allclose(run.state.root[2], run.state.root[1], atol=0.2)
     assert np.trace(run.state.covariance[2]) > np.trace(run.state.covariance[1])
@@ -101,7 +108,7 @@ def test_a_run_ends_where_the_filter_begins_anew_or_nobody_is_followed(settings,
     history = History(settings)
     for k in range(12):
         past = {"person_1": []} if k in (0, 5) else {}
-        tell(history, k, {} if k == 8 else {"person_1": chosen(states, [k])}, past)
+        tell(history, k, {} if k == 8 else {"person_1": select_states(states, [k])}, past)
     assert [run.places.tolist() for run in history.runs(0, 12)] == [[0, 1, 2, 3, 4], [5, 6, 7], [9, 10, 11]]
 
 
@@ -111,7 +118,7 @@ def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
     history = History(settings)
     for k in range(12):
         mine, other = ("person_1", "person_2") if k < 6 else ("person_2", "person_1")
-        there = chosen(states, [k])
+        there = select_states(states, [k])
         beside = there._replace(root=there.root + 2.0)
         tell(history, k, {mine: there, other: beside}, numbers={mine: 1, other: 2})
     one, two = history.runs(0, 12)
@@ -151,7 +158,7 @@ def test_any_range_is_that_of_the_whole(settings, rng, start):
     """To 1e-5 m, also where it begins while the shape is still sought."""
     history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
     (whole,) = taken(history, [200])
-    (part,) = smooth_people(history, start, start + 40, settings)
+    (part,) = PeopleSmoother(history, start, settings).take(start + 40)
     np.testing.assert_array_equal(part.places, np.arange(start, start + 40))
     theirs = whole.body.frames(start, start + 40)
     np.testing.assert_allclose(part.body.points_m, theirs.points_m, atol=1e-5)
@@ -188,11 +195,11 @@ def test_a_loss_is_bridged_where_the_filter_began_anew(settings, rng):
     states = filtered(settings, 40, rng)
     turn = Rotation.from_euler("z", rng.uniform(-3.0, 3.0, (len(settings.tree.bones), 1))).as_matrix()
     history, lone = History(settings), History(settings)
-    now = chosen(states, [14])
+    now = select_states(states, [14])
     for k in range(40):
         if 15 <= k < 25:
-            ahead(now, np.array([DT_S]), settings)
-        here = now if 15 <= k < 25 else chosen(states, [k])
+            predict_states(now, np.array([DT_S]), settings)
+        here = now if 15 <= k < 25 else select_states(states, [k])
         if k >= 25:
             here = here._replace(bones=here.bones @ turn)
         lost = {"person_1": DT_S * (k - 14)} if 15 <= k < 25 else {}

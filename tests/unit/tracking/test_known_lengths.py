@@ -50,7 +50,7 @@ def test_what_is_not_a_length_is_said():
     with pytest.raises(OptionsError, match="no length 'left_nee'.*left_knee"):
         with_known_lengths(SKELETON, TrackerOptions(known_m=("left_nee=0.4",)))
     for wrong in ("left_knee", "left_knee=", "left_knee=tall", "left_knee=-1"):
-        with pytest.raises(OptionsError, match="name=metres"):
+        with pytest.raises(OptionsError, match="name=meters"):
             TrackerOptions(known_m=(wrong,))
     with pytest.raises(OptionsError, match="stature_m"):
         TrackerOptions(stature_m=0.0)

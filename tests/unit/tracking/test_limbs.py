@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.initial_pose import aim, bones_shown
-from posefuse.tracking.body_states import Sight
-from posefuse.tracking.state_initiation import begin
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.track_initiation import fit_body
 from tests.unit.tracking.test_track_initiation import SKELETON, settings_with, standing
 
 
@@ -50,7 +50,7 @@ def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
     seen = standing(settings, np.arange(5) / 25.0, lift_leg)
     for each in seen[:3]:
         each.keypoints_px[:, leg], each.points_m[leg] = np.nan, np.nan
-    state = begin(seen, settings)[0]
-    sight = Sight.room(1, 0, len(SKELETON))
-    project_people(settings.cameras[:0], settings.body, state, *sight.arrays)
-    np.testing.assert_allclose(sight.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)
+    state = fit_body(seen, settings)[0]
+    projected = ProjectedBodies.allocate(1, 0, len(SKELETON))
+    project_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    np.testing.assert_allclose(projected.points_m[0, leg], seen[-1].points_m[leg], atol=0.05)

@@ -16,9 +16,11 @@ from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.partial_detections import forget_swaps, hold_back, joined_pieces
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.stages import Likeness
+from posefuse.tracking.associate import suppress_single_view_matches
+from posefuse.tracking.partial_detections import merge_partial_detections
+from posefuse.tracking.predict import predict_swaps
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.strategy import MatchScores
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -26,9 +28,9 @@ LEGS = np.array([any(part in name for part in ("hip", "knee", "ankle", "toe")) f
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
+def settings() -> TrackerSettings:
     rig = build_rig("ring", 2)
-    return Settings.of(rig, SKELETON, default_noise(rig, Options()), TrackerOptions())
+    return TrackerSettings.of(rig, SKELETON, default_noise(rig, Options()), TrackerOptions())
 
 
 def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
@@ -40,9 +42,9 @@ def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
     )  # fmt: skip
 
 
-def likeness(gain: np.ndarray, settings: Settings) -> Likeness:
+def likeness(gain: np.ndarray, settings: TrackerSettings) -> MatchScores:
     swapped = np.zeros((*gain.shape, settings.n_groups), dtype=np.int8)
-    return Likeness(gain, 0.0, swapped, np.zeros(swapped.shape), (gain > 3.0).any(axis=0))
+    return MatchScores(gain, 0.0, swapped, np.zeros(swapped.shape), (gain > 3.0).any(axis=0))
 
 
 def halves(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -51,24 +53,24 @@ def halves(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return whole, np.where(LEGS[:, None], np.nan, whole), np.where(LEGS[:, None], whole, np.nan)
 
 
-def test_two_pieces_are_one_person(settings: Settings):
+def test_two_pieces_are_one_person(settings: TrackerSettings):
     whole, above, below = halves()
     frame = frame_of(np.stack([above, below]), [0, 0])
     found = likeness(np.array([[9.0, 8.0]]), settings)
-    joined = joined_pieces(frame, np.array([[0, -1]]), found, settings)
+    joined = merge_partial_detections(frame, np.array([[0, -1]]), found, settings)
     np.testing.assert_array_equal(joined.keypoints_px[0], whole)
     assert (joined.confidence[0] == 0.8).all()
     np.testing.assert_array_equal(joined.keypoints_px[1], below)
     np.testing.assert_array_equal(frame.keypoints_px[0], above)
 
 
-def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: Settings):
+def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: TrackerSettings):
     _, above, below = halves()
     found = likeness(np.array([[9.0, 8.0]]), settings)
     legs = int(settings.group_of[SKELETON.index("left_knee")])
     arms = int(settings.group_of[SKELETON.index("left_wrist")])
     found.swapped[0, 1], found.swap_odds[0, 1] = 1, 4.0
-    joined_pieces(frame_of(np.stack([above, below]), [0, 0]), np.array([[0, -1]]), found, settings)
+    merge_partial_detections(frame_of(np.stack([above, below]), [0, 0]), np.array([[0, -1]]), found, settings)
     assert found.swapped[0, 0, legs] == 1
     assert found.swapped[0, 0, arms] == 0
     assert found.swap_odds[0, 0, [legs, arms]].tolist() == [4.0, 0.0]
@@ -83,18 +85,18 @@ def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: Settings):
         ([[9.0, 8.0], [1.0, 7.0]], [[0, -1], [1, -1]], [0, 0]),  # somebody else's
     ],
 )
-def test_what_is_not_theirs_is_no_piece(gain: list, rows: list, view: list[int], settings: Settings):
+def test_what_is_not_theirs_is_no_piece(gain: list, rows: list, view: list[int], settings: TrackerSettings):
     _, above, below = halves()
     frame = frame_of(np.stack([above, below]), view)
     found = likeness(np.array(gain), settings)
-    assert joined_pieces(frame, np.array(rows, dtype=np.int64), found, settings) is frame
+    assert merge_partial_detections(frame, np.array(rows, dtype=np.int64), found, settings) is frame
 
 
-def test_a_second_detection_of_the_whole_is_no_piece(settings: Settings):
+def test_a_second_detection_of_the_whole_is_no_piece(settings: TrackerSettings):
     whole, above, _ = halves()
     frame = frame_of(np.stack([above, whole]), [0, 0])
     found = likeness(np.array([[9.0, 8.0]]), settings)
-    assert joined_pieces(frame, np.array([[0, -1]]), found, settings) is frame
+    assert merge_partial_detections(frame, np.array([[0, -1]]), found, settings) is frame
 
 
 @pytest.mark.parametrize(
@@ -116,25 +118,25 @@ def test_whom_one_view_shows_by_what_is_somebody_else_s_is_not_moved(gain, rows,
     worth = np.full((2, 4), -np.inf)
     worth[:, : len(gain[0])] = gain
     rows = np.array(rows, dtype=np.int64)
-    hold_back(rows, worth, np.array(lost), TrackerOptions())
+    suppress_single_view_matches(rows, worth, np.array(lost), TrackerOptions())
     assert rows.tolist() == after
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04, 0.1])
 def test_swaps_are_forgotten_by_the_time_that_goes_by_not_by_frames(dt_s: float):
-    options = TrackerOptions(swap_log_odds=-5.0, swap_lasts_s=0.3)
+    options = TrackerOptions(swap_log_odds=-5.0, swap_duration_s=0.3)
     swapped = np.array([[[1.0, 0.0]]])
     for _ in range(round(0.6 / dt_s)):
-        forget_swaps(swapped, dt_s, options)
+        predict_swaps(swapped, dt_s, options)
     usual = 1.0 / (1.0 + np.exp(5.0))
     np.testing.assert_allclose(swapped[0, 0], usual + np.exp(-2.0) * (np.array([1.0, 0.0]) - usual), rtol=1e-9)
 
 
 def test_what_is_never_swapped_stays_so_and_odds_stay_finite():
     swapped = np.array([[[0.0, 1.0]]])
-    forget_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
+    predict_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
     assert ((swapped > 0.0) & (swapped < 1.0)).all()
-    forget_swaps(swapped, 1e3, TrackerOptions(swap_log_odds=-1e6))
+    predict_swaps(swapped, 1e3, TrackerOptions(swap_log_odds=-1e6))
     assert np.log(swapped / (1.0 - swapped)).max() < -500.0
 
 

@@ -23,8 +23,8 @@ from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN
-from posefuse.tracking.body_states import chosen
-from posefuse.tracking.parts import sure_directions
+from posefuse.tracking.body_states import select_states
+from posefuse.tracking.parts import certain_directions
 from posefuse.tracking.records import People, Person
 
 WHOLE = shipped_skeleton("coco_wholebody_133")
@@ -106,7 +106,7 @@ def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
 
 def test_who_is_forgotten_leaves_nothing(scene):
     """A live tracker does not grow by everybody who was ever there."""
-    options = Options(tracker=TrackerOptions(lost_after_s=0.1, forget_after_s=0.2))
+    options = Options(tracker=TrackerOptions(lost_after_s=0.1, terminate_after_s=0.2))
     tracker = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, options), options)
     for i in range(20):
         tracker.update(Frame.of(scene.detections, i))
@@ -172,7 +172,7 @@ def test_anchors_are_told_as_kalman_says(rng):
     size = state.covariance.shape[1]
     root = rng.normal(size=(size, size)) / size
     state.covariance[0] += root @ root.T
-    before = chosen(state, [0])
+    before = select_states(state, [0])
     place, noise = state.root + 0.1, np.diag([0.01, 0.02, 0.03])
     packed = noise[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]][None]
     nothing = np.full((1, 3, 3), np.nan)
@@ -238,7 +238,7 @@ def test_the_direction_of_a_bone_is_given_where_its_end_is_known_better_than_it_
     covariance[:, :, [0, 3, 5]] = 1e-12
     covariance[1, place[tip], [0, 3, 5]] = 0.03**2
     directions = np.ones((2, len(tree.bones), 3))
-    sure = sure_directions(tree, directions, points, covariance)
+    sure = certain_directions(tree, directions, points, covariance)
     bone = tree.nodes[tip].mover
     assert np.isfinite(sure[0, bone]).all()
     assert np.isnan(sure[1, bone]).all()

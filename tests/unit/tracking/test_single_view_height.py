@@ -16,25 +16,25 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import Sight, chosen
-from posefuse.tracking.records import Lately
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.single_view_height import keep_floor, note_floor
+from posefuse.tracking.body_states import ProjectedBodies, select_states
+from posefuse.tracking.records import RecentHistory
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.single_view_priors import apply_height_prior, observe_height
 
 DT_S = 0.04
 
 
-def settings_of(up: UpAxis | None = "z") -> Settings:
+def settings_of(up: UpAxis | None = "z") -> TrackerSettings:
     rig = replace(build_rig("ring", 2), up_axis=up)
-    return Settings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
+    return TrackerSettings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
+def settings() -> TrackerSettings:
     return settings_of()
 
 
-def somebody(settings: Settings, seed: int) -> State:
+def somebody(settings: TrackerSettings, seed: int) -> State:
     """In a pose of their own, 0.3 rad from rest in each number."""
     tree, rng = settings.tree, np.random.default_rng(seed)
     points = np.full((len(settings.skeleton), 3), np.nan)
@@ -46,94 +46,94 @@ def somebody(settings: Settings, seed: int) -> State:
     return state
 
 
-def sight_of(state: State, settings: Settings) -> Sight:
-    sight = Sight.room(len(state.root), 0, len(settings.skeleton))
-    project_people(settings.cameras[:0], settings.body, state, *sight.arrays)
-    return sight
+def sight_of(state: State, settings: TrackerSettings) -> ProjectedBodies:
+    projected = ProjectedBodies.allocate(len(state.root), 0, len(settings.skeleton))
+    project_people(settings.cameras[:0], settings.body, state, *projected.arrays)
+    return projected
 
 
-def nothing_known(settings: Settings, people: int = 1) -> Lately:
+def nothing_known(settings: TrackerSettings, people: int = 1) -> RecentHistory:
     tree = settings.tree
-    return Lately.unknown(people, 2, settings.n_groups, len(settings.skeleton), len(tree.segments) + len(tree.bones))
+    return RecentHistory.new(people, 2, settings.n_groups, len(settings.skeleton), len(tree.segments) + len(tree.bones))
 
 
-def lowest_m(state: State, settings: Settings) -> float:
+def lowest_m(state: State, settings: TrackerSettings) -> float:
     return float(np.nanmin(sight_of(state, settings).points_m @ np.array(up_vector(settings.rig.up_axis or "z"))))
 
 
 @pytest.mark.parametrize("up", ["x", "-y", "z"])
 def test_what_is_learnt_is_the_mean_and_the_variance_of_the_lowest_point(up: UpAxis):
     settings = settings_of(up)
-    lately, shown = nothing_known(settings), [somebody(settings, seed) for seed in range(6)]
+    recent, shown = nothing_known(settings), [somebody(settings, seed) for seed in range(6)]
     for state in shown:
-        note_floor(sight_of(state, settings), lately, np.array([3]), DT_S, settings)
+        observe_height(sight_of(state, settings), recent, np.array([3]), DT_S, settings)
     lows = np.array([lowest_m(state, settings) for state in shown])
-    assert lately.floor_m[0] == pytest.approx(lows.mean(), abs=1e-12)
-    assert lately.floor_variance[0] == pytest.approx(lows.var(), abs=1e-12)
-    assert lately.stood_s[0] == pytest.approx(6 * DT_S)
+    assert recent.lowest_m[0] == pytest.approx(lows.mean(), abs=1e-12)
+    assert recent.lowest_variance_m2[0] == pytest.approx(lows.var(), abs=1e-12)
+    assert recent.height_observed_s[0] == pytest.approx(6 * DT_S)
 
 
-def test_one_view_alone_teaches_nothing(settings: Settings):
-    lately = nothing_known(settings)
-    note_floor(sight_of(somebody(settings, 0), settings), lately, np.array([1]), DT_S, settings)
-    assert not lately.stood_s.any()
-    assert not lately.floor_m.any()
+def test_one_view_alone_teaches_nothing(settings: TrackerSettings):
+    recent = nothing_known(settings)
+    observe_height(sight_of(somebody(settings, 0), settings), recent, np.array([1]), DT_S, settings)
+    assert not recent.height_observed_s.any()
+    assert not recent.lowest_m.any()
 
 
-def test_nothing_is_learnt_nor_told_where_nobody_knows_which_way_is_up(settings: Settings):
-    nowhere, lately = settings_of(None), nothing_known(settings)
+def test_nothing_is_learnt_nor_told_where_nobody_knows_which_way_is_up(settings: TrackerSettings):
+    nowhere, recent = settings_of(None), nothing_known(settings)
     for _ in range(30):
-        note_floor(sight_of(somebody(settings, 0), settings), lately, np.array([2]), DT_S, settings)
+        observe_height(sight_of(somebody(settings, 0), settings), recent, np.array([2]), DT_S, settings)
     unknown = nothing_known(nowhere)
-    note_floor(sight_of(somebody(nowhere, 0), nowhere), unknown, np.array([2]), DT_S, nowhere)
-    assert not unknown.stood_s.any()
+    observe_height(sight_of(somebody(nowhere, 0), nowhere), unknown, np.array([2]), DT_S, nowhere)
+    assert not unknown.height_observed_s.any()
     state = somebody(nowhere, 1)
-    same = chosen(state, [0])
-    keep_floor(same, lately, np.array([True]), DT_S, nowhere)
+    same = select_states(state, [0])
+    apply_height_prior(same, recent, np.array([True]), DT_S, nowhere)
     np.testing.assert_array_equal(same.root, state.root)
 
 
-def test_the_lowest_point_goes_with_the_pose_as_differences_say(settings: Settings):
+def test_the_lowest_point_goes_with_the_pose_as_differences_say(settings: TrackerSettings):
     state, up, row = somebody(settings, 3), np.array([0.0, 0.0, 1.0]), np.empty(settings.tree.n_pose)
     assert lowest_point(settings.body, state, up, row) == pytest.approx(lowest_m(state, settings))
     for c in range(settings.tree.n_pose):
         change = np.zeros((1, state.covariance.shape[1]))
         change[0, c] = 1e-6
-        moved = chosen(state, [0])
+        moved = select_states(state, [0])
         apply_changes(change, moved)
         assert (lowest_m(moved, settings) - lowest_m(state, settings)) / 1e-6 == pytest.approx(row[c], abs=1e-5)
 
 
-def test_who_sinks_is_lifted_and_known_better(settings: Settings):
-    state, lately = somebody(settings, 5), nothing_known(settings)
+def test_who_sinks_is_lifted_and_known_better(settings: TrackerSettings):
+    state, recent = somebody(settings, 5), nothing_known(settings)
     for _ in range(30):
-        note_floor(sight_of(state, settings), lately, np.array([2]), DT_S, settings)
-    sunk = chosen(state, [0])
+        observe_height(sight_of(state, settings), recent, np.array([2]), DT_S, settings)
+    sunk = select_states(state, [0])
     sunk.root[0, 2] -= 0.5
     known = sunk.covariance.copy()
     for _ in range(20):
-        keep_floor(sunk, lately, np.array([True]), DT_S, settings)
+        apply_height_prior(sunk, recent, np.array([True]), DT_S, settings)
     assert abs(lowest_m(sunk, settings) - lowest_m(state, settings)) < 0.15
     n = settings.tree.n_pose
     assert np.linalg.eigvalsh(sunk.covariance[0, :n, :n]).min() > 0.0
     assert np.linalg.eigvalsh((known - sunk.covariance)[0, :n, :n]).min() > -1e-9
 
 
-def test_who_went_elsewhere_on_the_same_floor_is_left_there(settings: Settings):
-    state, lately = somebody(settings, 6), nothing_known(settings)
+def test_who_went_elsewhere_on_the_same_floor_is_left_there(settings: TrackerSettings):
+    state, recent = somebody(settings, 6), nothing_known(settings)
     for _ in range(30):
-        note_floor(sight_of(state, settings), lately, np.array([2]), DT_S, settings)
-    gone = chosen(state, [0])
+        observe_height(sight_of(state, settings), recent, np.array([2]), DT_S, settings)
+    gone = select_states(state, [0])
     gone.root[0, :2] += [2.0, -1.0]
-    told = chosen(gone, [0])
-    keep_floor(told, lately, np.array([True]), DT_S, settings)
+    told = select_states(gone, [0])
+    apply_height_prior(told, recent, np.array([True]), DT_S, settings)
     np.testing.assert_allclose(told.root, gone.root, atol=1e-9)
     np.testing.assert_allclose(told.bones, gone.bones, atol=1e-9)
 
 
-def test_of_whom_little_is_known_nothing_is_told(settings: Settings):
-    state, lately = somebody(settings, 8), nothing_known(settings)
-    note_floor(sight_of(somebody(settings, 9), settings), lately, np.array([2]), DT_S, settings)
-    same = chosen(state, [0])
-    keep_floor(same, lately, np.array([True]), DT_S, settings)
+def test_of_whom_little_is_known_nothing_is_told(settings: TrackerSettings):
+    state, recent = somebody(settings, 8), nothing_known(settings)
+    observe_height(sight_of(somebody(settings, 9), settings), recent, np.array([2]), DT_S, settings)
+    same = select_states(state, [0])
+    apply_height_prior(same, recent, np.array([True]), DT_S, settings)
     np.testing.assert_array_equal(same.covariance, state.covariance)

@@ -13,12 +13,14 @@ from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import chosen, joined, nobody, uncertain
+from posefuse.tracking.backward_pass import smooth_states
+from posefuse.tracking.body_states import empty_state, free_columns, join_states, select_states
 from posefuse.tracking.history import Run
-from posefuse.tracking.settings import Settings, memory_s, tempering
-from posefuse.tracking.smoothing import smooth_run, smooth_states
-from posefuse.tracking.tempering import ahead, bone_axes, first_with, tell_again
-from tests.reference import tempering as reference
+from posefuse.tracking.refiltering import refilter_run
+from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
+from posefuse.tracking.smoothed_bodies import SmoothedBodies, describe_bodies
+from posefuse.tracking.tempering import bone_axes, predict_states, refilter, temper_first_state
+from tests.reference import refiltering as reference
 
 SKELETON = shipped_skeleton("body_20")
 TREE = SKELETON.tree
@@ -28,12 +30,12 @@ DT_S = 0.04
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
+def settings() -> TrackerSettings:
     rig = build_rig("ring", 3)
-    return Settings.of(rig, SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
+    return TrackerSettings.of(rig, SKELETON, NoiseModel(np.full(3, 4.5), 1.0), TrackerOptions())
 
 
-def standing(settings: Settings) -> State:
+def standing(settings: TrackerSettings) -> State:
     points = np.array([(0.0, 0.0, 1.0)] * len(SKELETON)) + np.linspace(0.0, 0.3, 3 * len(SKELETON)).reshape(-1, 3)
     return newborn(
         settings.tree, points, settings.tree.shape_m, settings.tree.shape_covariance, settings.options.motion
@@ -43,7 +45,7 @@ def standing(settings: Settings) -> State:
 def observed(state: State, change: np.ndarray, variance: np.ndarray) -> None:
     """A textbook update, in place, of pose and shape seen directly, off by ``change`` from where they are."""
     m = N + H if state.free[0] else N
-    rows = uncertain(N, H, bool(state.free[0]))
+    rows = free_columns(N, H, bool(state.free[0]))
     at = np.ix_(rows, rows)
     covariance = state.covariance[0][at]
     gain = covariance[:, :m] @ np.linalg.inv(covariance[:m, :m] + np.diag(variance[:m]))
@@ -61,19 +63,19 @@ def keep_shape(state: State) -> None:
 
 
 def filtered(
-    settings: Settings, frames: int, rng: np.random.Generator, kept_from: int = 10**6, turn: float = 0.02
+    settings: TrackerSettings, frames: int, rng: np.random.Generator, kept_from: int = 10**6, turn: float = 0.02
 ) -> State:
     """A person's filtered states, seen in all but a few frames."""
-    now, out = standing(settings), nobody(settings.tree)
+    now, out = standing(settings), empty_state(settings.tree)
     variance = np.full(N + H, turn**2)
     for k in range(frames):
         if k:
-            ahead(now, np.array([DT_S]), settings)
+            predict_states(now, np.array([DT_S]), settings)
         if not 20 <= k < 25:
             observed(now, rng.normal(0.0, turn, N + H), variance)
         if k == kept_from:
             keep_shape(now)
-        out = joined(out, now)
+        out = join_states(out, now)
     return out
 
 
@@ -87,9 +89,9 @@ def close(one: State, other: State, atol: float) -> None:
 
 
 def test_comparing_undoes_applying(settings, rng):
-    start = chosen(standing(settings), [0, 0, 0])
+    start = select_states(standing(settings), [0, 0, 0])
     change = rng.normal(0.0, 0.5, (3, 2 * N + H))
-    end = chosen(start, [0, 1, 2])
+    end = select_states(start, [0, 1, 2])
     apply_changes(change, end)
     found = np.empty_like(change)
     compare_states(start, end, found)
@@ -112,7 +114,7 @@ def test_root_and_lengths_are_the_textbook_smoother(settings, rng):
     mean = np.concatenate([states.root, states.shape, states.velocity[:, :3]], axis=1)
     covariance = states.covariance[:, linear[:, None], linear]
     for k in range(frames - 2, -1, -1):
-        q = ahead(chosen(states, [k]), np.array([DT_S]), settings).covariance[0][at] - (
+        q = predict_states(select_states(states, [k]), np.array([DT_S]), settings).covariance[0][at] - (
             f[at] @ covariance0(states, k, at) @ f[at].T
         )
         foretold = f[at] @ covariance0(states, k, at) @ f[at].T + q
@@ -129,17 +131,17 @@ def covariance0(states: State, k: int, at) -> np.ndarray:
     return states.covariance[k][at]
 
 
-def smoothed_densely(states: State, time_s: np.ndarray, settings: Settings) -> np.ndarray:
+def smoothed_densely(states: State, time_s: np.ndarray, settings: TrackerSettings) -> np.ndarray:
     """The covariances of a smoother with one dense matrix for everything."""
     covariance = states.covariance.copy()
     for k in range(len(time_s) - 2, -1, -1):
         dt_s = time_s[k + 1] - time_s[k]
-        rows = uncertain(N, H, bool(states.free[k]))
+        rows = free_columns(N, H, bool(states.free[k]))
         at = np.ix_(rows, rows)
         fade, f = np.exp(-dt_s / settings.decay_s), np.eye(2 * N + H)
         f[:N, N + H :], f[N + H :, N + H :] = np.diag(settings.decay_s * (1.0 - fade)), np.diag(fade)
         before, f = states.covariance[k][at], f[at]
-        foretold = ahead(chosen(states, [k]), np.array([dt_s]), settings).covariance[0][at]
+        foretold = predict_states(select_states(states, [k]), np.array([dt_s]), settings).covariance[0][at]
         gain = np.linalg.solve(foretold, f @ before).T
         covariance[k][at] = before + gain @ (covariance[k + 1][at] - foretold) @ gain.T
     return covariance
@@ -180,16 +182,16 @@ def test_smoothing_knows_more_than_filtering(settings, rng):
     assert (after <= before * (1.0 + 1e-9) + 1e-15).all()
     assert (after[:30, :N] < before[:30, :N]).all()
     assert np.linalg.eigvalsh(smooth.covariance[5]).min() > -1e-12
-    close(chosen(smooth, [39]), chosen(states, [39]), 0.0)
+    close(select_states(smooth, [39]), select_states(states, [39]), 0.0)
 
 
 def test_without_anything_later_nothing_changes(settings, rng):
     """Frames foretold from the last one seen teach nothing of it."""
     seen = filtered(settings, 12, rng)
-    states, now = seen, chosen(seen, [11])
+    states, now = seen, select_states(seen, [11])
     for _ in range(6):
-        ahead(now, np.array([DT_S]), settings)
-        states = joined(states, now)
+        predict_states(now, np.array([DT_S]), settings)
+        states = join_states(states, now)
     smooth = smooth_states(states, times(18), settings)
     assert (np.diagonal(now.covariance[0])[:N] < settings.most).all()
     close(State(*(each[:12] for each in smooth)), smooth_states(seen, times(12), settings), 1e-8)
@@ -204,9 +206,9 @@ def test_the_shape_kept_is_the_shape_all_along(settings, rng):
     np.testing.assert_allclose(smooth.shape, np.tile(states.shape[-1], (20, 1)), atol=1e-4)
 
 
-def told_again(states: State, share: np.ndarray, settings: Settings) -> State:
-    first = first_with(chosen(states, [0]), share[0], settings)
-    return tell_again(states, times(len(share)), share, np.ones(len(share)), first, settings)[0]
+def told_again(states: State, share: np.ndarray, settings: TrackerSettings) -> State:
+    first = temper_first_state(select_states(states, [0]), share[0], settings)
+    return refilter(states, times(len(share)), share, np.ones(len(share)), first, settings)[0]
 
 
 @pytest.mark.parametrize("kept_from", [8, 10**6])
@@ -214,9 +216,9 @@ def test_it_is_what_dense_matrices_say_frame_by_frame(settings, rng, kept_from):
     frames = 30
     states = filtered(settings, frames, rng, kept_from, turn=0.05)
     share, told = rng.uniform(0.2, 1.0, (2, frames))
-    first = first_with(chosen(states, [0]), share[0], settings)
+    first = temper_first_state(select_states(states, [0]), share[0], settings)
     given = states, times(frames), share, told, first, settings
-    (ours, information), (theirs, expected) = tell_again(*given), reference.tell_again(*given)
+    (ours, information), (theirs, expected) = refilter(*given), reference.refilter(*given)
     close(ours, theirs, 1e-9)
     size = np.sqrt(np.einsum("kii,kjj->kij", np.abs(expected), np.abs(expected)))
     assert (np.abs(information - expected) <= 1e-7 * size + 1e-6 * np.abs(expected).max()).all()
@@ -228,11 +230,11 @@ def test_what_rounding_broke_is_told_by_itself(settings, rng):
     states = filtered(settings, 12, rng, turn=0.05)
     states.covariance[6, 3, 3] *= -1.0
     share, told = np.full((2, 12), 0.5)
-    first = first_with(chosen(states, [0]), 0.5, settings)
+    first = temper_first_state(select_states(states, [0]), 0.5, settings)
     given = states, times(12), share, told, first, settings
-    ours, theirs = tell_again(*given)[0], reference.tell_again(*given)[0]
-    close(chosen(ours, range(7)), chosen(theirs, range(7)), 1e-7)
-    close(chosen(ours, [7]), chosen(states, [7]), 0.0)
+    ours, theirs = refilter(*given)[0], reference.refilter(*given)[0]
+    close(select_states(ours, range(7)), select_states(theirs, range(7)), 1e-7)
+    close(select_states(ours, [7]), select_states(states, [7]), 0.0)
 
 
 @pytest.mark.parametrize("told_of_it", [0.9, 0.02])
@@ -247,10 +249,10 @@ def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng, told_of
     states.covariance[32, velocities, velocities] = 4.0
     share, told, time_s = np.full(40, 0.3), np.full(40, 4.0), times(40)
     share[32] = told_of_it
-    again, information = tell_again(
-        states, time_s, share, told, first_with(chosen(states, [0]), 0.3, settings), settings
+    again, information = refilter(
+        states, time_s, share, told, temper_first_state(select_states(states, [0]), 0.3, settings), settings
     )
-    rows = uncertain(N, H, bool(states.free[0]))
+    rows = free_columns(N, H, bool(states.free[0]))
     for each in (again, smooth_states(again, time_s, settings)):
         for covariance in each.covariance:
             np.linalg.cholesky(covariance[np.ix_(rows, rows)])
@@ -271,15 +273,15 @@ def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
     target[:3] = rng.normal(0.0, 0.05, 3)
     runs = []
     for factor in (1.0, 2.0):
-        now, out = standing(settings), nobody(settings.tree)
-        fixed = chosen(now, [0])
+        now, out = standing(settings), empty_state(settings.tree)
+        fixed = select_states(now, [0])
         for k in range(frames):
             if k:
-                ahead(now, np.array([DT_S]), settings)
+                predict_states(now, np.array([DT_S]), settings)
             change = np.empty((1, 2 * N + H))
             compare_states(now, fixed, change)
             observed(now, change[0, : N + H] + target * np.sin(0.3 * k), np.full(N + H, factor * 0.02**2))
-            out = joined(out, now)
+            out = join_states(out, now)
         runs.append(out)
     again = told_again(runs[0], np.full(frames, 0.5), settings)
     np.testing.assert_allclose(again.covariance, runs[1].covariance, atol=1e-8)
@@ -288,7 +290,7 @@ def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
 
 def with_bones_turned(state: State, angles: np.ndarray) -> State:
     """The same state, said in frames of the bones that are turned about them."""
-    out = chosen(state, np.arange(len(state.root)))
+    out = select_states(state, np.arange(len(state.root)))
     whole = np.eye(2 * N + H)
     for b, angle in enumerate(angles):
         turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
@@ -306,18 +308,18 @@ def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng,
     """The second run's are carried along other ways than the first's: they end up turned about the bones."""
     frames, angles = 12, rng.uniform(-3.0, 3.0, len(settings.tree.bones))
     variance = rng.uniform(0.02, 0.2, N + H) ** 2
-    now, states = standing(settings), nobody(settings.tree)
+    now, states = standing(settings), empty_state(settings.tree)
     for k in range(frames):
         if k:
-            ahead(now, np.array([DT_S]), settings)
+            predict_states(now, np.array([DT_S]), settings)
         observed(now, rng.normal(0.0, 0.05, N + H), variance)
         if k == kept_from:
             keep_shape(now)
-        states = joined(states, now)
+        states = join_states(states, now)
     share, t = np.full(frames, 0.4), times(frames)
-    first = first_with(chosen(states, [0]), share[0], settings)
-    straight, said = tell_again(states, t, share, share, first, settings)
-    turned, turned_said = tell_again(states, t, share, share, with_bones_turned(first, angles), settings)
+    first = temper_first_state(select_states(states, [0]), share[0], settings)
+    straight, said = refilter(states, t, share, share, first, settings)
+    turned, turned_said = refilter(states, t, share, share, with_bones_turned(first, angles), settings)
     close(turned, with_bones_turned(straight, angles), 1e-9)
     np.testing.assert_allclose(np.trace(said, axis1=1, axis2=2), np.trace(turned_said, axis1=1, axis2=2), rtol=1e-6)
 
@@ -332,6 +334,12 @@ def test_axes_of_bones_are_carried_into_others(settings, rng):
     ours, theirs = (np.linalg.inv(each.covariance[:, : N + H, : N + H]) for each in (turned, states))
     np.testing.assert_allclose(turn.transpose(0, 2, 1) @ theirs @ turn, ours, atol=1e-9 * np.abs(ours).max())
     assert np.abs(theirs - ours).max() > 1e-3 * np.abs(ours).max()
+
+
+def smooth_run(run: Run, settings: TrackerSettings) -> SmoothedBodies:
+    """Return one person smoothed over all frames of a run."""
+    window = refilter_run(run, None, settings)
+    return describe_bodies(smooth_states(window.state, run.time_s, settings), window.information, settings)
 
 
 def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
@@ -360,7 +368,9 @@ def test_frames_before_somebody_was_believed_were_tempered_by_another_memory(set
     run = run_of(states)
     before = smooth_run(replace(run, life=life), settings)
     five = replace(run, rows=np.zeros((15, 5), dtype=np.int64))
-    rate = memory_s(np.array([5]), np.zeros(1), np.array([DT_S]), replace(settings.options, error_memory_s=1.0))[0]
+    rate = filter_memory_s(np.array([5]), np.zeros(1), np.array([DT_S]), replace(settings.options, error_memory_s=1.0))[
+        0
+    ]
     memory = settings.options.error_memory_s
     alike = replace(settings, options=replace(settings.options, error_memory_s=memory / rate))
     np.testing.assert_allclose(
@@ -387,7 +397,7 @@ def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
     correlation = np.exp(-dt_s / 0.25)
     n = 200_000
     variance = (1.0 + 2.0 * np.sum(correlation ** np.arange(1, 10_000))) / n
-    assert tempering(np.array([dt_s]), 0.25)[0] / n == pytest.approx(variance, rel=1e-6)
+    assert tempering_factor(np.array([dt_s]), 0.25)[0] / n == pytest.approx(variance, rel=1e-6)
 
 
 def test_missing_frames_are_wider(settings, rng):
@@ -400,6 +410,6 @@ def test_missing_frames_are_wider(settings, rng):
 
 def test_what_is_smoothed_is_left_as_it_is(settings, rng):
     states = filtered(settings, 10, rng)
-    kept = chosen(states, np.arange(10))
+    kept = select_states(states, np.arange(10))
     smooth_run(run_of(states), settings)
     close(states, kept, 0.0)

@@ -26,14 +26,14 @@ from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import Sight
-from posefuse.tracking.lifecycle import Bounds, newcomer
-from posefuse.tracking.records import Evidence, Lately, People, Tentative, Track
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.stages import Seen
-from posefuse.tracking.state_initiation import put_right
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.lifecycle import LifecycleThresholds, new_track
+from posefuse.tracking.records import Observation, People, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategies import default, specification
 from posefuse.tracking.strategies.specification import proposal_distance
+from posefuse.tracking.strategy import FrameOutcome
+from posefuse.tracking.track_initiation import update_by_observation
 from posefuse.tracking.tracker import ArticulatedTracker
 
 SKELETON = shipped_skeleton("body_20")
@@ -41,14 +41,16 @@ RIG = build_rig("ring", 4)
 VIEWS, KEYPOINTS = len(RIG), len(SKELETON)
 SIGMA_PX = 5.0
 
-STAGES = specification.STAGES
-SETTINGS = Settings.of(RIG, SKELETON, NoiseModel(np.full(VIEWS, SIGMA_PX), 1.0), TrackerOptions(preset="specification"))
+STRATEGY = specification.STRATEGY
+SETTINGS = TrackerSettings.of(
+    RIG, SKELETON, NoiseModel(np.full(VIEWS, SIGMA_PX), 1.0), TrackerOptions(strategy="specification")
+)
 SEED = SETTINGS.options.specification
 TREE = SETTINGS.tree
 
 
 def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
-    """Somebody upright."""
+    """Somebody trunk_axis."""
     points = np.full((KEYPOINTS, 3), np.nan)
     points[SKELETON.index("mid_hip")] = [x_m, y_m, 0.95]
     shape, covariance = np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance)
@@ -56,16 +58,16 @@ def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
 
 
 def somebody() -> Track:
-    return newcomer(1, 0.0, Bounds(0.5, -2.0, 0.0))
+    return new_track(1, 0.0, LifecycleThresholds(0.5, -2.0, 0.0))
 
 
-def unknown() -> Lately:
+def unknown() -> RecentHistory:
     movers = len(SETTINGS.tree.segments) + len(SETTINGS.tree.bones)
-    return Lately.unknown(1, VIEWS, SETTINGS.n_groups, KEYPOINTS, movers)
+    return RecentHistory.new(1, VIEWS, SETTINGS.n_groups, KEYPOINTS, movers)
 
 
-def sight_of(state: State) -> Sight:
-    return specification._foreseen(state, SETTINGS)
+def sight_of(state: State) -> ProjectedBodies:
+    return specification._projected(state, SETTINGS)
 
 
 def frame_of(keypoints_px: np.ndarray, confidence: float = 1.0) -> Frame:
@@ -73,18 +75,20 @@ def frame_of(keypoints_px: np.ndarray, confidence: float = 1.0) -> Frame:
     return Frame.of_people(list(keypoints_px[:, None]), [np.full((1, KEYPOINTS), confidence)] * VIEWS, 0.0)
 
 
-def shown(state: State, off_px: float, confidence: float = 1.0, used: bool = True, dt_s: float = 0.04) -> Seen:
+def shown(state: State, off_px: float, confidence: float = 1.0, used: bool = True, dt_s: float = 0.04) -> FrameOutcome:
     """Every view shows every keypoint so much to the right of where the body has it."""
     frame = frame_of(sight_of(state).pixels[0] + np.array([off_px, 0.0]), confidence)
     labels = np.tile(np.arange(KEYPOINTS), (1, VIEWS, 1))
     supported = np.full((1, VIEWS), used)
     counted = np.full((1, VIEWS, KEYPOINTS), used)
-    return Seen(frame, dt_s, dt_s, np.arange(VIEWS)[None], labels, counted, supported, np.ones((1, VIEWS), dtype=bool))
+    return FrameOutcome(
+        frame, dt_s, dt_s, np.arange(VIEWS)[None], labels, counted, supported, np.ones((1, VIEWS), dtype=bool)
+    )
 
 
-def proposal(points_m: np.ndarray, time_s: float = 0.0, n_pairs: int = 1, log_odds: float = 1.0) -> Evidence:
+def proposal(points_m: np.ndarray, time_s: float = 0.0, n_pairs: int = 1, log_odds: float = 1.0) -> Observation:
     shape = (VIEWS, KEYPOINTS)
-    return Evidence(
+    return Observation(
         time_s, 0, np.full((*shape, 2), np.nan), np.full(shape, np.nan), np.arange(VIEWS), points_m,
         np.full((KEYPOINTS, 6), 1e-4), points_m[SKELETON.core_indices].mean(axis=0), log_odds, 1.0, n_pairs,
     )  # fmt: skip
@@ -92,68 +96,68 @@ def proposal(points_m: np.ndarray, time_s: float = 0.0, n_pairs: int = 1, log_od
 
 @pytest.mark.parametrize("off_px", [0.0, 3.0, 12.0, 80.0])
 def test_noise_follows_the_recursion(off_px: float) -> None:
-    state, lately, dt_s = standing(), unknown(), 0.04
+    state, recent, dt_s = standing(), unknown(), 0.04
     keep = math.exp(-dt_s / SEED.noise_memory_s)
     expected = SIGMA_PX**2
     for _ in range(3):
-        STAGES.noise.learn(shown(state, off_px), lately, state, SETTINGS)
+        STRATEGY.noise.adapt(shown(state, off_px), recent, state, SETTINGS)
         most = SEED.max_residual_sigma * SIGMA_PX
         expected = keep * expected + (1 - keep) * (SIGMA_PX**2 + SEED.noise_gain * min(off_px, most) ** 2)
         expected = float(np.clip(expected, (SEED.min_noise * SIGMA_PX) ** 2, (SEED.max_noise * SIGMA_PX) ** 2))
-        np.testing.assert_allclose(lately.noise_px2, expected, rtol=1e-9)
+        np.testing.assert_allclose(recent.noise_px2, expected, rtol=1e-9)
 
 
 def test_noise_is_not_learned_from_what_does_not_count() -> None:
-    state, lately = standing(), unknown()
-    STAGES.noise.learn(shown(state, 10.0, used=False), lately, state, SETTINGS)
-    assert np.isnan(lately.noise_px2).all()
+    state, recent = standing(), unknown()
+    STRATEGY.noise.adapt(shown(state, 10.0, used=False), recent, state, SETTINGS)
+    assert np.isnan(recent.noise_px2).all()
 
 
 @given(st.floats(0.1, 1.0), st.floats(0.0, 100.0))
 def test_noise_stays_within_its_bounds(confidence: float, off_px: float) -> None:
-    state, lately = standing(), unknown()
+    state, recent = standing(), unknown()
     for _ in range(3):
-        STAGES.noise.learn(shown(state, off_px, confidence, dt_s=1.0), lately, state, SETTINGS)
-    assert lately.noise_px2.min() >= (SEED.min_noise * SIGMA_PX) ** 2 * (1 - 1e-9)
-    assert lately.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
+        STRATEGY.noise.adapt(shown(state, off_px, confidence, dt_s=1.0), recent, state, SETTINGS)
+    assert recent.noise_px2.min() >= (SEED.min_noise * SIGMA_PX) ** 2 * (1 - 1e-9)
+    assert recent.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
 
 
 def test_an_update_believes_the_learned_noise() -> None:
     """Made into confidences and given to the kernels' law, variances are what they were."""
-    state, lately = standing(), unknown()
-    lately.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, lately.noise_px2.shape)
+    state, recent = standing(), unknown()
+    recent.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, recent.noise_px2.shape)
     seen = shown(state, 0.0)
     labels = np.tile(SKELETON.mirror, (1, VIEWS, 1))
-    trust = STAGES.noise.trust(seen.frame, seen.rows, labels, lately, 0.04, SETTINGS)
+    trust = STRATEGY.noise.update_noise(seen.frame, seen.rows, labels, recent, 0.04, SETTINGS)
     law = trust.law
     body = trust.confidence[:, SKELETON.mirror]
     assert law.floor_m == 0.0
     assert (body >= law.min_confidence).all()
-    np.testing.assert_allclose((law.scale_px[:, None] * body**-law.exponent) ** 2, lately.noise_px2[0], rtol=1e-9)
+    np.testing.assert_allclose((law.scale_px[:, None] * body**-law.exponent) ** 2, recent.noise_px2[0], rtol=1e-9)
 
 
 def test_keypoints_without_confidence_do_not_count() -> None:
-    state, lately = standing(), unknown()
+    state, recent = standing(), unknown()
     seen = shown(state, 0.0, confidence=0.01)
-    trust = STAGES.noise.trust(seen.frame, seen.rows, seen.labels, lately, 0.04, SETTINGS)
+    trust = STRATEGY.noise.update_noise(seen.frame, seen.rows, seen.labels, recent, 0.04, SETTINGS)
     assert (trust.confidence < trust.law.min_confidence).all()
 
 
-def ahead(state: State, dt_s: float) -> None:
+def predict_states(state: State, dt_s: float) -> None:
     s = SETTINGS
     predict_people(np.array([dt_s]), s.decay_s, s.power, s.most, s.options.motion.shape_walk, state)
 
 
 def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
     """Frames that show nobody add up: of two the noise is that of their time together."""
-    once, twice, lately = standing(), standing(), unknown()
+    once, twice, recent = standing(), standing(), unknown()
     for state in (once, twice):
-        STAGES.prior.settle(state, lately)
-    ahead(once, 0.08)
-    ahead(twice, 0.04)
-    lately.renewed[:] = False
-    STAGES.prior.settle(twice, lately)
-    ahead(twice, 0.04)
+        STRATEGY.prior.prepare(state, recent)
+    predict_states(once, 0.08)
+    predict_states(twice, 0.04)
+    recent.updated[:] = False
+    STRATEGY.prior.prepare(twice, recent)
+    predict_states(twice, 0.04)
     np.testing.assert_allclose(twice.covariance, once.covariance, rtol=1e-6, atol=1e-9)
     t, f = SETTINGS.decay_s[0], math.exp(-0.08 / SETTINGS.decay_s[0])
     q = SETTINGS.power[0] * t * t * (0.08 - 2.0 * t * (1.0 - f) + 0.5 * t * (1.0 - f * f))
@@ -163,62 +167,62 @@ def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
 def test_our_prior_forgets_nothing() -> None:
     state = standing()
     before = state.covariance.copy()
-    default.STAGES.prior.settle(state, unknown())
+    default.STRATEGY.prior.prepare(state, unknown())
     np.testing.assert_array_equal(state.covariance, before)
 
 
 def test_a_kept_shape_stays_certain() -> None:
     state = standing()
     state.free[0] = 0
-    STAGES.prior.settle(state, unknown())
+    STRATEGY.prior.prepare(state, unknown())
     n, h = TREE.n_pose, TREE.n_shape
     assert not state.covariance[0, n : n + h].any()
-    ahead(state, 0.04)
+    predict_states(state, 0.04)
     shape = state.shape.copy()
     evidence = replace(proposal(sight_of(state).points_m[0]), keypoints_px=sight_of(state).pixels[0] + 4.0)
-    put_right(state, evidence, SETTINGS, 2)
+    update_by_observation(state, evidence, SETTINGS, 2)
     np.testing.assert_array_equal(state.shape, shape)
 
 
 def test_a_match_costs_the_sum_of_squared_sigmas_less_the_bonus() -> None:
-    state, lately = standing(), unknown()
-    match = STAGES.score.match
+    state, recent = standing(), unknown()
+    match = STRATEGY.score.match
     near, far = (
-        match(sight_of(state), shown(state, off).frame, lately, STAGES.noise, SETTINGS).gain[0] for off in (5.0, 10.0)
+        match(sight_of(state), shown(state, off).frame, recent, STRATEGY.noise, SETTINGS).gain[0] for off in (5.0, 10.0)
     )
     np.testing.assert_allclose(near - far, KEYPOINTS * (10.0**2 - 5.0**2) / SIGMA_PX**2, rtol=1e-6)
-    lately.ids[:] = 7
+    recent.detector_ids[:] = 7
     frame = replace(shown(state, 5.0).frame, track_ids=np.full(VIEWS, 7))
-    known = match(sight_of(state), frame, lately, STAGES.noise, SETTINGS).gain[0]
+    known = match(sight_of(state), frame, recent, STRATEGY.noise, SETTINGS).gain[0]
     np.testing.assert_allclose(known - near, SEED.id_bonus, rtol=1e-6)
 
 
 def test_what_is_far_off_is_no_match() -> None:
     state = standing()
     off = 1.01 * SIGMA_PX * math.sqrt(SEED.match_gate)
-    found = STAGES.score.match(sight_of(state), shown(state, off).frame, unknown(), STAGES.noise, SETTINGS)
+    found = STRATEGY.score.match(sight_of(state), shown(state, off).frame, unknown(), STRATEGY.noise, SETTINGS)
     assert (found.gain == -np.inf).all()
 
 
 def test_scores_are_weighted_sums_that_fade() -> None:
     state, track, dt_s = standing(), somebody(), 0.04
     keep = math.exp(-dt_s / SEED.score_memory_s)
-    score = STAGES.score.active(shown(state, SIGMA_PX), [track], state, SETTINGS)[0]
+    score = STRATEGY.score.track_scores(shown(state, SIGMA_PX), [track], state, SETTINGS)[0]
     gain = SEED.active_views_weight * VIEWS + SEED.active_joints_weight - SEED.active_error_weight
     assert score == pytest.approx(keep * track.log_odds + (1 - keep) * gain, rel=1e-9)
-    missed = STAGES.score.active(shown(state, 0.0, used=False), [track], state, SETTINGS)[0]
+    missed = STRATEGY.score.track_scores(shown(state, 0.0, used=False), [track], state, SETTINGS)[0]
     assert missed == pytest.approx(keep * track.log_odds - (1 - keep) * SEED.active_missing_weight, rel=1e-9)
 
 
-def tentative_score(rate_hz: float, seen_s: float, missed_s: float) -> float:
+def tentative_score(rate_hz: float, last_seen_s: float, missed_s: float) -> float:
     """Of somebody who stands still for a time, and then is not seen."""
     points = sight_of(standing()).points_m[0]
-    each = Tentative(1, [proposal(points)])
-    for i in range(1, round((seen_s + missed_s) * rate_hz) + 1):
+    each = TentativeTrack(1, [proposal(points)])
+    for i in range(1, round((last_seen_s + missed_s) * rate_hz) + 1):
         time_s = i / rate_hz
-        if time_s <= seen_s + 1e-9:
-            each.evidence.append(proposal(points, time_s))
-        each.score = STAGES.score.tentative(each, time_s, 1.0 / rate_hz, SETTINGS)
+        if time_s <= last_seen_s + 1e-9:
+            each.observations.append(proposal(points, time_s))
+        each.score = STRATEGY.score.tentative_score(each, time_s, 1.0 / rate_hz, SETTINGS)
     return each.score
 
 
@@ -233,8 +237,8 @@ def test_tentative_scores_do_not_depend_on_the_frame_rate() -> None:
 
 def test_bones_that_vary_speak_against_somebody() -> None:
     points = sight_of(standing()).points_m[0]
-    steady, wild = (Tentative(1, [proposal(points), proposal(scale * points, 0.04)]) for scale in (1.0, 1.3))
-    scores = [STAGES.score.tentative(each, 0.04, 0.04, SETTINGS) for each in (steady, wild)]
+    steady, wild = (TentativeTrack(1, [proposal(points), proposal(scale * points, 0.04)]) for scale in (1.0, 1.3))
+    scores = [STRATEGY.score.tentative_score(each, 0.04, 0.04, SETTINGS) for each in (steady, wild)]
     keep = math.exp(-0.04 / SEED.score_memory_s)
     variation = 0.3 / math.sqrt(2.0) / 1.15
     assert scores[0] - scores[1] == pytest.approx((1 - keep) * SEED.bones_weight * variation, rel=1e-6)
@@ -268,23 +272,23 @@ def test_near_proposals_are_one_at_their_centroid() -> None:
     aside = np.array([0.1, 0.0, 0.0])
     near = [proposal(points, n_pairs=2), proposal(points + aside, n_pairs=3, log_odds=2.0)]
     far = proposal(points + np.array([3.0, 0.0, 0.0]))
-    merged = STAGES.distance.merge([*near, far], SETTINGS)
+    merged = STRATEGY.distance.merge([*near, far], SETTINGS)
     assert [each.n_pairs for each in merged] == [5, 1]
     np.testing.assert_allclose(merged[0].points_m, points + 0.5 * aside, atol=1e-12)
     assert merged[0].log_odds == 2.0
-    assert len(default.STAGES.distance.merge([*near, far], SETTINGS)) == 3
+    assert len(default.STRATEGY.distance.merge([*near, far], SETTINGS)) == 3
 
 
 def test_who_is_lost_returns_where_they_are_foretold() -> None:
     state, track = standing(), somebody()
     seen = proposal(sight_of(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
-    assert STAGES.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
+    assert STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
-    found = STAGES.distance.returning([track], state, state, seen, 1.0, 1.0, SETTINGS)
+    found = STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS)
     assert found is not None
-    assert found[0] == 0
+    assert found.track == 0
     elsewhere = replace(seen, points_m=seen.points_m + np.array([0.0, 2.0, 0.0]))
-    assert STAGES.distance.returning([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
+    assert STRATEGY.distance.find_lost([track], state, state, elsewhere, 1.0, 1.0, SETTINGS) is None
 
 
 @pytest.fixture(scope="module")
@@ -294,7 +298,7 @@ def scene() -> CrowdScene:
 
 
 def tracker_for(scene: CrowdScene) -> ArticulatedTracker:
-    options = Options(tracker=TrackerOptions(preset="specification"))
+    options = Options(tracker=TrackerOptions(strategy="specification"))
     return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, options), options)
 
 
@@ -302,13 +306,13 @@ def follow(tracker: ArticulatedTracker, scene: CrowdScene, frames: range) -> lis
     return [tracker.update(Frame.of(scene.detections, i)) for i in frames]
 
 
-def active(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
+def active_points(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
     return [{p.name: p.points_m for p in people.people if p.state == TrackState.ACTIVE} for people in told]
 
 
 def test_a_simple_crowd_is_followed(scene: CrowdScene) -> None:
     n = scene.detections.n_frames
-    told = active(follow(tracker_for(scene), scene, range(n)))
+    told = active_points(follow(tracker_for(scene), scene, range(n)))
     truth = np.asarray(scene.truth.layers["measured"].points_m)
     assert [sorted(people) for people in told[n // 2 :]] == [sorted(told[-1])] * (n - n // 2)
     assert len(told[-1]) == truth.shape[1]
@@ -328,7 +332,9 @@ def test_a_pickled_tracker_goes_on(scene: CrowdScene) -> None:
     follow(tracker, scene, range(half))
     again = pickle.loads(pickle.dumps(tracker))
     rest = range(half, scene.detections.n_frames)
-    for one, other in zip(active(follow(tracker, scene, rest)), active(follow(again, scene, rest)), strict=True):
+    for one, other in zip(
+        active_points(follow(tracker, scene, rest)), active_points(follow(again, scene, rest)), strict=True
+    ):
         assert list(one) == list(other)
         for name in one:
             np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-6)
@@ -349,9 +355,9 @@ def test_lengths_are_in_proportion_to_bodies() -> None:
 @pytest.mark.parametrize(
     ("given_", "message"),
     [
-        ({"tau_root_m": 0.0}, "tracker.specification.tau_root_m must be positive, got 0.0"),
+        ({"tau_root_m": 0.0}, "tracker.specification.tau_root_m must be a finite number above 0 m, got 0.0"),
         ({"max_noise": 0.1}, "max_noise must be at least min_noise"),
-        ({"id_bonus": math.inf}, "tracker.specification.id_bonus must be a finite number, got inf"),
+        ({"id_bonus": math.inf}, "tracker.specification.id_bonus must be a finite number of at least 0, got inf"),
     ],
 )
 def test_impossible_weights_are_named(given_: dict[str, float], message: str) -> None:
@@ -360,5 +366,5 @@ def test_impossible_weights_are_named(given_: dict[str, float], message: str) ->
 
 
 def test_an_unknown_preset_is_named() -> None:
-    with pytest.raises(OptionsError, match="No tracker.preset is called 'seed'; there are posefuse"):
-        TrackerOptions(preset="seed")  # type: ignore[arg-type]
+    with pytest.raises(OptionsError, match="tracker.strategy must be one of posefuse, specification, got 'seed'"):
+        TrackerOptions(strategy="seed")  # type: ignore[arg-type]

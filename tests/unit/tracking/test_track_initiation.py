@@ -13,51 +13,51 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
-from posefuse.tracking.body_states import Sight
-from posefuse.tracking.records import Evidence
-from posefuse.tracking.settings import Settings
-from posefuse.tracking.state_initiation import begin
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.records import Observation
+from posefuse.tracking.settings import TrackerSettings
+from posefuse.tracking.track_initiation import fit_body
 
 SKELETON = shipped_skeleton("body_20")
 RIG = build_rig("ring", 4)
 AGE_S = 0.12
 
 
-def settings_with(**options: float) -> Settings:
-    return Settings.of(RIG, SKELETON, NoiseModel(np.full(4, 4.5), 1.0), replace(TrackerOptions(), **options))
+def settings_with(**options: float) -> TrackerSettings:
+    return TrackerSettings.of(RIG, SKELETON, NoiseModel(np.full(4, 4.5), 1.0), replace(TrackerOptions(), **options))
 
 
 def standing(
-    settings: Settings, times_s: np.ndarray, posed: Callable[[State], None], size: float = 1.0
-) -> list[Evidence]:
+    settings: TrackerSettings, times_s: np.ndarray, posed: Callable[[State], None], size: float = 1.0
+) -> list[Observation]:
     """Somebody who does not move, ``posed`` from rest, that much larger than others, seen where they are."""
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
     body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
-    sight = Sight.room(1, len(RIG), len(SKELETON))
-    project_people(settings.cameras, settings.body, body, *sight.arrays)
+    projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
+    project_people(settings.cameras, settings.body, body, *projected.arrays)
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
-        Evidence(
-            float(t), i, sight.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64), sight.points_m[0].copy(),
-            sight.covariance_m2[0], sight.points_m[0, 0], 10.0, 1.0,
+        Observation(
+            float(t), i, projected.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64), projected.points_m[0].copy(),
+            projected.covariance_m2[0], projected.points_m[0, 0], 10.0, 1.0,
         )
         for i, t in enumerate(times_s)
     ]  # fmt: skip
 
 
-def standing_still(settings: Settings, times_s: np.ndarray, size: float = 1.0) -> list[Evidence]:
+def standing_still(settings: TrackerSettings, times_s: np.ndarray, size: float = 1.0) -> list[Observation]:
     """Somebody at rest."""
     return standing(settings, times_s, lambda body: None, size)
 
 
-def born(settings: Settings, times_s: np.ndarray) -> State:
-    return begin(standing_still(settings, times_s), settings)[0]
+def born(settings: TrackerSettings, times_s: np.ndarray) -> State:
+    return fit_body(standing_still(settings, times_s), settings)[0]
 
 
-def spread(state: State, settings: Settings) -> np.ndarray:
+def spread(state: State, settings: TrackerSettings) -> np.ndarray:
     """Standard deviations of pose and shape."""
     return np.sqrt(np.diagonal(state.covariance[0])[: settings.tree.n_pose + settings.tree.n_shape])
 

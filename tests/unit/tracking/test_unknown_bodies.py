@@ -1,4 +1,4 @@
-"""Bodies of which nobody has said how they move: bones are measured, and the bodies followed."""
+"""BodyFrame of which nobody has said how they move: bones are measured, and the bodies followed."""
 
 from dataclasses import replace
 
@@ -81,7 +81,7 @@ def test_two_creatures_are_followed(size, tree, edges):
 
 def test_live_a_skeleton_must_say_how_large_it_is():
     skeleton, rig = parse_skeleton(MOUSE, "mouse.toml"), small_rig(0.1)
-    with pytest.raises(SkeletonError, match="has no tree.*size_m"):
+    with pytest.raises(SkeletonError, match="has no kinematic tree.*size_m"):
         tracker_of(rig, skeleton, default_noise(rig, Options()), Options())
 
 
@@ -131,7 +131,7 @@ def test_options_are_a_humans():
     options = TrackerOptions()
     assert options.in_proportion(1.0) is options
     small = options.in_proportion(0.125)
-    assert small.births.apart_m == pytest.approx(0.125 * options.births.apart_m)
+    assert small.initiation.apart_m == pytest.approx(0.125 * options.initiation.apart_m)
     assert small.lost_after_s == options.lost_after_s
     # Speeds: a length over a time.
     before, after = options.motion, small.motion

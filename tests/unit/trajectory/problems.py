@@ -12,8 +12,8 @@ from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Layer
 from posefuse.skeleton.skeletons import Skeleton
-from posefuse.trajectory.observed import Measured
-from posefuse.trajectory.priors import Laws, learn
+from posefuse.trajectory.observations import MeasuredRange
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors
 from posefuse.trajectory.solve import solve
 from posefuse.triangulation import consensus
 from tests.scenes import ring
@@ -34,7 +34,7 @@ def swinging(frames: int, rate_hz: float = RATE_HZ) -> np.ndarray:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Of length 1."""
+    """Return unit vectors."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
@@ -54,7 +54,7 @@ def measured(
     noise_px: float | None = None,
     rate_hz: float = RATE_HZ,
     time_s: np.ndarray | None = None,
-) -> Measured:
+) -> MeasuredRange:
     """A recording of points (frame, keypoint, 3), measured by consensus with the true noise."""
     rig = rig or ring(4)
     if pixels is None:
@@ -65,11 +65,11 @@ def measured(
     noise = NoiseModel(np.full(len(rig), noise_px or max(sigma_px, 0.05)))
     tracks = SingleSubject.of(detections, None).tracks(0, detections.n_frames)
     layer = consensus.solve(rig, detections, tracks, noise, TriangulationOptions(min_views=2))
-    return Measured(rig, detections, tracks, layer, None, noise)
+    return MeasuredRange(rig, detections, tracks, layer, None, noise)
 
 
-def part_of(given: Measured, start: int, stop: int) -> Measured:
-    """Some of its frames."""
+def part_of(given: MeasuredRange, start: int, stop: int) -> MeasuredRange:
+    """Return a range of its frames."""
     return replace(
         given,
         detections=given.detections.frames(start, stop),
@@ -78,11 +78,15 @@ def part_of(given: Measured, start: int, stop: int) -> Measured:
     )
 
 
-def solved(given: Measured, laws: Laws | None = None, options: TrajectoryOptions | None = None) -> Layer:
-    """Its solved layer."""
+def solved(
+    given: MeasuredRange, recording_priors: RecordingPriors | None = None, options: TrajectoryOptions | None = None
+) -> Layer:
+    """Return its solved layer."""
     options = options or TrajectoryOptions()
-    laws = laws or learn([given], given.detections.skeleton, options)
-    return solve(given.rig, given.detections, given.tracks, given.layer, given.swaps, given.noise, laws, options)
+    recording_priors = recording_priors or estimate_priors([given], given.detections.skeleton, options)
+    return solve(
+        given.rig, given.detections, given.tracks, given.layer, given.swaps, given.noise, recording_priors, options
+    )
 
 
 def errors_m(layer: Layer, points_m: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""One view and a bone: two places."""
+"""Ambiguous positions from one view and a bone."""
 
 import numpy as np
 import pytest
 
-from posefuse.trajectory.ambiguity import ambiguous
+from posefuse.trajectory.ambiguity import find_ambiguous
 from posefuse.trajectory.bones import Bones
 from posefuse.trajectory.paths import Paths
 from tests.unit.trajectory.problems import ARM
@@ -27,36 +27,36 @@ def turning(seen: np.ndarray) -> tuple[Paths, np.ndarray]:
     paths = Paths(
         paths_m=paths_m,
         covariance_m2=np.broadcast_to(0.005**2 * np.eye(3), (3, FRAMES, 3, 3)),
-        lasting_m2=np.zeros((3, FRAMES, 3, 3)),
+        persistent_covariance_m2=np.zeros((3, FRAMES, 3, 3)),
         weights=weights,
         alive=np.ones((3, FRAMES), dtype=bool),
         variance_m2=np.full(3, 1e-4),
-        lively=rows,
+        density_factor=rows,
         squares=rows,
-        known=rows,
+        determined=rows,
     )
     return paths, jacobians
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_places_that_were_near_each_other_are_not_told_apart_later(backwards):
+def test_ambiguity_persists_after_positions_meet(backwards):
     seen = np.arange(FRAMES) < 5
-    found = ambiguous(*turning(seen[::-1] if backwards else seen), BONES, LENGTHS_M)
+    found = find_ambiguous(*turning(seen[::-1] if backwards else seen), BONES, LENGTHS_M)
     assert not found[:2].any()
     wrist = found[2, ::-1] if backwards else found[2]
     # Twice 0.25 sin(angle) is less than eight times 5 mm within 0.08 rad, 1.6 frames, of the frame in the middle.
     assert (wrist == (np.arange(FRAMES) >= 19)).all()
 
 
-def test_a_frame_that_two_views_see_tells_them_apart():
+def test_frame_with_two_views_resolves_the_ambiguity():
     seen = np.abs(np.arange(FRAMES) - 20) > 15
-    assert not ambiguous(*turning(seen), BONES, LENGTHS_M).any()
+    assert not find_ambiguous(*turning(seen), BONES, LENGTHS_M).any()
 
 
-def test_a_path_that_never_had_two_views_may_be_at_either():
-    assert ambiguous(*turning(np.zeros(FRAMES, dtype=bool)), BONES, LENGTHS_M)[2].all()
+def test_path_without_two_views_is_ambiguous():
+    assert find_ambiguous(*turning(np.zeros(FRAMES, dtype=bool)), BONES, LENGTHS_M)[2].all()
 
 
-def test_without_a_bone_there_is_one_place():
+def test_without_a_bone_no_point_is_ambiguous():
     seen = np.arange(FRAMES) < 5
-    assert not ambiguous(*turning(seen), BONES, np.array([0.3, np.nan])).any()
+    assert not find_ambiguous(*turning(seen), BONES, np.array([0.3, np.nan])).any()

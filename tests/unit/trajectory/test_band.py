@@ -1,4 +1,4 @@
-"""The band's factor, solution and inverse are those of the dense matrix."""
+"""Band factorization, solution and inverse against the dense matrix."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def band_of(dense: np.ndarray) -> np.ndarray:
 
 
 def random_path(rng: np.random.Generator, frames: int) -> np.ndarray:
-    """Frames seen by a view or two each, held together by third differences a thousand times as strong."""
+    """Return a matrix of frames with one view each, coupled by third differences a thousand times as strong."""
     rows = np.zeros((max(frames - 3, 0), frames))
     for row in range(len(rows)):
         rows[row, row : row + 4] = (-1.0, 3.0, -3.0, 1.0)
@@ -28,7 +28,7 @@ def random_path(rng: np.random.Generator, frames: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("frames", [1, 2, 4, 150])
-def test_the_band_is_solved_and_inverted_like_the_dense_matrix(frames):
+def test_band_matches_the_dense_matrix(frames):
     rng = np.random.default_rng(frames)
     dense = np.stack([random_path(rng, frames) for _ in range(2)])
     band = np.stack([band_of(each) for each in dense])

@@ -1,4 +1,4 @@
-"""What is learned of a recording."""
+"""Priors estimated from a recording."""
 
 import pickle
 from dataclasses import replace
@@ -9,9 +9,11 @@ import pytest
 from posefuse.errors import DetectionsError, OptionsError
 from posefuse.model.options.trajectory import TrajectoryOptions
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.observed import Observed
-from posefuse.trajectory.paths import Law, Solver
-from posefuse.trajectory.priors import Laws, learn, margin_s, mean_cosine
+from posefuse.trajectory.error_level import ErrorLevel
+from posefuse.trajectory.observations import PersonObservations
+from posefuse.trajectory.path_solver import PathSolver
+from posefuse.trajectory.paths import PersonPriors
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s, mean_cosine
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
 from tests.unit.trajectory.problems import ARM, exact_pixels, measured, part_of, solved, swinging
@@ -29,48 +31,50 @@ def white_jerk(frames: int, density: float, seed: int) -> np.ndarray:
     return swinging(1) + draws.reshape(frames, 3, 3)
 
 
-def test_the_density_of_white_jerk_is_found():
+def test_density_of_white_jerk_is_estimated():
     truth = white_jerk(500, 40.0, 1)
-    laws = learn([measured(truth)], ARM, TrajectoryOptions())
-    # Twice what is found is taken, for motion is not white; the pull takes some of it.
-    assert np.allclose(np.log(laws.density[0] / 80.0), 0.0, atol=0.7)
+    recording_priors = estimate_priors([measured(truth)], ARM, TrajectoryOptions())
+    # The estimate is doubled because motion is not white noise; the tie to a position reduces it.
+    assert np.allclose(np.log(recording_priors.density[0] / 80.0), 0.0, atol=0.7)
 
 
-def test_bones_are_found_and_how_stiff_they_are():
+def test_bone_lengths_and_variations_are_estimated():
     truth = swinging(600)
     truth[:, 2] = (
         truth[:, 1] + (truth[:, 2] - truth[:, 1]) * (1.0 + 0.1 * np.sin(np.arange(600) * np.pi / 100.0))[:, None]
     )
-    laws = learn([measured(truth)], ARM, TrajectoryOptions())
-    assert laws.length_m[0] == pytest.approx([0.3, 0.25], rel=0.01)
-    assert laws.length_sd_m[0, 0] < 0.003
-    assert laws.length_sd_m[0, 1] == pytest.approx(0.25 * 0.1 / np.sqrt(2.0), rel=0.2)
+    recording_priors = estimate_priors([measured(truth)], ARM, TrajectoryOptions())
+    assert recording_priors.length_m[0] == pytest.approx([0.3, 0.25], rel=0.01)
+    assert recording_priors.length_sd_m[0, 0] < 0.003
+    assert recording_priors.length_sd_m[0, 1] == pytest.approx(0.25 * 0.1 / np.sqrt(2.0), rel=0.2)
 
 
-def test_rigid_bones_vary_no_more_than_reason_has_it():
+def test_variation_of_rigid_bones_is_limited():
     truth = swinging(600)
     stretched = 1.0 + 0.2 * np.sin(np.arange(600) * np.pi / 100.0)[:, None]
     truth[:, 2] = truth[:, 1] + (truth[:, 2] - truth[:, 1]) * stretched
     given = measured(truth)
-    soft = learn([given], ARM, TrajectoryOptions())
-    rigid = learn([given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02))
+    soft = estimate_priors([given], ARM, TrajectoryOptions())
+    rigid = estimate_priors(
+        [given], replace(ARM, rigid=(("wrist", "elbow"),)), TrajectoryOptions(max_rigid_bone_variation=0.02)
+    )
     assert soft.length_sd_m[0, 1] > 0.1 * soft.length_m[0, 1]
     assert rigid.length_sd_m[0, 1] == pytest.approx(0.02 * rigid.length_m[0, 1])
     assert rigid.length_sd_m[0, 0] == soft.length_sd_m[0, 0]
 
 
-def test_one_wild_spell_does_not_make_all_frames_uncertain(monkeypatch):
+def test_one_period_of_large_errors_does_not_affect_all_frames(monkeypatch):
     count = np.full((3, 600, 4), 20.0)
     total = np.random.default_rng(0).chisquare(20.0, count.shape)
     wild = total.copy()
     wild[1, 100:103, 2] *= 150.0**2
-    observed = Observed.of(measured(swinging(600)), 0)
-    law = Law(np.empty(0), np.empty(0), np.empty(0), 0.0, 1.0)
-    solver = Solver(observed, Smoothness.of("jerk", observed.time_s), Bones.none(), TrajectoryOptions())
-    monkeypatch.setattr(Solver, "_new_errors", lambda *_: (wild, count))
-    fresh, steady = solver.steadiness(law)
-    assert fresh == pytest.approx(1.0, abs=0.02)
-    assert steady > 5.0
+    observed = PersonObservations.of(measured(swinging(600)), 0)
+    person_priors = PersonPriors(np.empty(0), np.empty(0), np.empty(0), 0.0, 1.0)
+    solver = PathSolver(observed, Smoothness.of("jerk", observed.time_s), Bones.none(), TrajectoryOptions())
+    monkeypatch.setattr(ErrorLevel, "_new_errors", lambda *_: (wild, count))
+    innovation_scale, scale_strength = solver.error_level.estimate(person_priors)
+    assert innovation_scale == pytest.approx(1.0, abs=0.02)
+    assert scale_strength > 5.0
 
 
 def lasting_noise(shape: tuple[int, ...], kept: float, rng: np.random.Generator) -> np.ndarray:
@@ -81,67 +85,69 @@ def lasting_noise(shape: tuple[int, ...], kept: float, rng: np.random.Generator)
 
 
 @pytest.mark.parametrize("views", [3, 5])
-def test_how_long_errors_last_is_found(views):
+def test_correlation_time_of_errors_is_estimated(views):
     rig, truth = ring(views), swinging(1200)
     pixels = exact_pixels(rig, truth)
-    lasting = pixels + 2.0 * lasting_noise(pixels.shape, 0.9, np.random.default_rng(0))
-    laws = learn([measured(truth, rig=rig, pixels=lasting, noise_px=2.0)], ARM, TrajectoryOptions())
-    assert np.exp(-1.0 / 60.0 / laws.correlation_s) == pytest.approx(0.9, abs=0.03)
-    white = learn([measured(truth, rig=rig)], ARM, TrajectoryOptions())
+    persistent_ratio = pixels + 2.0 * lasting_noise(pixels.shape, 0.9, np.random.default_rng(0))
+    recording_priors = estimate_priors(
+        [measured(truth, rig=rig, pixels=persistent_ratio, noise_px=2.0)], ARM, TrajectoryOptions()
+    )
+    assert np.exp(-1.0 / 60.0 / recording_priors.correlation_s) == pytest.approx(0.9, abs=0.03)
+    white = estimate_priors([measured(truth, rig=rig)], ARM, TrajectoryOptions())
     assert white.correlation_s == 0.0
 
 
-def test_what_lasts_throughout_is_no_noise_for_motion():
+def test_persistent_errors_do_not_smooth_motion():
     rig, truth = ring(4), swinging(300)
     pixels = exact_pixels(rig, truth)
     rng = np.random.default_rng(0)
     biased = pixels + 8.0 * rng.standard_normal(pixels[:1].shape) + rng.standard_normal(pixels.shape)
     given = measured(truth, rig=rig, pixels=biased, noise_px=8.0)
-    laws = learn([given], ARM, TrajectoryOptions())
-    assert laws.lasting_share > 0.8
-    assert laws.correlation_s == 0.0
-    layer = solved(given, laws)
+    recording_priors = estimate_priors([given], ARM, TrajectoryOptions())
+    assert recording_priors.persistent_fraction > 0.8
+    assert recording_priors.correlation_s == 0.0
+    layer = solved(given, recording_priors)
     offset = np.asarray(layer.points_m)[:, 0] - truth
-    plain = learn([measured(truth, 1.0, rig=rig)], ARM, TrajectoryOptions())
+    plain = estimate_priors([measured(truth, 1.0, rig=rig)], ARM, TrajectoryOptions())
     assert np.isfinite(offset).all()
-    # As smooth as if there were no bias, to a few tenths, not as if all of it passed: that took 8^(1/3) times as long.
-    assert np.median(laws.lasting_s) < 1.5 * np.median(plain.lasting_s)
-    assert laws.length_sd_m[0] == pytest.approx(0.0, abs=0.02)
+    # Nearly as smooth as without bias, not as if the bias were noise: that has 8^(1/3) times the time constant.
+    assert np.median(recording_priors.time_constant_s) < 1.5 * np.median(plain.time_constant_s)
+    assert recording_priors.length_sd_m[0] == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 7])
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
-def test_the_mean_cosine_is_that_of_drawn_vectors(freedom, correlation):
+def test_mean_cosine_matches_sampled_vectors(freedom, correlation):
     one, other = np.random.default_rng(freedom).standard_normal((2, 40_000, freedom))
     other = correlation * one + np.sqrt(1.0 - correlation**2) * other
     cosine = (one * other).sum(axis=1) / np.linalg.norm(one, axis=1) / np.linalg.norm(other, axis=1)
     assert cosine.mean() == pytest.approx(float(mean_cosine(np.array(correlation), freedom)), abs=0.015)
 
 
-def test_parts_tell_as_much_as_the_whole():
+def test_ranges_give_the_same_priors_as_the_whole():
     given = measured(swinging(600))
-    whole = learn([given], ARM, TrajectoryOptions())
-    parts = learn((part_of(given, start, start + 200) for start in (0, 200, 400)), ARM, TrajectoryOptions())
+    whole = estimate_priors([given], ARM, TrajectoryOptions())
+    parts = estimate_priors((part_of(given, start, start + 200) for start in (0, 200, 400)), ARM, TrajectoryOptions())
     assert np.allclose(np.log(parts.density / whole.density), 0.0, atol=0.7)
     assert np.allclose(parts.length_m, whole.length_m, rtol=2e-3)
 
 
-def test_a_given_density_is_taken():
-    laws = learn([measured(swinging(100))], ARM, TrajectoryOptions(density=12.0))
-    assert (laws.density == 12.0).all()
+def test_given_density_is_used():
+    recording_priors = estimate_priors([measured(swinging(100))], ARM, TrajectoryOptions(density=12.0))
+    assert (recording_priors.density == 12.0).all()
 
 
-def test_laws_survive_a_pickle_and_say_how_far_to_look():
-    laws = learn([measured(swinging(200))], ARM, TrajectoryOptions(max_gap_s=0.3))
-    again = pickle.loads(pickle.dumps(laws))
-    assert isinstance(again, Laws)
-    assert np.array_equal(again.density, laws.density)
-    assert 0.3 < margin_s(laws) < 3.0
+def test_priors_can_be_pickled_and_give_the_margin():
+    recording_priors = estimate_priors([measured(swinging(200))], ARM, TrajectoryOptions(max_gap_s=0.3))
+    again = pickle.loads(pickle.dumps(recording_priors))
+    assert isinstance(again, RecordingPriors)
+    assert np.array_equal(again.density, recording_priors.density)
+    assert 0.3 < margin_s(recording_priors) < 3.0
 
 
-def test_nothing_to_learn_from_is_an_error():
+def test_no_frames_is_an_error():
     with pytest.raises(DetectionsError, match="no frames"):
-        learn([], ARM, TrajectoryOptions())
+        estimate_priors([], ARM, TrajectoryOptions())
 
 
 @pytest.mark.parametrize(
@@ -160,6 +166,6 @@ def test_nothing_to_learn_from_is_an_error():
         ("iterations", 0),
     ],
 )
-def test_options_that_make_no_sense_are_named(name, value):
+def test_invalid_options_are_named(name, value):
     with pytest.raises(OptionsError, match=rf"trajectory\.{name}"):
         TrajectoryOptions(**{name: value})

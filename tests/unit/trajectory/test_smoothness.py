@@ -1,16 +1,16 @@
-"""Differences, and where a path is."""
+"""Finite differences, and the frames where a path is defined."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_lasting, lasting_s
+from posefuse.trajectory.smoothness import ORDERS, Smoothness, alive_frames, density_for_time_constant, time_constant_s
 from tests.laws import examples
 
 
 @pytest.mark.parametrize("prior", ["jerk", "acceleration"])
-def test_differences_are_derivatives_at_any_times(prior):
+def test_differences_are_derivatives_for_irregular_times(prior):
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.005, 0.05, 40))
     order = ORDERS[prior]
@@ -21,12 +21,12 @@ def test_differences_are_derivatives_at_any_times(prior):
         assert np.allclose(found, derivative, atol=1e-4)
 
 
-def test_rows_share_all_of_the_time():
+def test_time_shares_of_rows_add_up():
     t = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.05, 2000))
     assert Smoothness.of("jerk", t).time_s.sum() == pytest.approx(t[-1] - t[0], rel=0.01)
 
 
-def test_a_path_lives_in_short_gaps_and_never_beyond_its_ends():
+def test_path_covers_short_gaps_but_not_its_ends():
     t = np.arange(10) / 10.0
     seen = np.array([[0, 1, 0, 0, 1, 0, 0, 0, 1, 0]], dtype=bool)
     alive = alive_frames(seen, t, 0.2)
@@ -35,24 +35,24 @@ def test_a_path_lives_in_short_gaps_and_never_beyond_its_ends():
 
 @examples(50)
 @given(st.lists(st.booleans(), min_size=2, max_size=30))
-def test_turned_about_in_time_the_same_frames_are_alive(frames):
+def test_reversed_time_gives_the_same_alive_frames(frames):
     seen = np.array([frames])
     t = np.arange(len(frames)) / 30.0
     forward, backward = alive_frames(seen, t, 0.1), alive_frames(seen[:, ::-1], t, 0.1)
     assert np.array_equal(forward, backward[:, ::-1])
 
 
-def test_time_constants_and_densities_belong_together():
-    density = density_lasting(0.01, np.array([1e-4, 4e-4]), 0.05, 3)
-    assert np.allclose(lasting_s(0.01, np.array([1e-4, 4e-4]), density, 3), 0.05)
+def test_time_constants_and_densities_are_inverse():
+    density = density_for_time_constant(0.01, np.array([1e-4, 4e-4]), 0.05, 3)
+    assert np.allclose(time_constant_s(0.01, np.array([1e-4, 4e-4]), density, 3), 0.05)
 
 
-def test_liveliness_is_one_where_differences_are_as_expected_and_follows_them_where_not():
+def test_density_factor_is_one_for_expected_differences_and_follows_others():
     smoothness = Smoothness.of("jerk", np.arange(203) / 100.0)
     known, squares = np.ones((1, 200)), np.ones((1, 200))
-    assert np.allclose(smoothness.local(squares, known, 21, 10.0), 1.0)
+    assert np.allclose(smoothness.local_density_factor(squares, known, 21, 10.0), 1.0)
     squares[:, 100:] = 50.0
-    found = smoothness.local(squares, known, 21, 1.0)[0]
+    found = smoothness.local_density_factor(squares, known, 21, 1.0)[0]
     assert found[:80] == pytest.approx(1.0)
     assert found[130] > 40.0
     assert (np.diff(found) > -1e-9).all()

@@ -1,4 +1,4 @@
-"""One solve over all frames: what it keeps, what it finds, and that it is what it says it is."""
+"""Trajectory solve: invariances, accuracy, outlier rejection and agreement with a general solver."""
 
 from dataclasses import replace
 
@@ -13,9 +13,10 @@ from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.trajectory.bones import Bones
-from posefuse.trajectory.observed import Measured, Observed
-from posefuse.trajectory.paths import _BONE_S, _STIFFEST, STEADIEST
-from posefuse.trajectory.priors import Laws, learn, margin_s
+from posefuse.trajectory.observations import MeasuredRange, PersonObservations
+from posefuse.trajectory.path_solver import _BONE_CORRELATION_S, _MAX_RELATIVE_STIFFNESS
+from posefuse.trajectory.paths import CONSTANT_LEVEL_STRENGTH
+from posefuse.trajectory.priors import RecordingPriors, estimate_priors, margin_s
 from posefuse.trajectory.smoothness import Smoothness
 from tests.scenes import ring
 from tests.unit.trajectory.problems import (
@@ -32,28 +33,30 @@ FRAMES = 240
 PLAIN = TrajectoryOptions(density_window_s=0.0, full_weight_sigma=50.0, zero_weight_sigma=100.0, max_sd_share=10.0)
 
 
-def laws_of(density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3) -> Laws:
-    return Laws(
+def laws_of(
+    density: float, length_sd_m: float = np.inf, correlation_s: float = 0.0, keypoints: int = 3
+) -> RecordingPriors:
+    return RecordingPriors(
         density=np.full((1, keypoints), density),
         length_m=np.array([[0.3, 0.25]]),
         length_sd_m=np.full((1, 2), length_sd_m),
         correlation_s=correlation_s,
-        lasting_share=0.0,
-        fresh=np.ones(1),
-        steady=np.full(1, STEADIEST),
+        persistent_fraction=0.0,
+        innovation_scale=np.ones(1),
+        scale_strength=np.full(1, CONSTANT_LEVEL_STRENGTH),
         size_m=np.array([0.5]),
-        lasting_s=np.full((1, keypoints), 0.03),
+        time_constant_s=np.full((1, keypoints), 0.03),
         max_gap_s=0.5,
         roughness_m2=np.full((1, keypoints), np.nan),
     )
 
 
 @pytest.fixture(scope="module")
-def arm() -> Measured:
+def arm() -> MeasuredRange:
     return measured(swinging(FRAMES))
 
 
-def test_noise_is_smoothed_and_coverage_honest(arm):
+def test_noise_is_smoothed_with_valid_coverage(arm):
     truth = swinging(FRAMES)
     layer = solved(arm)
     assert np.median(errors_m(layer, truth)) < 0.5 * np.median(errors_m(arm.layer, truth))
@@ -66,7 +69,7 @@ def test_noise_is_smoothed_and_coverage_honest(arm):
 
 
 @pytest.mark.parametrize(("prior", "powers"), [("jerk", (1.0, -0.3, 0.2)), ("acceleration", (1.0, -0.3))])
-def test_what_costs_nothing_is_reproduced_exactly(prior, powers):
+def test_motion_without_prior_cost_is_reproduced_exactly(prior, powers):
     t = np.arange(90) / 60.0
     moved = sum(c * t**p for p, c in enumerate(powers))
     truth = swinging(1).repeat(90, axis=0) + np.stack([moved, 0.4 * moved, -0.2 * moved], axis=-1)[:, None]
@@ -74,26 +77,31 @@ def test_what_costs_nothing_is_reproduced_exactly(prior, powers):
     assert errors_m(layer, truth).max() < 1e-6
 
 
-def twin(given: Measured, laws: Laws, options: TrajectoryOptions) -> tuple[np.ndarray, np.ndarray]:
-    """The same by a general least-squares solver: paths (keypoint, frame, 3), and the covariance of each point."""
-    observed = Observed.of(given, 0)
+def twin(
+    given: MeasuredRange, recording_priors: RecordingPriors, options: TrajectoryOptions
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve with a general least-squares solver: paths (keypoint, frame, 3), and the covariance of each point."""
+    observed = PersonObservations.of(given, 0)
     smoothness, ends = Smoothness.of(options.prior, observed.time_s), Bones.of(given.detections.skeleton).ends
     keypoints, frames = observed.points_m.shape[:2]
     step = observed.step_s
-    c = np.exp(-step / laws.correlation_s) if laws.correlation_s else 0.0
+    c = np.exp(-step / recording_priors.correlation_s) if recording_priors.correlation_s else 0.0
     _, jacobians = observed.linear(observed.points_m)
     seen = np.einsum("kfvai,kfvaj->kfij", jacobians, jacobians) / 4.0 * (1.0 - c) / (1.0 + c)
     usual = 1.0 / np.median(np.trace(seen, axis1=-2, axis2=-1) / 3.0, axis=1)
-    tight = np.minimum(step / (2.0 * _BONE_S) / laws.length_sd_m[0] ** 2, _STIFFEST / usual[ends].sum(axis=1))
+    tight = np.minimum(
+        step / (2.0 * _BONE_CORRELATION_S) / recording_priors.length_sd_m[0] ** 2,
+        _MAX_RELATIVE_STIFFNESS / usual[ends].sum(axis=1),
+    )
 
     def residuals(flat: np.ndarray) -> np.ndarray:
         paths = flat.reshape(keypoints, frames, 3)
         errors = observed.linear(paths)[0] / 2.0
         errors[:, 1:] = (errors[:, 1:] - c * errors[:, :-1]) / np.sqrt(1.0 - c * c)
         rows = np.stack([smoothness.differences[r] @ paths[:, r : r + 4] for r in range(frames - 3)], axis=1)
-        rough = rows * np.sqrt(smoothness.time_s[:, None] / laws.density[0][:, None, None])
+        rough = rows * np.sqrt(smoothness.time_s[:, None] / recording_priors.density[0][:, None, None])
         length = np.linalg.norm(paths[ends[:, 0]] - paths[ends[:, 1]], axis=-1)
-        long = np.sqrt(tight)[:, None] * (length - laws.length_m[0][:, None])
+        long = np.sqrt(tight)[:, None] * (length - recording_priors.length_m[0][:, None])
         return np.concatenate([errors.ravel(), rough.ravel(), long.ravel()])
 
     found = least_squares(residuals, observed.points_m.ravel(), method="trf", xtol=1e-12, ftol=1e-14, gtol=1e-12)
@@ -103,17 +111,17 @@ def twin(given: Measured, laws: Laws, options: TrajectoryOptions) -> tuple[np.nd
 
 
 @pytest.mark.parametrize(("length_sd_m", "correlation_s"), [(np.inf, 0.0), (0.004, 0.0), (np.inf, 0.1), (0.004, 0.1)])
-def test_the_solution_is_that_of_a_general_solver(length_sd_m, correlation_s):
+def test_solution_matches_a_general_solver(length_sd_m, correlation_s):
     given = measured(swinging(24), seed=3)
-    laws = laws_of(20.0, length_sd_m, correlation_s)
-    layer = solved(given, laws, PLAIN)
-    paths, covariance = twin(given, laws, PLAIN)
+    recording_priors = laws_of(20.0, length_sd_m, correlation_s)
+    layer = solved(given, recording_priors, PLAIN)
+    paths, covariance = twin(given, recording_priors, PLAIN)
     ours = np.asarray(layer.points_m)[:, 0].transpose(1, 0, 2)
     sd = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
     assert (np.linalg.norm(ours - paths, axis=-1) / sd).max() < 0.02
     found = unpack_covariance(np.asarray(layer.covariance_m2))[:, 0].transpose(1, 0, 2, 3)
     ratio = np.trace(found, axis1=-2, axis2=-1) / np.trace(covariance, axis1=-2, axis2=-1)
-    # What neighbours know is passed on frame by frame: with bones the covariance is not exact.
+    # Bone information is propagated frame by frame, so with bones the covariance is approximate.
     assert np.allclose(ratio, 1.0, atol=1e-3 if np.isinf(length_sd_m) else 0.25)
 
 
@@ -122,7 +130,7 @@ def moved_rig(rig: CameraRig, world_from_new: np.ndarray) -> CameraRig:
     return replace(rig, cameras=cameras)
 
 
-def test_another_world_moves_the_result_with_it(arm):
+def test_result_follows_a_change_of_world_coordinates(arm):
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn * np.linalg.det(turn), (3.0, -2.0, 5.0)
@@ -132,7 +140,7 @@ def test_another_world_moves_the_result_with_it(arm):
     assert np.abs(back - np.asarray(solved(arm).points_m)[:, 0]).max() < 1e-5
 
 
-def test_lengths_in_another_unit_give_the_same_paths(arm):
+def test_length_unit_does_not_change_the_paths(arm):
     cameras = []
     for camera in arm.rig.cameras:
         pose = camera.camera_from_world.copy()
@@ -151,7 +159,7 @@ def test_the_order_of_cameras_does_not_matter(arm):
     assert np.abs(np.asarray(other.points_m) - np.asarray(solved(arm).points_m)).max() < 1e-5
 
 
-def test_time_turned_about_turns_the_result_about(arm):
+def test_reversed_time_reverses_the_result(arm):
     pixels = np.asarray(arm.detections.keypoints_px).reshape(FRAMES, 4, 3, 2)[::-1]
     other = solved(measured(swinging(FRAMES), pixels=pixels, noise_px=2.0))
     assert np.abs(np.asarray(other.points_m)[::-1] - np.asarray(solved(arm).points_m)).max() < 1e-5
@@ -159,18 +167,18 @@ def test_time_turned_about_turns_the_result_about(arm):
 
 def test_windows_leave_no_seams():
     given = measured(swinging(420), seed=5)
-    laws = learn([given], ARM, TrajectoryOptions())
-    whole = solved(given, laws)
-    around = int(np.ceil(60.0 * margin_s(laws)))
+    recording_priors = estimate_priors([given], ARM, TrajectoryOptions())
+    whole = solved(given, recording_priors)
+    around = int(np.ceil(60.0 * margin_s(recording_priors)))
     assert around < 150
-    window = solved(part_of(given, 200 - around, 260 + around), laws)
+    window = solved(part_of(given, 200 - around, 260 + around), recording_priors)
     apart = np.linalg.norm(
         np.asarray(window.points_m)[around : around + 60, 0] - np.asarray(whole.points_m)[200:260, 0], axis=-1
     )
     assert (apart / np.asarray(whole.sd_m)[200:260, 0].max(axis=-1)).max() < 0.05
 
 
-def with_outliers(truth: np.ndarray, share: float, seed: int) -> Measured:
+def with_outliers(truth: np.ndarray, share: float, seed: int) -> MeasuredRange:
     rng = np.random.default_rng(seed)
     pixels = exact_pixels(ring(4), truth) + 2.0 * rng.standard_normal((len(truth), 4, truth.shape[1], 2))
     wrong = rng.random(pixels.shape[:-1]) < share
@@ -178,7 +186,7 @@ def with_outliers(truth: np.ndarray, share: float, seed: int) -> Measured:
     return measured(truth, pixels=pixels, noise_px=2.0)
 
 
-def test_wrong_views_are_named_and_do_no_harm():
+def test_outlier_views_are_rejected():
     truth = swinging(FRAMES)
     given = with_outliers(truth, 0.15, 7)
     layer = solved(given)
@@ -190,15 +198,15 @@ def test_wrong_views_are_named_and_do_no_harm():
     assert used[~wrong].mean() > 0.99
 
 
-def hidden(truth: np.ndarray, views: int, start: int, stop: int, keypoint: int = 1) -> Measured:
-    """A keypoint that only so many views see for a while."""
+def hidden(truth: np.ndarray, views: int, start: int, stop: int, keypoint: int = 1) -> MeasuredRange:
+    """Return a recording with one keypoint visible in only a few views for a while."""
     pixels = exact_pixels(ring(4), truth)
     pixels = pixels + 2.0 * np.random.default_rng(2).standard_normal(pixels.shape)
     pixels[start:stop, views:, keypoint] = np.nan
     return measured(truth, pixels=pixels, noise_px=2.0)
 
 
-def test_one_camera_is_enough_for_a_while():
+def test_one_camera_bridges_a_short_time():
     truth = swinging(FRAMES)
     layer = solved(hidden(truth, 1, 100, 115))
     assert (np.asarray(layer.status)[100:115, 0, 1] == PointStatus.HELD).all()
@@ -206,7 +214,7 @@ def test_one_camera_is_enough_for_a_while():
     assert (np.asarray(layer.source)[100:115, 0, 1] == Source.TRAJECTORY).all()
 
 
-def test_bones_hold_what_one_camera_sees():
+def test_bones_constrain_points_in_one_camera():
     truth = swinging(FRAMES)
     given = hidden(truth, 1, 90, 150)
     options = TrajectoryOptions(max_sd_share=10.0)
@@ -229,7 +237,7 @@ def test_short_gaps_are_filled_and_long_ones_are_not():
     assert np.isfinite(np.asarray(long.points_m)[:100, 0]).all()
 
 
-def test_nothing_is_told_before_the_first_and_after_the_last_view():
+def test_path_does_not_extend_beyond_observations():
     truth = swinging(FRAMES)
     given = hidden(truth, 0, 0, 10)
     layer = solved(given)
@@ -237,7 +245,7 @@ def test_nothing_is_told_before_the_first_and_after_the_last_view():
     assert np.isfinite(np.asarray(layer.points_m)[10:, 0, 1]).all()
 
 
-def test_what_is_known_too_badly_is_not_given():
+def test_points_with_large_uncertainty_are_missing():
     truth = swinging(FRAMES)
     given = hidden(truth, 1, 60, 180)
     layer = solved(given, options=TrajectoryOptions(bones=False, max_sd_share=0.02))
@@ -246,12 +254,12 @@ def test_what_is_known_too_badly_is_not_given():
     assert np.isnan(np.asarray(layer.points_m)[:, 0, 1][status == PointStatus.UNCERTAIN]).all()
 
 
-def test_what_two_views_measured_is_given_however_badly():
+def test_points_of_two_views_are_reported_with_any_uncertainty():
     layer = solved(measured(swinging(60)), options=TrajectoryOptions(max_sd_share=1e-6))
     assert np.isfinite(np.asarray(layer.points_m)).all()
 
 
-def test_what_one_view_sees_to_the_end_is_right_or_not_given():
+def test_single_view_until_the_end_is_accurate_or_missing():
     truth = swinging(FRAMES)
     between = solved(hidden(truth, 1, 170, 210))
     assert np.isfinite(np.asarray(between.points_m)).all()
@@ -260,7 +268,7 @@ def test_what_one_view_sees_to_the_end_is_right_or_not_given():
         assert not (errors_m(layer, truth)[start:stop, 1] > 0.05).any()
 
 
-def test_motion_that_no_path_has_counts_in_covariances():
+def test_roughness_is_included_in_covariances():
     rng = np.random.default_rng(5)
     smooth = swinging(600)
     truth = smooth + 0.004 * rng.standard_normal(smooth.shape)
@@ -272,7 +280,7 @@ def test_motion_that_no_path_has_counts_in_covariances():
     assert 0.88 < (squared < 7.815).mean() < 0.99
 
 
-def test_where_all_views_agree_for_a_while_the_path_goes_there():
+def test_path_follows_views_that_agree_for_several_frames():
     truth = swinging(FRAMES)
     truth[100:117, 2] += (0.6, 0.0, 0.2)
     layer = solved(measured(truth))
@@ -280,16 +288,16 @@ def test_where_all_views_agree_for_a_while_the_path_goes_there():
 
 
 @pytest.mark.parametrize("away_m", [(0.15, 0.1, 0.1), (0.6, 0.0, 0.2)])
-def test_views_that_agree_are_believed_rather_than_the_length_of_a_bone(away_m):
-    laws = learn([measured(swinging(400))], ARM, TrajectoryOptions())
+def test_agreeing_views_overrule_bone_lengths(away_m):
+    recording_priors = estimate_priors([measured(swinging(400))], ARM, TrajectoryOptions())
     truth = swinging(400)
     truth[150:260, 2] += away_m
-    errors = errors_m(solved(measured(truth), laws), truth)
+    errors = errors_m(solved(measured(truth), recording_priors), truth)
     assert np.median(errors[150:260, 2]) < 0.006
     assert np.median(errors[150:260, 1]) < 0.004
 
 
-def test_a_swapped_view_is_exchanged_first():
+def test_swapped_view_is_corrected_first():
     skeleton = Skeleton("feet", ("left_foot", "right_foot"), pairs=(("left_foot", "right_foot"),))
     truth = swinging(90)[:, 1:]
     given = measured(truth, skeleton=skeleton)
@@ -312,13 +320,13 @@ def test_a_swapped_view_is_exchanged_first():
 
 
 def quick_hand(frames: int) -> np.ndarray:
-    """The wrist swings at 3 Hz, 30 cm from side to side, everything else stands."""
+    """Return paths where the wrist swings at 3 Hz with 30 cm amplitude and everything else is static."""
     points = swinging(1).repeat(frames, axis=0)
     points[:, 2, 0] += 0.15 * np.sin(2.0 * np.pi * 3.0 * np.arange(frames) / 60.0)
     return points
 
 
-def test_a_quick_hand_keeps_its_way():
+def test_fast_hand_motion_is_preserved():
     truth = quick_hand(FRAMES)
     layer = solved(measured(truth, seed=4))
     t = np.arange(FRAMES) / 60.0
@@ -327,11 +335,11 @@ def test_a_quick_hand_keeps_its_way():
     assert np.hypot(*found[:2]) == pytest.approx(0.15, rel=0.02)
 
 
-def test_the_same_gives_the_same(arm):
+def test_solve_is_deterministic(arm):
     assert solved(arm) == solved(arm)
 
 
-def test_nobody_gives_nothing(arm):
+def test_no_observations_give_no_points(arm):
     pixels = np.full((30, 4, 3, 2), np.nan)
     layer = solved(measured(swinging(30), pixels=pixels))
     assert isinstance(layer, Layer)

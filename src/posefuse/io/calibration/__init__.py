@@ -1,1 +1,1 @@
-"""Calibrations: a module a format, each with ``matches(path)`` and ``read(path, unit)``."""
+"""Calibration formats: one module per format, each with a constant ``FORMAT``."""

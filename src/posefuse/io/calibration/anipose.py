@@ -1,9 +1,9 @@
-"""Anipose's and FreeMoCap's calibration TOML: tables cam_0, cam_1, ..., the unit of the board, an unknown up axis.
+"""Anipose's and FreeMoCap's calibration TOML: tables cam_0, cam_1, ..., unit of the board, unknown up axis.
 
-Rotation (Rodrigues vector) and translation are world to camera, the camera OpenCV's; five distortion coefficients, or
-four with ``fisheye = true``. Files written here also say ``unit``, ``up_axis``, ``notes`` and ``left_out`` under
-``[metadata]``, which other programs ignore. Tables are ordered by number: sorting them as text puts cam_10
-before cam_2.
+Rotation (Rodrigues vector) and translation are world to camera, with OpenCV's camera axes; there are five distortion
+coefficients, or four with ``fisheye = true``. Files written by posefuse also have ``unit``, ``up_axis``, ``notes`` and
+``left_out`` under ``[metadata]``, which other programs ignore. Tables are ordered by number, so that cam_2 precedes
+cam_10.
 """
 
 from pathlib import Path
@@ -14,13 +14,13 @@ import tomli_w
 from posefuse.errors import FileError, choices, suggestion
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.calibration.tables import (
-    METRES,
+    METERS_PER_UNIT,
     camera_from_table,
     camera_tables,
-    guessed_unit,
+    guess_unit,
+    metadata_texts,
     table_from_camera,
     texts,
-    told,
 )
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import UP_AXES, CameraRig, LensModel, UpAxis
@@ -28,39 +28,39 @@ from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     return path.suffix == ".toml" and bool(camera_tables(read_toml(path)))
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their numbers.
+    """Read the cameras in the order of their numbers.
 
     Args:
         path: the file.
-        unit: of its lengths; by default what ``[metadata]`` says, else mm, or m where the cameras would stand closer
-            together than cameras can.
+        unit: unit of its lengths; by default ``unit`` of ``[metadata]``, otherwise guessed from the distances between
+            the cameras (see :func:`posefuse.io.calibration.tables.guess_unit`).
 
     Raises:
-        FileError: if the file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
     data = read_toml(path)
     tables = camera_tables(data)
     if not tables:
-        raise FileError(f"{path} describes no camera: expected tables [cam_0], [cam_1], ..., got {choices(data)}.")
+        raise FileError(f"{path} has no cameras: expected tables [cam_0], [cam_1], ..., got {choices(data)}.")
     metadata = data.get("metadata", {})
-    said = metadata.get("unit")
-    if said is not None and said not in METRES:
-        raise FileError(f"{path}: metadata.unit is {said!r}. {suggestion(str(said), METRES)}")
+    stated_unit = metadata.get("unit")
+    if stated_unit is not None and stated_unit not in METERS_PER_UNIT:
+        raise FileError(f"{path}: metadata.unit is {stated_unit!r}. {suggestion(str(stated_unit), METERS_PER_UNIT)}")
     notes: tuple[str, ...] = ()
-    chosen = unit or said
+    chosen = unit or stated_unit
     if chosen is None:
-        chosen = guessed_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
-        notes = (f"{path.name} does not say its unit of length; read as {chosen}. --length-unit says otherwise.",)
-    cameras = tuple(camera_from_table(path, key, table, METRES[chosen]) for key, table in tables.items())
+        chosen = guess_unit((table.get("rotation"), table.get("translation")) for table in tables.values())
+        notes = (f"{path.name} does not state its unit of length; assumed {chosen}. Set it with --length-unit.",)
+    cameras = tuple(camera_from_table(path, key, table, METERS_PER_UNIT[chosen]) for key, table in tables.items())
     notes = (*texts(path, metadata, "notes"), *notes)
     left_out = texts(path, metadata, "left_out")
-    return CameraRig(cameras, _up_axis(path, metadata), path.name, METRES[chosen], notes, left_out)
+    return CameraRig(cameras, _up_axis(path, metadata), path.name, METERS_PER_UNIT[chosen], notes, left_out)
 
 
 def _up_axis(path: Path, metadata: dict[str, Any]) -> UpAxis | None:
@@ -73,10 +73,10 @@ def _up_axis(path: Path, metadata: dict[str, Any]) -> UpAxis | None:
 
 
 def write(rig: CameraRig, path: Path) -> None:
-    """Write a rig in metres.
+    """Write a rig, in meters.
 
     Raises:
-        FileError: if a lens model does not fit the format.
+        FileError: if the format does not support a lens model.
     """
     data: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
@@ -84,7 +84,7 @@ def write(rig: CameraRig, path: Path) -> None:
         if camera.lens is LensModel.FISHEYE:
             data[f"cam_{i}"]["fisheye"] = True
     data["metadata"] = {"unit": "m"} | ({"up_axis": rig.up_axis} if rig.up_axis else {})
-    data["metadata"] |= told(rig)
+    data["metadata"] |= metadata_texts(rig)
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")
 

@@ -1,8 +1,8 @@
 """Cameras as arrays of an ``.npz``: ``K`` (camera, 3, 3), ``R`` (camera, 3, 3) or Rodrigues, ``t`` or ``tvec``.
 
-As DeepFly3D's numbers and many scripts of laboratories have them: world to camera, OpenCV's distortion under ``dist``
-(camera, 4 to 14) where there is any, names of the cameras under ``names``, else their places (0, 1, ...). The unit is
-guessed as it is of other files that do not say, and so is the size of the images, unless ``size`` (camera, 2) holds it.
+This layout is used by DeepFly3D and by many laboratory scripts: world to camera, OpenCV's distortion coefficients in
+``dist`` (camera, 4 to 14) if there are any, and names of the cameras in ``names``, by default 0, 1, ... The unit is
+guessed as for other files that do not state it, and so is the image size unless there is ``size`` (camera, 2).
 """
 
 from pathlib import Path
@@ -10,50 +10,50 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.camera_records import CameraRecord, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import read_npz
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
-_PLACES = ("t", "tvec", "T")
+_TRANSLATION_NAMES = ("t", "tvec", "T")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     if path.suffix != ".npz" or not path.is_file():
         return False
     try:
         names = set(read_npz(path, ()))
     except FileError:
         return False
-    return {"K", "R"} <= names and bool(names & set(_PLACES))
+    return {"K", "R"} <= names and bool(names & set(_TRANSLATION_NAMES))
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the file's order.
+    """Read the cameras in the order of the file.
 
     Raises:
-        FileError: if the arrays are not of as many cameras each.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the arrays differ in the number of cameras.
+        CameraError: if a camera's parameters are invalid.
     """
-    held = read_npz(path, ("K", "R", *_PLACES, "dist", "names", "size"))
-    place = next((held[name] for name in _PLACES if name in held), None)
-    if place is None or "K" not in held or "R" not in held:
-        raise FileError(f"{path} should hold K, R and t of the cameras; it holds {', '.join(held)}.")
+    held = read_npz(path, ("K", "R", *_TRANSLATION_NAMES, "dist", "names", "size"))
+    translations = next((held[name] for name in _TRANSLATION_NAMES if name in held), None)
+    if translations is None or "K" not in held or "R" not in held:
+        raise FileError(f"{path}: expected the arrays K, R and t of the cameras, got {', '.join(held)}.")
     n = len(np.atleast_1d(held["K"]))
-    arrays = {"K": held["K"], "R": held["R"], "t": place}
+    arrays = {"K": held["K"], "R": held["R"], "t": translations}
     arrays |= {name: held[name] for name in ("dist", "names", "size") if name in held}
     for name, array in arrays.items():
         if array.ndim == 0 or len(array) != n:
-            raise FileError(f"{path}: {name} should be of {n} cameras, as K is; got shape {array.shape}.")
+            raise FileError(f"{path}: {name} should have {n} cameras, as K has; got shape {array.shape}.")
     names = [str(name) for name in arrays.get("names", range(n))]
-    found = []
+    records = []
     for v in range(n):
         lens = arrays["dist"][v] if "dist" in arrays else ()
         size = arrays["size"][v].tolist() if "size" in arrays else None
-        found.append(Found(names[v], arrays["K"][v], arrays["R"][v], place[v], lens, size))
-    return build_rig(path, found, unit, None)
+        records.append(CameraRecord(names[v], arrays["K"][v], arrays["R"][v], translations[v], lens, size))
+    return build_rig(path, records, unit, None)
 
 
 FORMAT = CalibrationFormat(

@@ -1,11 +1,11 @@
-"""4D Association's ``calibration.json``: an object a camera with ``K``, ``RT`` (12 numbers, [R | t]) and ``imgSize``.
+"""4D Association's ``calibration.json``: one object per camera with ``K``, ``RT`` (12 numbers, [R | t]), ``imgSize``.
 
-Metres, world to camera; images are taken as undistorted where no ``distCoeff`` is given.
+Meters, world to camera; without ``distCoeff``, images are assumed to be undistorted.
 """
 
 from pathlib import Path
 
-from posefuse.io.calibration.building import Found, as_numbers, build_rig, json_matches, read_json
+from posefuse.io.calibration.camera_records import CameraRecord, as_numbers, build_rig, json_matches, read_json
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
@@ -13,7 +13,7 @@ from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     data = json_matches(path)
     return isinstance(data, dict) and bool(data) and all(
         isinstance(camera, dict) and {"K", "RT"} <= set(camera) for camera in data.values()
@@ -21,23 +21,25 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their numbers.
+    """Read the cameras in the order of their numbers.
 
     Raises:
-        FileError: if the file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
     data = read_json(path)
-    found = []
+    records = []
     for name in sorted(data, key=natural_key):
         camera = data[name]
         pose = as_numbers(camera.get("RT"), f"{path}, camera {name!r}: RT")
-        # A count that is wrong is left as it is, for the message to tell.
+        # A wrong count is passed on, so that the error message of build_rig states it.
         rows = pose.reshape(3, 4) if pose.size == 12 else pose[None, :]
-        found.append(
-            Found(name, camera.get("K"), rows[:, :3], rows[:, 3:], camera.get("distCoeff", ()), camera.get("imgSize"))
+        records.append(
+            CameraRecord(
+                name, camera.get("K"), rows[:, :3], rows[:, 3:], camera.get("distCoeff", ()), camera.get("imgSize")
+            )
         )
-    return build_rig(path, found, unit, "m")
+    return build_rig(path, records, unit, "m")
 
 
 FORMAT = CalibrationFormat(

@@ -1,17 +1,17 @@
-"""EasyMocap's ``intri.yml`` and ``extri.yml``: OpenCV's YAML with the cameras' names at the end of each entry.
+"""EasyMocap's ``intri.yml`` and ``extri.yml``: OpenCV's YAML with the camera's name at the end of each key.
 
 ``K_<name>``, ``dist_<name>`` (or ``D_<name>``), ``Rot_<name>`` (3 x 3) or ``R_<name>`` (Rodrigues vector),
-``T_<name>``, and in newer files ``H_<name>`` and ``W_<name>``; metres, world to camera. Either file stands for
-both, or the folder they lie in.
+``T_<name>``, and in newer files ``H_<name>`` and ``W_<name>``; meters, world to camera. Give either file or their
+folder.
 """
 
 from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError, choices
-from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.camera_records import CameraRecord, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
-from posefuse.io.calibration.storage import YAML_SUFFIXES, read_storage
+from posefuse.io.calibration.opencv_storage import YAML_SUFFIXES, read_storage
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -20,7 +20,7 @@ _STEMS = ("intri", "extri")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one of the two, or the folder holds both."""
+    """Return whether the file is one of the two, or the folder contains both."""
     return len(_files(path)) == 2
 
 
@@ -36,8 +36,8 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     """Read the cameras of both files, in the order of their names.
 
     Raises:
-        FileError: if a file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if a file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
     entries: dict[str, Any] = {}
     for file in _files(path):
@@ -54,14 +54,14 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     return build_rig(path, [_camera(path, name, entries) for name in both], unit, "m", notes=notes)
 
 
-def _camera(path: Path, name: str, entries: dict[str, Any]) -> Found:
+def _camera(path: Path, name: str, entries: dict[str, Any]) -> CameraRecord:
     rotation = next((entries[key] for key in (f"Rot_{name}", f"R_{name}") if key in entries), None)
     if rotation is None:
-        raise FileError(f"{path}: no Rot_{name} or R_{name} says how camera {name!r} is turned.")
+        raise FileError(f"{path}: camera {name!r} has no rotation: expected Rot_{name} or R_{name}.")
     distortion = next((entries[key] for key in (f"dist_{name}", f"D_{name}") if key in entries), ())
     sides = [entries[key] for key in (f"W_{name}", f"H_{name}") if key in entries]
     size = sides if len(sides) == 2 else None
-    return Found(name, entries[f"K_{name}"], rotation, entries[f"T_{name}"], distortion, size)
+    return CameraRecord(name, entries[f"K_{name}"], rotation, entries[f"T_{name}"], distortion, size)
 
 
 FORMAT = CalibrationFormat(

@@ -1,8 +1,8 @@
-"""Kalibr's camchain YAML: ``cam0``, ``cam1``, ... with intrinsics, distortion and resolution; metres.
+"""Kalibr's camchain YAML: ``cam0``, ``cam1``, ... with intrinsics, distortion and resolution; meters.
 
-The world is the first camera, ``T_cn_cnm1`` leading from each camera to the next, or, where every camera has
-``T_cam_imu``, the IMU. Lenses: ``radtan`` (``plumb_bob``), ``equidistant`` (a fisheye), ``none``; of camera models
-the pinhole alone.
+The world is the IMU if every camera has ``T_cam_imu``, otherwise the first camera, with ``T_cn_cnm1`` from each camera
+to the next. Distortion models: ``radtan`` (``plumb_bob``), ``equidistant`` (fisheye), ``none``. The only supported
+camera model is ``pinhole``.
 """
 
 from pathlib import Path
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError, choices
-from posefuse.io.calibration.building import Found, as_numbers, build_rig
+from posefuse.io.calibration.camera_records import CameraRecord, as_numbers, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
-from posefuse.io.calibration.storage import read_yaml, yaml_matches
+from posefuse.io.calibration.opencv_storage import read_yaml, yaml_matches
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -22,36 +22,36 @@ _LENSES = ("radtan", "plumb_bob", "equidistant", "none")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     return bool(_cameras(yaml_matches(path)))
 
 
 def _cameras(data: Any) -> dict[str, dict[str, Any]]:
     if not isinstance(data, dict):
         return {}
-    found = {
+    records = {
         str(key): value
         for key, value in data.items()
         if isinstance(value, dict) and {"intrinsics", "camera_model"} <= set(value)
     }
-    return {key: found[key] for key in sorted(found, key=natural_key)}
+    return {key: records[key] for key in sorted(records, key=natural_key)}
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their numbers.
+    """Read the cameras in the order of their numbers.
 
     Raises:
-        FileError: if the file is not what its format says, or a camera's model is another than a pinhole.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format, or a camera model is not supported.
+        CameraError: if a camera's parameters are invalid.
     """
     tables = _cameras(read_yaml(path))
     poses = _poses(path, tables)
-    found = [_camera(path, name, table, pose) for (name, table), pose in zip(tables.items(), poses, strict=True)]
-    return build_rig(path, found, unit, "m")
+    records = [_camera(path, name, table, pose) for (name, table), pose in zip(tables.items(), poses, strict=True)]
+    return build_rig(path, records, unit, "m")
 
 
 def _poses(path: Path, tables: dict[str, dict[str, Any]]) -> list[np.ndarray]:
-    """Shape (4, 4) each: camera from world."""
+    """Return camera_from_world of each camera, shape (4, 4)."""
     if all("T_cam_imu" in table for table in tables.values()):
         return [_matrix(path, name, table, "T_cam_imu") for name, table in tables.items()]
     poses = []
@@ -60,7 +60,7 @@ def _poses(path: Path, tables: dict[str, dict[str, Any]]) -> list[np.ndarray]:
             poses.append(np.eye(4))
             continue
         if "T_cn_cnm1" not in table:
-            raise FileError(f"{path}, {name}: no T_cn_cnm1 says where it is from the camera before.")
+            raise FileError(f"{path}, {name}: T_cn_cnm1, the pose relative to the previous camera, is missing.")
         poses.append(_matrix(path, name, table, "T_cn_cnm1") @ poses[-1])
     return poses
 
@@ -72,12 +72,12 @@ def _matrix(path: Path, name: str, table: dict[str, Any], key: str) -> np.ndarra
     return values.reshape(4, 4)
 
 
-def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> Found:
+def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> CameraRecord:
     model, lens = table.get("camera_model"), table.get("distortion_model", "none")
     if model != "pinhole" or lens not in _LENSES:
         raise FileError(
-            f"{path}, {name}: camera model {model!r} with distortion {lens!r}; read are pinhole with "
-            f"{choices(_LENSES)}. Calibrate with one of them."
+            f"{path}, {name}: camera model {model!r} with distortion {lens!r} is not supported. Calibrate with pinhole "
+            f"and one of {choices(_LENSES)}."
         )
     numbers = as_numbers(table.get("intrinsics"), f"{path}, {name}: intrinsics")
     if numbers.size != 4:
@@ -86,7 +86,7 @@ def _camera(path: Path, name: str, table: dict[str, Any], pose: np.ndarray) -> F
     matrix = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
     distortion = () if lens == "none" else table.get("distortion_coeffs", ())
     fisheye = lens == "equidistant"
-    return Found(name, matrix, pose[:3, :3], pose[:3, 3], distortion, table.get("resolution"), fisheye=fisheye)
+    return CameraRecord(name, matrix, pose[:3, :3], pose[:3, 3], distortion, table.get("resolution"), fisheye=fisheye)
 
 
 FORMAT = CalibrationFormat(

@@ -1,13 +1,13 @@
-"""mc_dev's and BioCV's ``.calib``: a text a camera, 32 numbers without a word: size, K, 4 x 4 pose, k1 k2 p1 p2 k3.
+"""mc_dev's and BioCV's ``.calib``: one text file per camera with 32 numbers: size, K, 4 x 4 pose, k1 k2 p1 p2 k3.
 
-mm, world to camera. Give the folder, or one file: those beside it with the same ending are read with it. Cameras
-are named by what stands before the first dot (``00.mp4.calib``: 00).
+mm, world to camera. Give the folder or one file; the files beside it with the same ending are read, too. Cameras are
+named by the part of the file name before the first dot (``00.mp4.calib``: 00).
 """
 
 from pathlib import Path
 
 from posefuse.errors import FileError, choices
-from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.camera_records import CameraRecord, as_numbers, build_rig, small_text
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
@@ -17,19 +17,19 @@ _COUNT = 32
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one, or the folder holds some."""
+    """Return whether the file is in this format, or the folder contains such files."""
     return bool(_files(path))
 
 
 def _files(path: Path) -> list[Path]:
-    """The calibrations of the folder, or those with the file's ending."""
+    """Return the calibrations of the folder, or those with the file's ending."""
     folder = path if path.is_dir() else path.parent
     if not path.is_dir() and path.suffix != ".calib":
         return []
-    found = [entry for entry in folder.iterdir() if entry.suffix == ".calib" and entry.is_file()]
+    records = [entry for entry in folder.iterdir() if entry.suffix == ".calib" and entry.is_file()]
     if not path.is_dir():
-        found = [entry for entry in found if _ending(entry) == _ending(path)]
-    return sorted(found, key=lambda entry: natural_key(entry.name))
+        records = [entry for entry in records if _ending(entry) == _ending(path)]
+    return sorted(records, key=lambda entry: natural_key(entry.name))
 
 
 def _ending(path: Path) -> str:
@@ -37,31 +37,33 @@ def _ending(path: Path) -> str:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their names.
+    """Read the cameras in the order of their names.
 
     Raises:
         FileError: if a file does not hold 32 numbers, or the folder has two files of a camera.
-        CameraError: if a camera's numbers cannot be.
+        CameraError: if a camera's parameters are invalid.
     """
     files = _files(path)
     endings = sorted({_ending(file) for file in files})
     if len(endings) > 1:
         raise FileError(
-            f"{path} holds calibrations with the endings {choices(endings)}: several worlds. Give one of the files; "
-            "those of its ending are read."
+            f"{path} has calibrations with several endings: {choices(endings)}. Give one of the files; the files with "
+            "its ending are read."
         )
     return build_rig(path, [_camera(file) for file in files], unit, "mm")
 
 
-def _camera(file: Path) -> Found:
+def _camera(file: Path) -> CameraRecord:
     values = as_numbers(small_text(file).split(), f"{file}: the text")
     if values.size != _COUNT:
         raise FileError(
-            f"{file} should hold {_COUNT} numbers (size 2, K 9, pose 16, distortion 5), got {values.size}. Was it cut "
-            "short?"
+            f"{file} should hold {_COUNT} numbers (size 2, K 9, pose 16, distortion 5), got {values.size}. Is it "
+            "truncated?"
         )
     pose = values[11:27].reshape(4, 4)
-    return Found(file.name.partition(".")[0], values[2:11], pose[:3, :3], pose[:3, 3], values[27:], tuple(values[:2]))
+    return CameraRecord(
+        file.name.partition(".")[0], values[2:11], pose[:3, :3], pose[:3, 3], values[27:], tuple(values[:2])
+    )
 
 
 FORMAT = CalibrationFormat(

@@ -1,6 +1,6 @@
-"""MVOR's ``camma_mvor_2018.json``: mm, the world is the first camera, poses lead from each camera to it.
+"""MVOR's ``camma_mvor_2018.json``: mm; the world is the first camera; poses are camera to world.
 
-Its images are rectified: the distortion that it holds is of the sensors and is not used.
+The images are rectified, so the stored distortion of the sensors is not used.
 """
 
 from pathlib import Path
@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.camera_records import (
+    CameraRecord,
+    as_numbers,
+    build_rig,
+    dict_list,
+    json_matches,
+    read_json,
+)
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
@@ -18,7 +25,7 @@ _LENS = ("focallength", "principalpoint", "imagesize")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     parameters = _parameters(json_matches(path))
     return bool(dict_list(parameters, "intrinsics")) and isinstance(parameters.get("extrinsics"), list)
 
@@ -30,21 +37,21 @@ def _parameters(data: Any) -> dict[str, Any]:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the file's order: ``camera_1``, ``camera_2``, ...
+    """Read the cameras in the order of the file: ``camera_1``, ``camera_2``, ...
 
     Raises:
-        FileError: if the file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
     parameters = _parameters(read_json(path))
     lenses, poses = dict_list(parameters, "intrinsics"), parameters.get("extrinsics")
     if not isinstance(poses, list) or len(poses) != len(lenses):
-        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics should hold a pose for each.")
-    found = [_camera(path, f"camera_{v}", *each) for v, each in enumerate(zip(lenses, poses, strict=True), start=1)]
-    return build_rig(path, found, unit, "mm", notes=("Its images are rectified; the stored distortion is not used.",))
+        raise FileError(f"{path}: {len(lenses)} cameras have intrinsics; extrinsics should have as many poses.")
+    records = [_camera(path, f"camera_{v}", *each) for v, each in enumerate(zip(lenses, poses, strict=True), start=1)]
+    return build_rig(path, records, unit, "mm", notes=("The images are rectified; the stored distortion is not used.",))
 
 
-def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> Found:
+def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> CameraRecord:
     where = f"{path}, camera {name!r}"
     numbers = [as_numbers(lens.get(key, ()), f"{where}: {key}") for key in _LENS]
     if any(each.size != 2 for each in numbers):
@@ -57,7 +64,7 @@ def _camera(path: Path, name: str, lens: dict[str, Any], pose: Any) -> Found:
     (fx, fy), (cx, cy), size = numbers
     skew = as_numbers(lens.get("skew_value", 0.0), f"{where}: skew_value").sum()
     matrix = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return Found(name, matrix, rotation, -rotation @ first_from_camera[:3, 3], (), size.tolist())
+    return CameraRecord(name, matrix, rotation, -rotation @ first_from_camera[:3, 3], (), size.tolist())
 
 
 FORMAT = CalibrationFormat(

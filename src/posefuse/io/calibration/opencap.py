@@ -1,8 +1,8 @@
-"""OpenCap's ``cameraIntrinsicsExtrinsics.pickle``, one a camera (``Videos/Cam0/...``): mm, world to camera.
+"""OpenCap's ``cameraIntrinsicsExtrinsics.pickle``, one per camera (``Videos/Cam0/...``): mm, world to camera.
 
-The world is the checkerboard, which stands upright; so nobody knows which way is up (``--up``). ``imageSize`` is
-height, width; ``rotation_EulerAngles`` is a Rodrigues vector. Pickles can run programs: of these only numbers and
-arrays of them are built, not by NumPy's own means, and whatever else a file asks for is refused.
+The world is the checkerboard, which is mounted vertically, so the up axis is unknown (``--up``). ``imageSize`` is
+height, width; ``rotation_EulerAngles`` is a Rodrigues vector. Pickles can execute code: this reader constructs only
+numbers and arrays, without NumPy's own constructors, and rejects everything else.
 """
 
 import io
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig
+from posefuse.io.calibration.camera_records import LARGEST_BYTES, CameraRecord, as_numbers, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.io.pickles import check_memo
@@ -30,7 +30,7 @@ _KIND = re.compile(r"[fiu][1248]|b1")
 
 
 class _Kind:
-    """Stands for NumPy's dtype, of which a broken or hostile pickle makes one that NumPy trips over."""
+    """Replacement of NumPy's dtype; a corrupt or hostile pickle could construct a dtype that crashes NumPy."""
 
     def __init__(self, code: Any = "", *_: Any) -> None:
         self._code, self._order = str(code), "="
@@ -39,14 +39,14 @@ class _Kind:
         self._order = str(state[1])
 
     def values(self, content: Any) -> np.ndarray:
-        """The numbers in bytes."""
+        """Return the numbers encoded in ``content``."""
         if not _KIND.fullmatch(self._code) or self._order not in ("<", ">", "=", "|"):
-            raise pickle.UnpicklingError(f"numbers of the kind {self._code[:20]!r}, which no calibration needs")
+            raise pickle.UnpicklingError(f"it has the data type {self._code[:20]!r}, which is not allowed")
         return np.frombuffer(content, np.dtype(self._order + self._code)).astype(np.float64)
 
 
 class _Array:
-    """Stands for NumPy's array."""
+    """Replacement of NumPy's array."""
 
     def __init__(self, *_: Any) -> None:
         self.numbers = np.empty(0)
@@ -61,7 +61,7 @@ def _scalar(kind: _Kind, content: Any) -> float:
 
 
 class _Numbers(pickle.Unpickler):
-    """Builds arrays and numbers, and refuses everything else."""
+    """An unpickler that constructs arrays and numbers only."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module == "numpy" and name in ("ndarray", "dtype"):
@@ -70,16 +70,16 @@ class _Numbers(pickle.Unpickler):
             return _Array if name == "_reconstruct" else _scalar
         if (module, name) == ("_codecs", "encode"):
             return _latin
-        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no calibration needs")
+        raise pickle.UnpicklingError(f"it contains {module}.{name}, which is not allowed")
 
 
 def _latin(text: str, encoding: str = "latin1") -> bytes:
-    """How protocol 2 writes bytes; nothing but latin1 is asked for."""
+    """Decode bytes as pickle protocol 2 stores them, always in latin1."""
     return text.encode("latin1")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one, or folders in the folder hold one each."""
+    """Return whether the file is in this format, or subfolders contain one such file each."""
     return bool(_files(path))
 
 
@@ -91,20 +91,20 @@ def _files(path: Path) -> list[Path]:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, named by their folders, in the order of these.
+    """Read the cameras, named after their folders, in the order of the names.
 
     Raises:
-        FileError: if a file is not what its format says, or asks for anything but numbers.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if a file does not conform to its format, or contains anything but numbers.
+        CameraError: if a camera's parameters are invalid.
     """
     files = _files(path)
     if path.is_file():
-        # One camera sees no depth: the others' files lie beside it, in folders of their own.
+        # A single camera cannot measure depth; the files of the others are in folders beside it.
         files = _files(path.parent.parent) or files
     return build_rig(path, [_camera(file) for file in files], unit, "mm")
 
 
-def _camera(file: Path) -> Found:
+def _camera(file: Path) -> CameraRecord:
     data = _load(file)
     missing = [key for key in _NEEDED if key not in data]
     if missing:
@@ -112,7 +112,7 @@ def _camera(file: Path) -> Found:
     size = as_numbers(data["imageSize"], f"{file}: imageSize")
     if size.size != 2:
         raise FileError(f"{file}: imageSize should hold height and width, got {size.size} numbers.")
-    return Found(
+    return CameraRecord(
         file.parent.name, data["intrinsicMat"], data["rotation"], data["translation"], data["distortion"],
         (size[1], size[0]),
     )  # fmt: skip
@@ -121,12 +121,12 @@ def _camera(file: Path) -> Found:
 def _load(file: Path) -> dict[str, Any]:
     try:
         if file.stat().st_size > LARGEST_BYTES:
-            raise ValueError("it is too large for one")
+            raise ValueError("it is too large for a calibration")
         data = _Numbers(io.BytesIO(check_memo(file.read_bytes()))).load()
-    except Exception as error:  # a broken pickle raises whatever its bytes lead to
-        raise FileError(f"{file} is not read as a camera's pickle: {str(error)[:120]}.") from None
+    except Exception as error:  # a corrupt pickle can raise any exception
+        raise FileError(f"{file} cannot be read as a camera's pickle: {str(error)[:120]}.") from None
     if not isinstance(data, dict):
-        raise FileError(f"{file}: expected a dict of a camera's numbers, got {type(data).__name__}.")
+        raise FileError(f"{file}: expected a dict of camera parameters, got {type(data).__name__}.")
     return {key: value.numbers if isinstance(value, _Array) else value for key, value in data.items()}
 
 

@@ -1,12 +1,12 @@
-"""OpenCV's YAML and XML as programs write them with FileStorage: a file a camera, lens and place in one or in two.
+"""YAML and XML files of OpenCV's FileStorage: one or two files per camera with intrinsic and extrinsic parameters.
 
-Of each entry the usual names are known (``camera_matrix``, ``cameraMatrix``, ``K``; ``distortion_coefficients``,
-``D``; ``R``, ``rvec``; ``T``, ``tvec``; ``image_width``, ``image_height``). Give the folder, or one file: those
-beside it are read with it. Cameras are named by their files, without ``intr_``, ``extr_`` and the like, so that
-``intr_left.xml`` and ``extr_left.xml`` are one camera's. OpenCV's stereo sample (``M1 D1 M2 D2 R T``) gives two
-cameras, the first at the origin.
+Common key names are recognized (``camera_matrix``, ``cameraMatrix``, ``K``; ``distortion_coefficients``, ``D``; ``R``,
+``rvec``; ``T``, ``tvec``; ``image_width``, ``image_height``). Give the folder or one file; the files beside it are
+read, too. Cameras are named after their files, without ``intr_``, ``extr_`` and the like, so that ``intr_left.xml`` and
+``extr_left.xml`` belong to one camera. OpenCV's stereo sample (``M1 D1 M2 D2 R T``) gives two cameras, the first at
+the origin.
 
-JARVIS' files (``intrinsicMatrix``) hold K and R for row vectors, that is transposed.
+JARVIS' files (``intrinsicMatrix``) store K and R transposed.
 """
 
 import re
@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError, PosefuseError, choices
-from posefuse.io.calibration.building import Found, build_rig
+from posefuse.io.calibration.camera_records import CameraRecord, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
-from posefuse.io.calibration.storage import YAML_SUFFIXES, read_storage
+from posefuse.io.calibration.opencv_storage import YAML_SUFFIXES, read_storage
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
 _SUFFIXES = (*YAML_SUFFIXES, ".xml")
-_MOST_FILES = 500
+_MAX_FILES = 500
 _MATRIX = ("camera_matrix", "cameramatrix", "intrinsicmatrix", "intrinsic_matrix", "mtx", "k")
 _DISTORTION = (
     "distortion_coefficients", "distortioncoefficients", "dist_coeffs", "distcoeffs", "dist_coeff", "dist", "d",
@@ -39,7 +39,7 @@ _ENDING = re.compile(r"[_-](intr|intrinsics?|extr|extrinsics?|calib|calibration|
 
 @dataclass(frozen=True)
 class _Part:
-    """What one file says of one camera."""
+    """Parameters of one camera in one file."""
 
     file: Path
     name: str
@@ -52,7 +52,7 @@ class _Part:
 
 
 def matches(path: Path) -> bool:
-    """Whether the file describes a camera's lens or place, or the folder (and those in it or beside it) both."""
+    """Return whether the file has parameters of a camera, or the folder and its neighbors have all of them."""
     if path.is_file():
         return path.suffix in _SUFFIXES and bool(_parts(path))
     parts = _try_parts(_files(path))
@@ -62,35 +62,35 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their names.
+    """Read the cameras in the order of their names.
 
     Raises:
-        FileError: if a file is not what its format says, or two describe the same of a camera.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if a file does not conform to its format, or two files have the same parameters of a camera.
+        CameraError: if a camera's parameters are invalid.
     """
     parts = _gather(path)
-    lenses = _by_name(path, [part for part in parts if part.matrix is not None], "lens")
-    places = _by_name(path, [part for part in parts if part.rotation is not None], "place")
+    lenses = _by_name(path, [part for part in parts if part.matrix is not None], "intrinsics")
+    places = _by_name(path, [part for part in parts if part.rotation is not None], "extrinsics")
     both = sorted(set(lenses) & set(places), key=natural_key)
     if not both:
         raise FileError(
-            f"{path}: no camera has both a lens and a place. Lenses: {choices(sorted(lenses))}. Places: "
+            f"{path}: no camera has both intrinsics and extrinsics. Intrinsics: {choices(sorted(lenses))}. Extrinsics: "
             f"{choices(sorted(places))}."
         )
     left = sorted(set(lenses) ^ set(places), key=natural_key)
-    notes = (f"{path.name}: left out, having no lens or no place: {choices(left)}.",) if left else ()
-    found = [
-        Found(
+    notes = (f"{path.name}: left out (no intrinsics or no extrinsics): {choices(left)}.",) if left else ()
+    records = [
+        CameraRecord(
             name, lenses[name].matrix, places[name].rotation, places[name].translation, lenses[name].distortion,
             lenses[name].size_px, fisheye=lenses[name].fisheye,
         )
         for name in both
     ]  # fmt: skip
-    return build_rig(path, found, unit, None, notes=notes)
+    return build_rig(path, records, unit, None, notes=notes)
 
 
 def _gather(path: Path) -> list[_Part]:
-    """The parts of a folder, or of a file's; where lenses or places are all there are, of the folders beside it too."""
+    """Return the parts in a folder; if these are only intrinsics or only extrinsics, include neighboring folders."""
     path = path.parent if path.is_file() else path
     parts = _try_parts(_files(path))
     for kind, other in (("matrix", "rotation"), ("rotation", "matrix")):
@@ -110,7 +110,7 @@ def _files(folder: Path) -> list[Path]:
 
     entries = inside(folder)
     deeper = [entry for sub in entries if sub.is_dir() for entry in inside(sub)]
-    return [entry for entry in [*entries, *deeper] if entry.suffix in _SUFFIXES and entry.is_file()][:_MOST_FILES]
+    return [entry for entry in [*entries, *deeper] if entry.suffix in _SUFFIXES and entry.is_file()][:_MAX_FILES]
 
 
 def _try_parts(files: Iterable[Path]) -> list[_Part]:
@@ -128,16 +128,16 @@ def _by_name(path: Path, parts: list[_Part], what: str) -> dict[str, _Part]:
     for part in parts:
         if part.name in found:
             raise FileError(
-                f"{path}: the {what} of camera {part.name!r} stands in {found[part.name].file.parent.name}/"
-                f"{found[part.name].file.name} and in {part.file.parent.name}/{part.file.name}. Give the folder of "
-                "the ones that are meant."
+                f"{path}: two files have the {what} of camera {part.name!r}: {found[part.name].file.parent.name}/"
+                f"{found[part.name].file.name} and {part.file.parent.name}/{part.file.name}. Give the folder of one of "
+                "them."
             )
         found[part.name] = part
     return found
 
 
 def _parts(file: Path) -> list[_Part]:
-    """What a file says: of one camera, of a stereo pair, or nothing."""
+    """Return the parameters in a file: of one camera, of a stereo pair, or none."""
     entries = read_storage(file)
     lower = {key.lower(): value for key, value in entries.items()}
     if {"m1", "m2"} <= set(lower) or ({"r", "t"} <= set(lower) and {"r1", "p1"} <= set(lower)):

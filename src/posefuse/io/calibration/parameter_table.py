@@ -1,15 +1,15 @@
-"""Camera parameter tables in parquet (``camera_params.parquet``): a row a camera, R, T or rvec as OpenCV's.
+"""Camera parameter tables in parquet (``camera_params.parquet``): one row per camera, R, T or rvec as in OpenCV.
 
 Columns: ``name`` (or ``camera``), ``K`` (or ``fx fy cx cy``), ``dist`` (or ``DC``, ``distortion``), ``R`` (9) or
-``rvec`` (3), ``T`` (or ``tvec``), ``width`` and ``height``. Tables of the ActualTest notebook hold rotation vectors
-averaged component by component over several pictures of a board; that is no mean of rotations, and is said.
+``rvec`` (3), ``T`` (or ``tvec``), ``width`` and ``height``. Tables of the ActualTest notebook have rotation vectors
+averaged component by component over several images of a board. This is not a mean of rotations, so a note says so.
 """
 
 from pathlib import Path
 from typing import Any
 
 from posefuse.errors import FileError, choices
-from posefuse.io.calibration.building import LARGEST_BYTES, Found, build_rig
+from posefuse.io.calibration.camera_records import LARGEST_BYTES, CameraRecord, build_rig
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.parquet_files import check_parquet
 from posefuse.model.cameras import CameraRig
@@ -23,13 +23,13 @@ _NAMES = {
     "translation": ("T", "tvec"),
 }
 _BIASED = (
-    "{}: rotations of such tables are often rvec samples averaged component by component, which is biased where the "
-    "samples differ by more than a degree; refine the calibration if errors are large."
+    "{}: rotations in such tables are often averages of rotation vectors, which are biased if the samples differ by "
+    "more than a degree. Refine the calibration if errors are large."
 )
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     if path.suffix != ".parquet" or not path.is_file() or path.stat().st_size > LARGEST_BYTES:
         return False
     columns = set(_columns(path))
@@ -43,16 +43,16 @@ def _columns(path: Path) -> list[str]:
 
     try:
         return list(pq.read_schema(path).names)
-    except Exception:  # a broken file raises whatever its bytes lead to
+    except Exception:  # a corrupt file can raise any exception
         return []
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the file's order.
+    """Read the cameras in the order of the file.
 
     Raises:
-        FileError: if the file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
     import pyarrow.parquet as pq
 
@@ -61,14 +61,14 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         rows: list[dict[str, Any]] = pq.read_table(path).to_pylist()
     except FileError:
         raise
-    except Exception as error:  # likewise
-        raise FileError(f"{path} is not a whole parquet file: {str(error)[:120]}. Was it cut short?") from None
-    found = [_camera(path, i, row) for i, row in enumerate(rows)]
+    except Exception as error:  # a corrupt file can raise any exception
+        raise FileError(f"{path} is not a valid parquet file: {str(error)[:120]}. Is it truncated?") from None
+    records = [_camera(path, i, row) for i, row in enumerate(rows)]
     vectors = any("rvec" in row for row in rows)
-    return build_rig(path, found, unit, "m", notes=(_BIASED.format(path.name),) if vectors else ())
+    return build_rig(path, records, unit, "m", notes=(_BIASED.format(path.name),) if vectors else ())
 
 
-def _camera(path: Path, place: int, row: dict[str, Any]) -> Found:
+def _camera(path: Path, index: int, row: dict[str, Any]) -> CameraRecord:
     def first(field: str) -> Any:
         return next((row[name] for name in _NAMES[field] if row.get(name) is not None), None)
 
@@ -77,18 +77,18 @@ def _camera(path: Path, place: int, row: dict[str, Any]) -> Found:
     if matrix is None:
         missing = [key for key in ("fx", "fy", "cx", "cy") if row.get(key) is None]
         if missing:
-            raise FileError(f"{path}, row {place}: no K and no {choices(missing)}.")
+            raise FileError(f"{path}, row {index}: no K and no {choices(missing)}.")
         matrix = [[row["fx"], 0.0, row["cx"]], [0.0, row["fy"], row["cy"]], [0.0, 0.0, 1.0]]
     size = (row["width"], row["height"]) if row.get("width") and row.get("height") else None
     distortion = first("distortion")
-    return Found(
-        str(place if name is None else name), _flat(matrix), _flat(first("rotation")), _flat(first("translation")),
+    return CameraRecord(
+        str(index if name is None else name), _flat(matrix), _flat(first("rotation")), _flat(first("translation")),
         () if distortion is None else _flat(distortion), size,
     )  # fmt: skip
 
 
 def _flat(values: Any) -> Any:
-    """Lists of lists, which parquet allows to be ragged, as one list."""
+    """Flatten nested lists, which may be ragged in parquet."""
     if not isinstance(values, list):
         return values
     return [number for value in values for number in (_flat(value) if isinstance(value, list) else [value])]

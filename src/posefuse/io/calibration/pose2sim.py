@@ -1,8 +1,8 @@
-"""Pose2Sim's calibration TOML: a table a camera, metres, z up, four distortion coefficients.
+"""Pose2Sim's calibration TOML: one table per camera, meters, z up, four distortion coefficients.
 
-Told from Anipose's by its four coefficients and by writing ``fisheye = false`` into every table. Coefficients are
-read as written; files that Pose2Sim converted from Qualisys hold them divided by 64, its converter's slip. Files
-written here also say ``notes`` and ``left_out`` under ``[metadata]``, which Pose2Sim ignores.
+It differs from Anipose's format by four coefficients and ``fisheye = false`` in every table. Coefficients are read as
+written; files that Pose2Sim converted from Qualisys have them divided by 64, by an error of the converter. Files
+written by posefuse also have ``notes`` and ``left_out`` under ``[metadata]``, which Pose2Sim ignores.
 """
 
 from pathlib import Path
@@ -12,14 +12,21 @@ import tomli_w
 
 from posefuse.errors import FileError
 from posefuse.io.calibration.format import CalibrationFormat
-from posefuse.io.calibration.tables import METRES, camera_from_table, camera_tables, table_from_camera, texts, told
+from posefuse.io.calibration.tables import (
+    METERS_PER_UNIT,
+    camera_from_table,
+    camera_tables,
+    metadata_texts,
+    table_from_camera,
+    texts,
+)
 from posefuse.io.files import read_toml, replacing
 from posefuse.model.cameras import Camera, CameraRig, LensModel
 from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     if path.suffix != ".toml":
         return False
     tables = camera_tables(read_toml(path)).values()
@@ -29,13 +36,13 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the order of their numbers.
+    """Read the cameras in the order of their numbers.
 
     Raises:
-        FileError: if the file is not what its format says.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format.
+        CameraError: if a camera's parameters are invalid.
     """
-    scale = METRES[unit or "m"]
+    scale = METERS_PER_UNIT[unit or "m"]
     data = read_toml(path)
     tables = camera_tables(data)
     cameras = tuple(camera_from_table(path, key, table, scale) for key, table in tables.items())
@@ -45,31 +52,31 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
 
 
 def write(rig: CameraRig, path: Path) -> None:
-    """Write a rig in metres.
+    """Write a rig, in meters.
 
     Raises:
-        FileError: if the format cannot hold it: up is not z, or a lens has other coefficients than k1 k2 p1 p2.
+        FileError: if up is not z, or a lens has coefficients other than k1 k2 p1 p2.
     """
     if rig.up_axis != "z":
-        raise FileError(f"pose2sim's format has z up, and here up is {rig.up_axis or 'unknown'}")
+        raise FileError(f"the format of Pose2Sim requires z up, and the up axis is {rig.up_axis or 'unknown'}")
     data: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
-        # Tables are read in the order of their names' numbers, which cameras' own names need not be in.
-        data[f"cam_{i:02d}"] = {**table_from_camera(camera, _four(camera)), "fisheye": False}
-    data["metadata"] = {"adjusted": False, "error": 0.0} | told(rig)
+        # Tables are read in the order of the numbers in their names, so the names keep the order of the cameras.
+        data[f"cam_{i:02d}"] = {**table_from_camera(camera, _four_coefficients(camera)), "fisheye": False}
+    data["metadata"] = {"adjusted": False, "error": 0.0} | metadata_texts(rig)
     with replacing(path) as temporary:
         temporary.write_text(tomli_w.dumps(data), "utf-8")
 
 
-def _four(camera: Camera) -> list[float]:
-    """The coefficients k1 k2 p1 p2.
+def _four_coefficients(camera: Camera) -> list[float]:
+    """Return the coefficients k1 k2 p1 p2.
 
     Raises:
-        FileError: if there are others.
+        FileError: if the lens has others.
     """
     coefficients = [*camera.distortion, *[0.0] * (4 - len(camera.distortion))]
     if camera.lens not in (LensModel.PINHOLE, LensModel.BROWN) or any(coefficients[4:]):
-        raise FileError(f"pose2sim's format holds k1 k2 p1 p2, and the lens of camera {camera.name!r} has others")
+        raise FileError(f"the format of Pose2Sim has only k1 k2 p1 p2, and camera {camera.name!r} has others")
     return coefficients[:4]
 
 

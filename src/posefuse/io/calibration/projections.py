@@ -1,8 +1,7 @@
-"""Plain projection matrices P = K [R | t]: ``.npy`` of shape (camera, 3, 4), or ``P_<name>.txt``, one a camera.
+"""Projection matrices P = K [R | t]: ``.npy`` of shape (camera, 3, 4), or ``P_<name>.txt``, one per camera.
 
-P is taken apart by RQ decomposition into K with positive focal lengths and a rotation of determinant 1; its overall
-factor and sign do not matter. Lenses are taken as without distortion, and the unit is guessed as it is of other
-files that do not say.
+RQ decomposition of P gives K with positive focal lengths and a rotation with determinant 1; the scale and sign of P do
+not matter. Lenses are assumed to have no distortion, and the unit is guessed as for other files that do not state it.
 """
 
 from pathlib import Path
@@ -10,17 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import LARGEST_BYTES, Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.camera_records import LARGEST_BYTES, CameraRecord, as_numbers, build_rig, small_text
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import natural_key
 from posefuse.model.cameras import CameraRig
 from posefuse.model.options.options import LengthUnit
 
-_LARGEST_CONDITION = 1e12
+_MAX_CONDITION = 1e12
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one, or the folder holds some."""
+    """Return whether the file is in this format, or the folder contains such files."""
     if path.suffix == ".npy" and path.is_file():
         return _array(path) is not None
     return bool(_texts(path))
@@ -42,17 +41,17 @@ def _array(path: Path) -> np.ndarray | None:
         if path.stat().st_size > LARGEST_BYTES:
             return None
         array = np.load(path, allow_pickle=False)
-    except Exception:  # a broken header raises whatever its bytes lead to
+    except Exception:  # a corrupt header can raise any exception
         return None
     return array if array.ndim == 3 and array.shape[1:] == (3, 4) and array.dtype.kind in "fi" else None
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras: of an array by their place (0, 1, ...), of texts by the name after ``P_``.
+    """Read the cameras: numbered 0, 1, ... in an array, named by the part after ``P_`` in text files.
 
     Raises:
-        FileError: if a matrix is not 3 x 4, or none of a camera.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if a matrix is not 3 x 4, or not a valid projection matrix.
+        CameraError: if a camera's parameters are invalid.
     """
     array = _array(path) if path.suffix == ".npy" else None
     if array is not None:
@@ -61,8 +60,8 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
         ]
     else:
         named = [(file.stem.removeprefix("P_"), _read_text(file)) for file in _texts(path)]
-    found = [Found(name, *take_apart(matrix, f"{path}, camera {name!r}")) for name, matrix in named]
-    return build_rig(path, found, unit, None)
+    records = [CameraRecord(name, *decompose_projection(matrix, f"{path}, camera {name!r}")) for name, matrix in named]
+    return build_rig(path, records, unit, None)
 
 
 def _read_text(file: Path) -> np.ndarray:
@@ -72,18 +71,20 @@ def _read_text(file: Path) -> np.ndarray:
     return values.reshape(3, 4)
 
 
-def take_apart(projection: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """K, R and t of P = K [R | t]; Hartley & Zisserman, Multiple View Geometry, section 6.2.4.
+def decompose_projection(projection: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return K, R and t of P = K [R | t].
+
+    Source: Hartley & Zisserman, Multiple View Geometry, section 6.2.4.
 
     Raises:
-        FileError: if P is no finite camera's.
+        FileError: if P is not the projection matrix of a finite camera.
     """
     from scipy.linalg import rq
 
     left = projection[:, :3]
-    if not np.linalg.cond(left) < _LARGEST_CONDITION:
-        raise FileError(f"{where}: P is no camera's; its left 3 x 3 part is singular or not finite.")
-    # With a determinant that is negative, -P is the same camera.
+    if not np.linalg.cond(left) < _MAX_CONDITION:
+        raise FileError(f"{where}: P is not a projection matrix; its left 3 x 3 part is singular or not finite.")
+    # If the determinant is negative, -P is the same camera.
     projection = projection * np.sign(np.linalg.det(left))
     upper, rotation = rq(projection[:, :3])
     signs = np.where(np.diag(upper) < 0, -1.0, 1.0)

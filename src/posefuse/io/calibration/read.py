@@ -1,4 +1,4 @@
-"""Read any calibration."""
+"""Read calibrations of any supported format."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from posefuse.model.options.options import LengthUnit
 
 
 def find_format(path: Path) -> CalibrationFormat | None:
-    """The format a calibration file (or folder of a file a camera) is in, or None where it is none."""
+    """Return the format of a calibration file, or of a folder with one file per camera; None if it has none."""
     for form in CALIBRATIONS:
         try:
             if form.matches(path):
@@ -23,31 +23,31 @@ def find_format(path: Path) -> CalibrationFormat | None:
 
 
 def read_cameras(path: str | Path, *, length_unit: LengthUnit | None = None, up: UpAxis | None = None) -> CameraRig:
-    """Read a calibration file, whatever its format.
+    """Read a calibration of any supported format.
 
     Args:
-        path: the file; of formats with a file a camera, their folder or one of them.
-        length_unit: the unit of its lengths, for formats that do not say.
-        up: the world's up axis, for formats that do not say; it overrules those that do.
+        path: the file; for formats with one file per camera, the folder or one of the files.
+        length_unit: unit of length, for formats that do not state it.
+        up: up axis of the world, for formats that do not state it; it overrides a stated one.
 
     Returns:
-        The rig, in metres.
+        The rig, in meters.
 
     Raises:
-        FileError: if there is no such file, or no reader knows it.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if there is no such file, or its format is not supported.
+        CameraError: if a camera's parameters are invalid.
     """
     path = must_exist(Path(path), "calibration file")
     form = find_format(path)
     if form is None and path.is_dir():
         raise FileError(
-            f"{path} is a folder without calibrations of a file a camera; give the calibration file itself."
+            f"{path} is a folder without one calibration file per camera; give the calibration file itself."
         )
     if form is None:
-        # A file that claims to be TOML or XML but is not deserves that message, not "unknown format".
+        # Raise the specific error of an invalid TOML or XML file rather than "unknown format".
         for candidate in CALIBRATIONS:
             candidate.matches(path)
         known = choices(f"{form.name} ({form.files})" for form in CALIBRATIONS)
-        raise FileError(f"{path} is no calibration in a known format. Known: {known}.")
+        raise FileError(f"{path} is not a calibration in a supported format. Supported: {known}.")
     rig = form.read(path, length_unit)
     return rig if up is None else replace(rig, up_axis=up)

@@ -1,10 +1,10 @@
 """The scene JSON of the articulated tracker's specification and of RapidPoseTriangulation.
 
 ``cameras`` is a list of objects: ``name``, ``K``, ``DC`` (or ``distortion``), ``R`` (or ``rvec``), ``T``, ``width``
-and ``height``, ``type`` (``pinhole`` or ``fisheye``); metres. ``extrinsic_format``, of the file or of a camera,
-says what R and T are: ``opencv_world_to_camera`` (the default; as of solvePnP) or ``rpt_camera_pose``, the camera's
-pose in the world, whose rotation is the transpose and whose translation the camera's place. Scene files without
-that word that list images (``imgpaths``) are old ones of the second kind.
+and ``height``, ``type`` (``pinhole`` or ``fisheye``); meters. ``extrinsic_format``, of the file or of a camera,
+defines R and T: ``opencv_world_to_camera`` (the default, as from solvePnP) or ``rpt_camera_pose``, the camera's pose
+in the world, with the transposed rotation and the camera's position. Scene files without this key that list images
+(``imgpaths``) are old files of the second kind.
 """
 
 from pathlib import Path
@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from posefuse.errors import FileError, suggestion
-from posefuse.io.calibration.building import Found, as_numbers, build_rig, dict_list, json_matches, read_json
+from posefuse.io.calibration.camera_records import (
+    CameraRecord,
+    as_numbers,
+    build_rig,
+    dict_list,
+    json_matches,
+    read_json,
+)
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.model.cameras import CameraRig, rotation_from_vector
 from posefuse.model.options.options import LengthUnit
@@ -22,28 +29,28 @@ FORMATS = ("opencv_world_to_camera", "rpt_camera_pose")
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     cameras = dict_list(json_matches(path), "cameras")
     return bool(cameras) and all({"K", "T"} <= set(c) and ("R" in c or "rvec" in c) for c in cameras)
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the cameras, in the file's order.
+    """Read the cameras in the order of the file.
 
     Raises:
-        FileError: if the file is not what its format says, or names another ``extrinsic_format``.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format, or names another ``extrinsic_format``.
+        CameraError: if a camera's parameters are invalid.
     """
     data = read_json(path)
-    usual = data.get("extrinsic_format") or ("rpt_camera_pose" if "imgpaths" in data else FORMATS[0])
-    found = [_camera(path, i, camera, usual) for i, camera in enumerate(dict_list(data, "cameras"))]
-    return build_rig(path, found, unit, "m")
+    default = data.get("extrinsic_format") or ("rpt_camera_pose" if "imgpaths" in data else FORMATS[0])
+    records = [_camera(path, i, camera, default) for i, camera in enumerate(dict_list(data, "cameras"))]
+    return build_rig(path, records, unit, "m")
 
 
-def _camera(path: Path, place: int, camera: dict[str, Any], usual: Any) -> Found:
-    name = str(camera.get("name", place))
+def _camera(path: Path, index: int, camera: dict[str, Any], default: Any) -> CameraRecord:
+    name = str(camera.get("name", index))
     where = f"{path}, camera {name!r}"
-    kind = camera.get("extrinsic_format", usual)
+    kind = camera.get("extrinsic_format", default)
     if kind not in FORMATS:
         raise FileError(f"{where}: extrinsic_format is {kind!r}. {suggestion(str(kind), FORMATS)}")
     rotation = as_numbers(camera.get("R", camera.get("rvec")), f"{where}: R")
@@ -52,7 +59,7 @@ def _camera(path: Path, place: int, camera: dict[str, Any], usual: Any) -> Found
         turn = rotation_from_vector(rotation) if rotation.size == 3 else rotation.reshape(3, 3)
         rotation, translation = turn.T, -turn.T @ translation
     size = (camera["width"], camera["height"]) if {"width", "height"} <= set(camera) else None
-    return Found(
+    return CameraRecord(
         name,
         camera.get("K"),
         rotation,

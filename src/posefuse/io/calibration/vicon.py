@@ -1,9 +1,8 @@
 """Vicon's ``.xcp`` (XML): mm, z up; the video cameras of a system, at their first key frame.
 
-``ORIENTATION`` is a quaternion x y z w, world to camera, ``POSITION`` the camera's place in mm; focal length and
-principal point in px of the sensor, of which the video shows the middle. ``VICON_RADIAL2`` is a word, two numbers that
-are not used (distortion is about the principal point), k1, k2 and, where there is a sixth, k3; ``VICON_RADIAL`` is k1
-and k2.
+``ORIENTATION`` is a quaternion x y z w, world to camera, and ``POSITION`` the camera's position in mm. Focal length and
+principal point are in px of the sensor; the video shows its central part. ``VICON_RADIAL2`` is a word, two unused
+numbers (distortion is about the principal point), k1, k2 and optionally k3; ``VICON_RADIAL`` is k1 and k2.
 """
 
 from pathlib import Path
@@ -12,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.calibration.building import Found, as_numbers, build_rig, small_text
+from posefuse.io.calibration.camera_records import CameraRecord, as_numbers, build_rig, small_text
 from posefuse.io.calibration.format import CalibrationFormat
 from posefuse.io.files import parse_xml
 from posefuse.model.cameras import CameraRig
@@ -20,26 +19,26 @@ from posefuse.model.options.options import LengthUnit
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether the file is in this format."""
     return path.suffix.lower() == ".xcp" and path.is_file()
 
 
 def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
-    """Read the video cameras, in the file's order.
+    """Read the video cameras in the order of the file.
 
     Raises:
-        FileError: if the file is not what its format says, or holds no video camera.
-        CameraError: if a camera's numbers cannot be.
+        FileError: if the file does not conform to its format, or has no video camera.
+        CameraError: if a camera's parameters are invalid.
     """
     root = parse_xml(path, small_text(path))
     elements = list(root.iter("Camera"))
     videos = [element for element in elements if element.get("SYSTEM") == "DV"]
     if not videos:
-        raise FileError(f"{path} holds no video camera: expected Camera@SYSTEM = 'DV', got {len(elements)} others.")
+        raise FileError(f"{path} has no video camera: expected Camera@SYSTEM = 'DV', got {len(elements)} others.")
     return build_rig(path, [_camera(path, element) for element in videos], unit, "mm", "z")
 
 
-def _camera(path: Path, element: ElementTree.Element) -> Found:
+def _camera(path: Path, element: ElementTree.Element) -> CameraRecord:
     name = element.get("DEVICEID") or element.get("USERID") or ""
     frame = next(element.iter("KeyFrame"), None)
     if frame is None:
@@ -60,12 +59,12 @@ def _camera(path: Path, element: ElementTree.Element) -> Found:
         raise FileError(f"{path}, camera {name!r}: PIXEL_ASPECT_RATIO must be positive, got {aspect:g}.")
     matrix = np.array([[focal, 0.0, cu], [0.0, focal / aspect, cv], [0.0, 0.0, 1.0]])
     turn = _rotation(path, name, numbers(frame, "ORIENTATION", 4))
-    centre = numbers(frame, "POSITION", 3)
-    return Found(name, matrix, turn, -turn @ centre, _radial(path, name, frame), tuple(video))
+    center = numbers(frame, "POSITION", 3)
+    return CameraRecord(name, matrix, turn, -turn @ center, _radial(path, name, frame), tuple(video))
 
 
 def _radial(path: Path, name: str, frame: ElementTree.Element) -> np.ndarray:
-    """k1 k2 p1 p2 k3."""
+    """Return k1 k2 p1 p2 k3."""
     where = f"{path}, camera {name!r}: radial distortion"
     if frame.get("VICON_RADIAL2"):
         tokens = frame.get("VICON_RADIAL2", "").split()[3:6]
@@ -79,7 +78,7 @@ def _rotation(path: Path, name: str, quaternion: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     if not np.linalg.norm(quaternion) > 0.0:
-        raise FileError(f"{path}, camera {name!r}: ORIENTATION is no rotation: {quaternion.tolist()}.")
+        raise FileError(f"{path}, camera {name!r}: ORIENTATION is not a rotation: {quaternion.tolist()}.")
     return Rotation.from_quat(quaternion).as_matrix()
 
 

@@ -1,4 +1,4 @@
-"""Write a calibration: in a format, or in the one that another is in."""
+"""Write calibrations, in a given format or in the format of another calibration."""
 
 from pathlib import Path
 
@@ -8,70 +8,70 @@ from posefuse.io.calibration.read import find_format
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.model.cameras import CameraRig
 
-_USUAL = "anipose"
+_FALLBACK_FORMAT = "anipose"
 
 
 def write_as(form: CalibrationFormat, rig: CameraRig, path: Path) -> None:
     """Write a rig in a format.
 
     Raises:
-        FileError: if the file would not be known by its name, or the format cannot hold the rig.
+        FileError: if the ending of the name does not match the format, or the format cannot represent the rig.
     """
     if form.write is None:
-        raise FileError(f"Calibrations are not written in {form.name}'s format.")
+        raise FileError(f"Calibrations cannot be written in the format {form.name}.")
     endings = form.file_endings
     if not path.name.endswith(endings):
-        raise FileError(f"{path}: names of {form.name}'s files end in {choices(endings)}; name it so.")
+        raise FileError(f"{path}: the name of a file in the format {form.name} must end in {choices(endings)}.")
     form.write(rig, path)
 
 
-def must_be_named(path: Path, original: Path) -> None:
-    """Refuse a name by which a file of :func:`write_like` would not be known.
+def check_name(path: Path, original: Path) -> None:
+    """Check that the ending of a name matches a format of :func:`write_like`.
 
     Raises:
-        FileError: if it ends neither as Anipose's files do, nor as those of the original's format, if that is written.
+        FileError: if it matches neither Anipose's format nor the original's format.
     """
     endings = [ending for form in _formats(original) for ending in form.file_endings]
     if not path.name.endswith(tuple(endings)):
-        raise FileError(f"{path}: end the name of the calibration to write in {choices(dict.fromkeys(endings))}.")
+        raise FileError(f"{path}: the name of the calibration must end in {choices(dict.fromkeys(endings))}.")
 
 
 def _formats(original: Path) -> list[CalibrationFormat]:
-    """The original's format, if it is written, and Anipose's."""
-    form, usual = find_format(original), CALIBRATIONS.find(_USUAL)
-    assert usual is not None
-    return [usual] if form is None or not form.writes or form.name == _USUAL else [form, usual]
+    """Return the original's format, if it can be written, and Anipose's."""
+    form, fallback = find_format(original), CALIBRATIONS.find(_FALLBACK_FORMAT)
+    assert fallback is not None
+    return [fallback] if form is None or not form.writes or form.name == _FALLBACK_FORMAT else [form, fallback]
 
 
 def write_like(rig: CameraRig, path: Path, original: Path) -> str:
-    """Write a rig in the format that it was read from, or in Anipose's where that one is not written or cannot hold it.
+    """Write a rig in the format of the original, or in Anipose's if the former cannot be written or represent the rig.
 
     Args:
-        rig: the cameras, in metres.
-        path: the file to write; its name's ending chooses where the original's format has another than Anipose's.
-        original: the calibration that it was read from.
+        rig: the cameras, in meters.
+        path: the file to write; the ending selects the format if the endings of the two formats differ.
+        original: the calibration that the rig was read from.
 
     Returns:
-        In which format, in words, and if it is another one why.
+        The format in words, with the reason if it differs from the original's.
 
     Raises:
-        FileError: if the name fits neither, or a lens does not fit Anipose's format either.
+        FileError: if the ending matches neither format, or neither can represent the rig.
     """
-    must_be_named(path, original)
-    *own, usual = _formats(original)
-    why = ""
+    check_name(path, original)
+    *own, fallback = _formats(original)
+    reason = ""
     for form in own:
         try:
             write_as(form, rig, path)
         except FileError as error:
-            why = f": {error}"
+            reason = f": {error}"
         else:
-            return f"in {form.name}'s format, as {original.name} is"
+            return f"in the format {form.name} of {original.name}"
     found = find_format(original)
-    if not own and found is not None and found.name != _USUAL:
-        why = f": {found.name}'s is not written"
+    if not own and found is not None and found.name != _FALLBACK_FORMAT:
+        reason = f": {found.name} cannot be written"
     try:
-        write_as(usual, rig, path)
+        write_as(fallback, rig, path)
     except FileError as error:
-        raise FileError(f"{error} {why.removeprefix(': ')}".strip()) from None
-    return f"in {_USUAL}'s format{why}"
+        raise FileError(f"{error} {reason.removeprefix(': ')}".strip()) from None
+    return f"in the format {_FALLBACK_FORMAT}{reason}"

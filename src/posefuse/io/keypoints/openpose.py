@@ -135,6 +135,8 @@ def read(path: Path, request: Request) -> Detections:
     if n_keypoints and n_keypoints != len(skeleton):
         raise wrong_skeleton(path, n_keypoints, skeleton)
     views = [view if len(view.keypoints) else _without_people(view, len(skeleton)) for view in views]
+    if request.rate_hz is None and settings.rate_hz is not None:
+        notes = (*notes, f"Frame rate {settings.rate_hz:g} Hz read from Config.toml.")
     return assemble(path, views, skeleton, request.rate_hz or settings.rate_hz, notes)
 
 

@@ -1,10 +1,14 @@
 """Reading of 2D keypoints in any format."""
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from posefuse.errors import FileError, choices
 from posefuse.io.files import must_exist
 from posefuse.io.keypoints.format import KeypointFormat
+from posefuse.io.keypoints.frame_rates import find_frame_rate
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import with_common_frames
@@ -29,7 +33,24 @@ def read_keypoints(path: Path, request: Request) -> Detections:
     if form is None:
         formats = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
         raise FileError(f"{path} contains no keypoints in a known format. Formats: {formats}.")
-    return with_common_frames(form.read(path, request), request)
+    return with_common_frames(_with_stated_rate(form.read(path, request), path, request), request)
+
+
+def _with_stated_rate(detections: Detections, path: Path, request: Request) -> Detections:
+    """Return detections with the frame rate of files beside them, if neither they nor the request have times."""
+    requested = request.rate_hz is not None or request.timestamps is not None or request.nearby is not None
+    if requested or request.view_rates_hz or has_times(detections):
+        return detections
+    stated = find_frame_rate(path)
+    if stated is None:
+        return detections
+    note = f"Frame rate {stated.rate_hz:g} Hz read from {stated.source}."
+    return replace(detections.with_rate(stated.rate_hz), notes=(*detections.notes, note))
+
+
+def has_times(detections: Detections) -> bool:
+    """Return whether the times of frames are known."""
+    return detections.rate_hz is not None or bool(np.isfinite(detections.time_s).any())
 
 
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:
@@ -41,7 +62,8 @@ def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = N
             stated by the files, or inferred from the number of keypoints.
 
     Returns:
-        The detections, in px. If the files state no frame rate, times are NaN: see ``Detections.with_rate``.
+        The detections, in px. If neither the files nor files beside them state a frame rate, times are NaN: see
+        ``Detections.with_rate``.
 
     Raises:
         FileError: If the path does not exist, is in no known format, or a file is broken.

@@ -1,1 +1,1 @@
-"""Results: a module a format, each with ``write(result, folder, layer)`` or the like."""
+"""Result formats: one module per format, each with a constant ``FORMAT``."""

@@ -1,9 +1,9 @@
-"""Anipose's 3D CSV: a file a person, a row a frame, six columns a keypoint; lengths in metres.
+"""Anipose's 3D CSV: one file per person, one row per frame, six columns per keypoint; lengths in meters.
 
 Layout after Anipose's ``triangulate``: ``<p>_x, _y, _z, _error, _ncams, _score``, then ``M_00`` to ``M_22``,
-``center_0`` to ``center_2`` and ``fnum``. ``M`` and ``center`` lead back to the calibration in the unit of its file:
-``x_calibration = M^-1 (x + center)``. No detector's score is kept in a result: ``_score`` is empty. There are no more
-columns: programs that read such files (movement) refuse them. Frame numbers without a frame are rows without points.
+``center_0`` to ``center_2`` and ``fnum``. ``M`` and ``center`` map to the calibration in the unit of its file:
+``x_calibration = M^-1 (x + center)``. Results have no detection scores, so ``_score`` is empty. There are no further
+columns, because programs that read such files (movement) reject them. Missing frame numbers are rows without points.
 """
 
 from collections.abc import Iterator
@@ -29,28 +29,28 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """Write one person.
 
     Raises:
-        ResultError: if there is no frame, nearly every row would be empty, or one camera's image plane is no place in
-            the world.
+        ResultError: if there is no frame, nearly every row would be empty, or the
+            result comes from a single camera.
     """
     if result.unit != "m":
-        raise ResultError(f"Anipose's CSV is of a world; this result is in {result.unit} (one camera's image plane).")
-    places, _ = rows_of(result, "anipose")
-    csv.write_plain(_tables(result, result.person_ids.index(person), layer, places), path)
+        raise ResultError(
+            f"Anipose's CSV has 3D coordinates; this result is in {result.unit} (image plane of a single camera)."
+        )
+    rows, _ = rows_of(result, "anipose")
+    csv.write_plain(_tables(result, result.person_ids.index(person), layer, rows), path)
 
 
-def _tables(
-    result: Reconstruction, person: int, name: LayerName, places: np.ndarray
-) -> Iterator[dict[str, np.ndarray]]:
+def _tables(result: Reconstruction, person: int, name: LayerName, rows: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
     layer = result.layers[name]
     transform = dict(zip(_TRANSFORM, _to_calibration(result), strict=True))
     row = 0
-    everything = zip(
-        blocks(layer.points_m, places),
-        blocks(layer.reprojection_error_px, places),
-        blocks(layer.view_status, places, -1),
+    ranges = zip(
+        blocks(layer.points_m, rows),
+        blocks(layer.reprojection_error_px, rows),
+        blocks(layer.view_status, rows, -1),
         strict=True,
     )
-    for points, errors, views in everything:
+    for points, errors, views in ranges:
         length = len(points)
         columns: dict[str, np.ndarray] = {}
         used = is_used(views[:, person]).sum(axis=-1).astype(np.float64)
@@ -66,43 +66,44 @@ def _tables(
 
 
 def _to_calibration(result: Reconstruction) -> list[float]:
-    """M by rows, then the centre."""
-    matrix, centre = result.rig.metres_per_unit * np.eye(3), np.zeros(3)
+    """Return M in row order, then the center."""
+    matrix, center = result.rig.metres_per_unit * np.eye(3), np.zeros(3)
     if result.alignment is not None:
         matrix = result.alignment.scale * result.rig.metres_per_unit * result.alignment.rotation
-        # Minus zero would be written as such.
-        centre = 0.0 - result.alignment.shift_m
-    return [*matrix.ravel().tolist(), *centre.tolist()]
+        # Adding 0.0 avoids writing -0.0.
+        center = 0.0 - result.alignment.shift_m
+    return [*matrix.ravel().tolist(), *center.tolist()]
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one."""
+    """Return whether a file is in this format."""
     return {"fnum", *_TRANSFORM} <= set(tables.header(path))
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of Anipose's or of ours; whose points they are is the file's name.
+    """Read a file of Anipose or posefuse; the person is named after the file.
 
     Raises:
-        FileError: if it is no such file, or cut short.
+        FileError: if it is not such a file, or truncated.
     """
-    must_exist(path, "3D CSV of Anipose's")
+    must_exist(path, "3D CSV of Anipose")
     names = tables.header(path)
     keypoints = [
         name[:-2] for name in names if name.endswith("_x") and {f"{name[:-2]}_y", f"{name[:-2]}_z"} <= {*names}
     ]
     if not keypoints or "fnum" not in names:
         raise FileError(
-            f"{path} is not a 3D CSV of Anipose's: it lacks <bodypart>_x, _y, _z or fnum among {choices(names)}."
+            f"{path} is not a 3D CSV of Anipose: it lacks <bodypart>_x, _y, _z or fnum; its columns are "
+            f"{choices(names)}."
         )
     table = tables.read_csv(path, dict.fromkeys(names, pa.float64()))
-    with reading(path, "3D CSV of Anipose's"):
+    with reading(path, "3D CSV of Anipose"):
         return _points(path, table, tuple(keypoints))
 
 
 def _points(path: Path, table: pa.Table, keypoints: tuple[str, ...]) -> StoredPoints:
     def stack(*kinds: str) -> np.ndarray | None:
-        """Shape (frame, 1, keypoint, kind)."""
+        """Return columns as an array of shape (frame, 1, keypoint, kind)."""
         names = [f"{keypoint}_{kind}" for keypoint in keypoints for kind in kinds]
         if not set(names) <= set(table.column_names):
             return None

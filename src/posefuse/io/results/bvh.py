@@ -1,9 +1,9 @@
-"""BVH, by Biovision: a figure a person, cm, y up; at rest it faces z with its arms out.
+"""BVH (Biovision): one animation skeleton per person, cm, y up; the rest pose faces z with arms out.
 
 Layout after Meredith & Maddock 2001, "Motion Capture File Formats Explained". Every joint has three angles in degrees,
-about z, x and y in this order (R = Rz Rx Ry), the root its place before them. The file covers the frames from the first
-to the last in which the person is followed; the format has no word for a frame without a pose, so that where somebody
-is away, or a hand is not followed, the last pose is held.
+about z, x and y in this order (R = Rz Rx Ry); the root has its position before them. The file covers the frames from
+the first to the last in which the person is tracked. The format cannot represent frames without a pose, so the last
+pose is held while a person is absent or a hand is not tracked.
 """
 
 import io
@@ -13,7 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.io.files import replacing
-from posefuse.io.results.clips import BODY_TO_Y_UP, Clip, clip_of, in_file_axes, kept, motions, must_be_there, notes_on
+from posefuse.io.results.clips import (
+    BODY_TO_Y_UP,
+    Clip,
+    check_presence,
+    clip_of,
+    hold_unknown,
+    limitation_notes,
+    motions,
+    to_file_axes,
+)
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.timing import export_rate, regular_rows
 from posefuse.model.animation_figures import Figure, Motion
@@ -23,44 +32,45 @@ from posefuse.progress import Progress
 _CM = 100.0
 _CHANNELS = "Zrotation Xrotation Yrotation"
 _ROOT = "Xposition Yposition Zposition"
-_GAP_WORDS = "the BVH holds the last pose, it cannot leave frames out"
+_GAP_HANDLING = "BVH cannot leave out frames, so the last pose is held"
 
 
 def write(result: Reconstruction, person: str, path: Path, progress: Progress | None = None) -> list[str]:
     """Write one person.
 
     Returns:
-        What the file cannot say, in sentences.
+        Notes on what the file does not contain, in sentences.
 
     Raises:
-        ResultError: if no bodies were fitted, the person is never there, or the frame rate is unknown or uneven.
+        ResultError: if there is no fitted model, the person is never present, or the frame rate is unknown or not
+            constant.
     """
     return write_clip(result, clip_of(result, person), path, progress)
 
 
 def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progress | None = None) -> list[str]:
-    """Write one person, whose life is known already; see :func:`write`."""
-    must_be_there(clip)
-    rate, life, figure = export_rate(result, "BVH"), clip.life, clip.figure
+    """Write one clip; see :func:`write`."""
+    check_presence(clip)
+    rate, presence, figure = export_rate(result, "BVH"), clip.presence, clip.figure
     places, _ = regular_rows(result)
-    rows = int(places[life.last] - places[life.first]) + 1
+    rows = int(places[presence.last] - places[presence.first]) + 1
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write("HIERARCHY\n")
         file.writelines(_hierarchy(figure))
         file.write(f"MOTION\nFrames: {rows}\nFrame Time: {1.0 / rate:.10g}\n")
         moving = motions(clip.body, result, progress, f"writing {path.name}")
-        for values in _rows(result, figure, moving, places - places[life.first]):
+        for values in _rows(result, figure, moving, places - places[presence.first]):
             file.write(_text(values))
-    notes = list(notes_on(result, clip, _GAP_WORDS))
-    if life.first > 0:
-        first = result.frame_numbers[life.first]
+    notes = list(limitation_notes(result, clip, _GAP_HANDLING))
+    if presence.first > 0:
+        first = result.frame_numbers[presence.first]
         notes.insert(0, f"{figure.person}: the first frame of the BVH is frame {first} of the recording.")
     return notes
 
 
 def _hierarchy(figure: Figure) -> Iterator[str]:
     offsets = _CM * figure.offsets_m @ BODY_TO_Y_UP.T
-    # Some readers add the root's offset to its place, some do not.
+    # Some readers add the root's offset to its position, others do not.
     offsets[0] = 0.0
     yield from _joint(figure, offsets, 0, "")
 
@@ -74,7 +84,7 @@ def _joint(figure: Figure, offsets: np.ndarray, j: int, indent: str) -> Iterator
     for child in children:
         yield from _joint(figure, offsets, child, deeper)
     if not children:
-        # Every branch must have an end; it goes on as the branch came.
+        # Every branch needs an end site; it continues in the direction of the last bone.
         yield f"{deeper}End Site\n{deeper}{{\n{deeper}  OFFSET {_three(0.2 * offsets[j])}\n{deeper}}}\n"
     yield f"{indent}}}\n"
 
@@ -84,7 +94,7 @@ def _three(values: np.ndarray) -> str:
 
 
 def _rows(result: Reconstruction, figure: Figure, moving: Iterable[Motion], places: np.ndarray) -> Iterator[np.ndarray]:
-    """Rows of numbers of the file, shape (row, 3 + 3 joint), some at a time; places that are no frame repeat a row."""
+    """Yield blocks of rows of shape (row, 3 + 3 joint); rows without a frame repeat the previous one."""
     order = _order(figure)
     before = np.tile(np.eye(3), (len(order), 1, 1))
     angles = np.zeros((len(order), 3))
@@ -95,18 +105,18 @@ def _rows(result: Reconstruction, figure: Figure, moving: Iterable[Motion], plac
         start, done = done, done + motion.n_frames
         if not len(some):
             continue
-        root, turns = in_file_axes(result, motion)
-        turns = kept(turns[some], before)
+        root, turns = to_file_axes(result, motion)
+        turns = hold_unknown(turns[some], before)
         before = turns[-1]
-        unwound = _unwound(_euler_zxy(turns[:, order]), angles)
+        unwound = _unwrap_angles(_euler_zxy(turns[:, order]), angles)
         angles = unwound[-1]
         values = np.concatenate([_CM * root[some], np.degrees(unwound).reshape(len(some), -1)], axis=1)
-        yield from _repeated(values, places[start + some], last)
+        yield from _repeat_rows(values, places[start + some], last)
         last = np.append(values[-1], places[start + some[-1]])
 
 
-def _repeated(values: np.ndarray, places: np.ndarray, last: np.ndarray | None) -> Iterator[np.ndarray]:
-    """The rows, each again until the place of the next; ``last`` is the row before them with its place."""
+def _repeat_rows(values: np.ndarray, places: np.ndarray, last: np.ndarray | None) -> Iterator[np.ndarray]:
+    """Yield each row repeated up to the next one; ``last`` is the previous row, followed by its index."""
     if last is not None:
         values, places = np.concatenate([last[None, :-1], values]), np.append(int(last[-1]), places)
         times = np.diff(places, append=places[-1] + 1)
@@ -117,7 +127,7 @@ def _repeated(values: np.ndarray, places: np.ndarray, last: np.ndarray | None) -
 
 
 def _order(figure: Figure) -> list[int]:
-    """Joints as the file lists them: each with all that it carries."""
+    """Return the joints in the order of the file: depth first."""
     out: list[int] = []
     waiting = [0]
     while waiting:
@@ -128,22 +138,22 @@ def _order(figure: Figure) -> list[int]:
 
 
 def _euler_zxy(turns: np.ndarray) -> np.ndarray:
-    """Angles about z, x, y of R = Rz Rx Ry, shape (..., 3), radians."""
+    """Return the angles about z, x, y of R = Rz Rx Ry, shape (..., 3), radians."""
     x = np.arcsin(np.clip(turns[..., 2, 1], -1.0, 1.0))
     z = np.arctan2(-turns[..., 0, 1], turns[..., 1, 1])
     y = np.arctan2(-turns[..., 2, 0], turns[..., 2, 2])
     locked = np.hypot(turns[..., 0, 1], turns[..., 1, 1]) < 1e-9
-    # Where x is a quarter turn, only the sum of the others is known.
+    # Gimbal lock: if x is 90 degrees, only the sum of the other angles is determined.
     z = np.where(locked, np.arctan2(turns[..., 1, 0], turns[..., 0, 0]), z)
     return np.stack([z, x, np.where(locked, 0.0, y)], axis=-1)
 
 
-def _unwound(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """The same turns by the angles nearest to those of the frame before: curves without jumps.
+def _unwrap_angles(angles: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Return equivalent angles nearest to those of the previous frame, which avoids jumps.
 
     Args:
         angles: shape (frame, joint, 3), radians.
-        before: shape (joint, 3): of the frame before the first.
+        before: shape (joint, 3): angles of the frame before the first.
     """
     full = 2.0 * np.pi
     other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)

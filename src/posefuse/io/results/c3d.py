@@ -1,11 +1,12 @@
-"""C3D, by ezc3d: a file a person, mm, world axes, missing points with residual -1.
+"""C3D, written with ezc3d: one file per person, mm, world axes; missing points have residual -1.
 
-A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25.5); that of
-a filled point is 0, by which the standard tells points that were not measured. Up to seven views set the standard's
-camera bits; beyond, POSEFUSE:MEAN_VIEWS gives each keypoint's mean number of views.
-More than 65,535 frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs that do not know
-it (ezc3d among them) read the first 65,535. ezc3d writes all but the points, which follow range by range: it would hold
-them many times over, and it has cameras in the byte of the residual. ``c3d_reading`` reads.
+A point's residual is its standard deviation in mm (root mean square over the axes, steps of 0.1, at most 25.5). The
+residual of a filled point is 0, the standard's mark of points that were not measured. Up to seven views set the
+standard's camera bits; with more, POSEFUSE:MEAN_VIEWS is the mean number of views of each keypoint. More than 65,535
+frames are written with the standard's extension, TRIAL:ACTUAL_END_FIELD; programs without support for it (such as
+ezc3d) read the first 65,535. ezc3d writes the header and parameters only, because it would hold several copies of the
+points in memory and stores the camera bits in the byte of the residual. :mod:`posefuse.io.results.c3d_reading` reads
+C3D files.
 """
 
 import struct
@@ -27,7 +28,7 @@ from posefuse.model.cameras import UpAxis
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import Source, is_used
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _CAMERA_BITS = 7
 _RESIDUAL_STEP_MM = 0.1
@@ -37,7 +38,7 @@ _BLOCK = 512
 _MEAN_VIEWS = "MEAN_VIEWS"
 _MISSING = np.array([0.0, 0.0, 0.0, -1.0], dtype="<f4")
 _LONGEST_AXIS = 255
-# What is to the right of a viewer who looks at the world with up upwards.
+# World axis that points to the right on the screen.
 _SCREEN_X: dict[UpAxis, str] = {"z": "+X", "y": "+X", "x": "+Y", "-z": "+X", "-y": "+X", "-x": "+Y"}
 
 
@@ -45,11 +46,13 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     """Write one person.
 
     Raises:
-        ResultError: if the frame rate is unknown or uneven, or there is no such person.
+        ResultError: if the frame rate is unknown or not constant, or the result is not in meters.
     """
     rate = export_rate(result, "C3D")
     if result.unit != "m":
-        raise ResultError(f"A C3D file is in mm; this result is in {result.unit} (one camera's image plane). Use TRC.")
+        raise ResultError(
+            f"A C3D file is in mm; this result is in {result.unit} (image plane of a single camera). Use TRC."
+        )
     places, n_rows = regular_rows(result)
     index, names = result.person_ids.index(person), result.skeleton.keypoints
     views = np.zeros(len(names))
@@ -61,7 +64,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
             _fit_head(file, found, n_rows, start + 16 * len(names) * n_rows)
             file.seek(start)
             done, row = 0, 0
-            for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+            for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
                 rows = places[done : done + part.n_frames]
                 block = np.tile(_MISSING, (int(rows[-1]) + 1 - row, len(names), 1))
                 block[rows - row], used = _words(part.layers[layer], index)
@@ -73,7 +76,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
 
 
 def _head(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) -> ezc3d.c3d:
-    """All but the points, of which there is a row of none: ezc3d would hold all of them many times over."""
+    """Return the file's header and parameters with a single row of missing points."""
     names = result.skeleton.keypoints
     content = ezc3d.c3d()
     point = content["parameters"]["POINT"]
@@ -98,14 +101,14 @@ def _head(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) ->
 
 @dataclass(frozen=True)
 class _Parameter:
-    """Where a parameter's numbers begin in a file, and the first of them as a 16-bit integer."""
+    """Byte offset of a parameter's values, and the first of them as a 16-bit integer."""
 
-    place: int
+    offset: int
     integer: int
 
 
 def _parameters(content: bytes) -> dict[tuple[str, str], _Parameter]:
-    """The parameters of a file by group and name: what ezc3d wrote of a file without points."""
+    """Return the parameters of a file written by ezc3d, by group and name."""
     groups: dict[int, str] = {}
     found: dict[tuple[int, str], _Parameter] = {}
     at = _BLOCK + 4
@@ -120,50 +123,50 @@ def _parameters(content: bytes) -> dict[tuple[str, str], _Parameter]:
             groups[-group] = name
         else:
             axes = content[at + 5 + length]
-            place = at + 6 + length + axes
-            found[group, name] = _Parameter(place, int.from_bytes(content[place : place + 2], "little"))
+            offset = at + 6 + length + axes
+            found[group, name] = _Parameter(offset, int.from_bytes(content[offset : offset + 2], "little"))
         at += 2 + length + step
     return {(groups[group], name): each for (group, name), each in found.items()}
 
 
 def _fit_head(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], n_rows: int, stop: int) -> None:
-    """Say how many rows there are, whose last byte is before ``stop``; and POINT:SCALE in the header too.
+    """Set the number of rows, whose data end before byte ``stop``, and copy POINT:SCALE to the header.
 
-    ezc3d leaves -1 there, and strict readers compare.
+    ezc3d leaves -1 in the header, and strict readers compare the two.
     """
     first = struct.unpack("<H", _read_at(file, 6, 2))[0]
     last = min(first + n_rows - 1, _FRAMES_OF_HEADER)
     _write_at(file, 8, struct.pack("<H", last))
     _write_at(file, 12, struct.pack("<f", -_RESIDUAL_STEP_MM))
-    _write_at(file, found["POINT", "FRAMES"].place, struct.pack("<H", min(n_rows, _FRAMES_OF_HEADER)))
-    # As ezc3d ends a file: with zeros to the next block, also where one ends just there.
+    _write_at(file, found["POINT", "FRAMES"].offset, struct.pack("<H", min(n_rows, _FRAMES_OF_HEADER)))
+    # Like ezc3d, end the file with zeros up to the next block, even if the data end at a block boundary.
     after = stop // _BLOCK + 2
-    _write_at(file, found["ROTATION", "DATA_START"].place, struct.pack("<H", after % 65536))
+    _write_at(file, found["ROTATION", "DATA_START"].offset, struct.pack("<H", after % 65536))
 
 
 def _put_means(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], means: np.ndarray) -> None:
     for part, start in enumerate(range(0, len(means), _LONGEST_AXIS), 1):
         name = _MEAN_VIEWS if part == 1 else f"{_MEAN_VIEWS}{part}"
         some = means[start : start + _LONGEST_AXIS].astype("<f4")
-        _write_at(file, found["POSEFUSE", name].place, some.tobytes())
+        _write_at(file, found["POSEFUSE", name].offset, some.tobytes())
 
 
-def _read_at(file: BinaryIO, place: int, size: int) -> bytes:
-    file.seek(place)
+def _read_at(file: BinaryIO, offset: int, size: int) -> bytes:
+    file.seek(offset)
     return file.read(size)
 
 
-def _write_at(file: BinaryIO, place: int, content: bytes) -> None:
-    file.seek(place)
+def _write_at(file: BinaryIO, offset: int, content: bytes) -> None:
+    file.seek(offset)
     file.write(content)
 
 
 def _words(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """A person's points as the file holds them, and how many views each rests on, shape (frame, keypoint).
+    """Return a person's points as in the file, and the number of views used, shape (frame, keypoint).
 
-    Shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte are the cameras, the first its
-    lowest bit, and whose low byte is the standard deviation in steps of 0.1 mm, 0 where not known. Of points that were
-    filled it is 0; missing points are 0, 0, 0, -1.
+    The points have shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte has the camera
+    bits, the first camera lowest, and whose low byte is the standard deviation in steps of 0.1 mm, or 0 if unknown.
+    Filled points have the number 0; missing points are 0, 0, 0, -1.
     """
     used = is_used(np.asarray(layer.view_status)[:, index])
     deviation = 1000.0 * np.sqrt((layer.sd_m[:, index] ** 2).mean(axis=-1))
@@ -179,13 +182,13 @@ def _words(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _first_frame(result: Reconstruction) -> int:
-    """The recording's own number of the first frame, where the header (16 bits) can hold it and the last."""
+    """Return the number of the first frame if the header (16 bits) can hold it and the last one, otherwise 0."""
     first = int(result.frame_numbers[0])
     return first if first + result.n_frames < _FRAMES_OF_HEADER else 0
 
 
 def _add_list(content: ezc3d.c3d, name: str, values: list[str] | list[float]) -> None:
-    """A list as NAME, NAME2, ...: a parameter's axis counts to 255, as with LABELS and LABELS2."""
+    """Add a list as NAME, NAME2, ..., because a parameter has at most 255 entries, as LABELS and LABELS2 do."""
     for part, start in enumerate(range(0, len(values), _LONGEST_AXIS), 1):
         content.add_parameter("POSEFUSE", name if part == 1 else f"{name}{part}", values[start : start + _LONGEST_AXIS])
 

@@ -1,10 +1,12 @@
-"""Reading C3D: the points of any program's file, without its analogue channels.
+"""Reading of the points of C3D files of any program; analog channels are ignored.
 
-Layout after the C3D user guide (C3D.org): a header of 512 bytes, parameters in blocks of 512 bytes, then of each frame
-four numbers a point (x, y, z, and a word: camera bits in its high byte, the residual in its low one; negative where the
-point is missing) and the analogue samples. Whole numbers or floats, of Intel's, DEC's or MIPS' bytes. ezc3d, which
-writes, is not asked to read: files with changed bytes keep it busy for ever. Here every size is checked against the
-file's.
+Layout after the C3D user guide (C3D.org): a header of 512 bytes, parameters in blocks of 512 bytes, then for each frame
+four numbers per point (x, y, z, and a word with camera bits in its high byte and the residual in its low byte; negative
+if the point is missing) and the analog samples. Numbers are integers or floats in the byte order of Intel, DEC or MIPS.
+
+ezc3d, which writes C3D files, is not used for reading: it rejects files of MIPS processors and finds no frames in some
+files with analog channels, see tests/unit/io/test_c3d_reading.py. This reader checks every size against that of the
+file.
 """
 
 import math
@@ -26,29 +28,29 @@ _BLOCK = 512
 _KEY = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
 _TEXT, _BYTE, _INTEGER, _FLOAT = -1, 1, 2, 4
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_METERS_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _CAMERA_BITS = 7
-_MORE = 20
-"""A list is continued as LABELS2, LABELS3, ...: so many are looked for."""
+_MAX_PARTS = 20
+"""Largest number of parts of a list that is continued as LABELS2, LABELS3, ..."""
 
 _Parameters = Mapping[tuple[str, str], np.ndarray | list[str]]
 
 
 @dataclass(frozen=True)
 class Points:
-    """What a C3D file says of its points.
+    """The points of a C3D file.
 
     Attributes:
-        names: of the points, as written.
+        names: names of the points as in the file.
         first: number of the first frame, from 0.
         rate_hz: frames per second.
-        points: shape (frame, point, 3), in ``unit``, in the file's axes; NaN where missing.
+        points: shape (frame, point, 3), in ``unit`` and the file's axes; NaN if missing.
         residual: shape (frame, point), in the file's unit, -1 where missing.
         cameras: shape (frame, point, 7), bool: which of the first seven cameras saw it.
-        unit: ``m``, into which cm and mm are turned; empty where the file does not say.
-        up: the up axis that the file says, or None.
-        layer: which layer posefuse wrote; empty of other programs.
-        view_names: of the cameras that posefuse names; of other programs none.
+        unit: ``m``, to which cm and mm are converted; empty if unknown.
+        up: up axis stated by the file, or None.
+        layer: layer written by posefuse; empty for files of other programs.
+        view_names: names of the cameras written by posefuse; empty for files of other programs.
     """
 
     names: tuple[str, ...]
@@ -64,12 +66,12 @@ class Points:
 
     @property
     def time_s(self) -> np.ndarray:
-        """Shape (frame,): number of the frame by the rate."""
+        """Times of the frames, shape (frame,): frame number divided by the rate."""
         return (self.first + np.arange(len(self.points))) / self.rate_hz
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one."""
+    """Return whether a file is in this format."""
     with path.open("rb") as content:
         start = content.read(2)
     return len(start) == 2 and start[1] == _KEY
@@ -79,19 +81,19 @@ def read(path: Path) -> Points:
     """Read a C3D file of any program.
 
     Raises:
-        FileError: if it is cut short, or not what the format says.
+        FileError: if it is truncated or does not conform to the format.
     """
     with reading(path, "C3D file"):
         return _read(path, path.read_bytes())
 
 
 def read_points(path: Path) -> StoredPoints:
-    """The points of a C3D file of any program, of one person, who is called as the file is; in the file's axes.
+    """Read the points of a C3D file of any program as one person named after the file; in the file's axes.
 
-    Views are counted by the file's camera bits, where posefuse wrote it of up to seven cameras.
+    The number of views comes from the camera bits if posefuse wrote the file for up to seven cameras.
 
     Raises:
-        FileError: if it is cut short, or not what the format says.
+        FileError: if it is truncated or does not conform to the format.
     """
     found = read(path)
     counted = 0 < len(found.view_names) <= _CAMERA_BITS
@@ -114,7 +116,7 @@ def _read(path: Path, data: bytes) -> Points:
     start = (data[0] - 1) * _BLOCK
     processor = data[start + 3]
     if processor not in (_INTEL, _DEC, _MIPS):
-        raise FileError(f"{path}: a C3D file of processor {processor}; known are 84 (Intel), 85 (DEC), 86 (MIPS).")
+        raise FileError(f"{path}: a C3D file of processor {processor}; expected 84 (Intel), 85 (DEC) or 86 (MIPS).")
     known = _parameters(data[start + 4 :], processor)
     head = np.frombuffer(data[:_BLOCK], _order(processor) + "u2")
     rate = _number(known, ("POINT", "RATE")) or float(_floats(data[20:24], processor)[0])
@@ -128,8 +130,8 @@ def _read(path: Path, data: bytes) -> Points:
     missing = (word < 0) | ~np.isfinite(values[..., :3]).all(axis=-1)
     bits = np.where(missing, 0.0, np.clip(word, 0.0, 32767.0)).astype(np.int64)
     unit = _text(known, ("POINT", "UNITS")).strip().lower()
-    points = values[..., :3] * _METRES.get(unit, 1.0)
-    said = _text(known, ("POINT", "Y_SCREEN")).strip().lower().removeprefix("+")
+    points = values[..., :3] * _METERS_PER_UNIT.get(unit, 1.0)
+    y_screen = _text(known, ("POINT", "Y_SCREEN")).strip().lower().removeprefix("+")
     layer = _text(known, ("POSEFUSE", "LAYER")).strip()
     return Points(
         names=_names(known, n_points),
@@ -138,8 +140,8 @@ def _read(path: Path, data: bytes) -> Points:
         points=np.where(missing[..., None], np.nan, points),
         residual=np.where(missing, -1.0, (bits & 255) * abs(scale)),
         cameras=(bits[..., None] >> np.arange(8, 8 + _CAMERA_BITS)) & 1 == 1,
-        unit="m" if unit in _METRES else "",
-        up=next((axis for axis in UP_AXES if axis == said), None),
+        unit="m" if unit in _METERS_PER_UNIT else "",
+        up=next((axis for axis in UP_AXES if axis == y_screen), None),
         layer=layer if layer in LAYERS else "",
         view_names=tuple(_texts(known, ("POSEFUSE", "VIEWS"))),
     )
@@ -150,7 +152,7 @@ def _order(processor: int) -> str:
 
 
 def _floats(content: bytes, processor: int) -> np.ndarray:
-    """Floats of a processor's bytes as float64."""
+    """Convert floats of a processor to float64."""
     if processor != _DEC:
         return np.frombuffer(content, _order(processor) + "f4").astype(np.float64)
     # DEC's F float is the word-swapped IEEE float, times four.
@@ -159,7 +161,7 @@ def _floats(content: bytes, processor: int) -> np.ndarray:
 
 
 def _frames(known: _Parameters, head: np.ndarray) -> tuple[int, int]:
-    """Number of the first frame, from 0, and how many there are: more than the header can count by TRIAL's fields."""
+    """Return the number of the first frame, from 0, and of frames; TRIAL's fields override the 16-bit header."""
     first, last = int(head[3]), int(head[4])
     fields = [known.get(("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END")]
     if all(isinstance(field, np.ndarray) and field.size == 2 for field in fields):
@@ -170,15 +172,15 @@ def _frames(known: _Parameters, head: np.ndarray) -> tuple[int, int]:
 def _values(
     path: Path, data: bytes, head: np.ndarray, processor: int, scale: float, counts: tuple[int, int, int]
 ) -> np.ndarray:
-    """Shape (frame, point, 4): x, y, z in the file's unit, and the word of residual and cameras."""
+    """Return x, y, z in the file's unit and the word of residual and cameras, shape (frame, point, 4)."""
     n_frames, n_points, n_analogue = counts
     start, width = (int(head[8]) - 1) * _BLOCK, 4 if scale < 0 else 2
     each = 4 * n_points + n_analogue
     n_bytes = n_frames * each * width
     if start < _BLOCK or start + n_bytes > len(data):
         raise FileError(
-            f"{path} should hold {n_bytes} bytes of {n_frames} frames from byte {start} on, and has {len(data)} bytes. "
-            "Was it cut short?"
+            f"{path} should hold {n_bytes} bytes of {n_frames} frames starting at byte {start}, but has {len(data)} "
+            "bytes. Is it truncated?"
         )
     content = data[start : start + n_bytes]
     if scale < 0:
@@ -190,7 +192,7 @@ def _values(
 
 
 def _parameters(data: bytes, processor: int) -> dict[tuple[str, str], np.ndarray | list[str]]:
-    """Parameters by the names of their group and their own."""
+    """Return the parameters by group name and parameter name."""
     groups: dict[int, str] = {}
     found: list[tuple[int, str, np.ndarray | list[str]]] = []
     for number, name, content in _records(data, processor):
@@ -202,11 +204,11 @@ def _parameters(data: bytes, processor: int) -> dict[tuple[str, str], np.ndarray
 
 
 def _records(data: bytes, processor: int) -> Iterator[tuple[int, str, bytes]]:
-    """Number, name and content of one group or parameter after the other."""
+    """Yield number, name and content of each group and parameter."""
     at = 0
     while at + 2 < len(data):
         length, number = struct.unpack_from("bb", data, at)
-        length = abs(length)  # negative of what is locked
+        length = abs(length)  # negative for locked entries
         if length == 0 or number == 0:
             return
         offset_at = at + 2 + length
@@ -219,7 +221,7 @@ def _records(data: bytes, processor: int) -> Iterator[tuple[int, str, bytes]]:
 
 
 def _parameter(content: bytes, processor: int) -> np.ndarray | list[str]:
-    """Numbers in the order of the file, or texts."""
+    """Return numbers in the order of the file, or texts."""
     kind, n_axes = struct.unpack_from("bB", content, 0)
     axes = list(content[2 : 2 + n_axes])
     size, values = math.prod(axes), content[2 + n_axes :]
@@ -236,15 +238,15 @@ def _parameter(content: bytes, processor: int) -> np.ndarray | list[str]:
 
 
 def _number(known: _Parameters, name: tuple[str, str]) -> float:
-    """The first number of a parameter; 0 where there is none."""
+    """Return the first number of a parameter; 0 if there is none."""
     values = known.get(name)
     return float(values[0]) if isinstance(values, np.ndarray) and values.size else 0.0
 
 
 def _texts(known: _Parameters, name: tuple[str, str]) -> list[str]:
-    """The texts of a parameter and of those that continue it."""
-    group, own = name
-    parts: list[Any] = [known.get((group, own if i == 1 else f"{own}{i}")) for i in range(1, _MORE)]
+    """Return the texts of a parameter and its continuations."""
+    group, first = name
+    parts: list[Any] = [known.get((group, first if i == 1 else f"{first}{i}")) for i in range(1, _MAX_PARTS)]
     return [text for part in parts if isinstance(part, list) for text in part]
 
 
@@ -253,7 +255,7 @@ def _text(known: _Parameters, name: tuple[str, str]) -> str:
 
 
 def _names(known: _Parameters, n_points: int) -> tuple[str, ...]:
-    """The labels; of points without one, ``point_<number>``."""
+    """Return the labels; points without one are called ``point_<number>``."""
     labels = _texts(known, ("POINT", "LABELS"))[:n_points]
     labels += [""] * (n_points - len(labels))
     return tuple(label.strip() or f"point_{i}" for i, label in enumerate(labels))

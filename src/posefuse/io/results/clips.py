@@ -1,4 +1,4 @@
-"""What files of animated figures share: when a person is there, axes with y up, turns that stay as they were."""
+"""Functions shared by animation formats: presence of a person, y-up axes, and holding of unknown rotations."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -8,97 +8,95 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.errors import ResultError
-from posefuse.io.results.axes import least_y_up_from_world
+from posefuse.io.results.axes import minimal_y_up_from_world
 from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 if TYPE_CHECKING:
     from posefuse.biomechanics.animation_figures import Body
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""From forward, left, up to x left, y up, z forward, as glTF has it."""
-_SAID_OFF_M = 0.001
-_MOST_SPANS = 5
+"""From forward, left, up to x left, y up, z forward, the axes of glTF."""
+_NOTABLE_DEVIATION_M = 0.001
+_MAX_LISTED_GAPS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Life:
-    """When a person is there, in the frames of a result.
+class Presence:
+    """The frames in which a person is present.
 
     Attributes:
-        there: shape (frame,), bool.
-        off_m: how far at most a keypoint of the figure is from that of the model layer.
+        present: shape (frame,), bool.
+        max_deviation_m: largest distance between a joint of the animation skeleton and the model layer.
         held: names of joints that are unknown in some of these frames.
     """
 
-    there: np.ndarray
-    off_m: float
+    present: np.ndarray
+    max_deviation_m: float
     held: tuple[str, ...]
 
     @property
     def first(self) -> int:
-        """The first frame, counted from 0."""
-        return int(np.argmax(self.there))
+        """Index of the first frame."""
+        return int(np.argmax(self.present))
 
     @property
     def last(self) -> int:
-        """The last frame."""
-        return len(self.there) - 1 - int(np.argmax(self.there[::-1]))
+        """Index of the last frame."""
+        return len(self.present) - 1 - int(np.argmax(self.present[::-1]))
 
     @property
     def gaps(self) -> list[tuple[int, int]]:
-        """First and last frames of the stretches in between in which the person is away."""
-        inside = np.append(np.append(True, self.there[self.first : self.last + 1]), True)
+        """First and last frame indices of the intervals in between in which the person is absent."""
+        inside = np.append(np.append(True, self.present[self.first : self.last + 1]), True)
         edges = np.flatnonzero(inside[1:] != inside[:-1]) + self.first
         return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A person to be written.
+    """The motion of one person to write.
 
     Attributes:
-        body: their figure.
-        life: when they are there.
+        body: animation skeleton and motion of the person.
+        presence: frames in which the person is present.
     """
 
     body: "Body"
-    life: Life
+    presence: Presence
 
     @property
     def figure(self) -> Figure:
-        """Their joints."""
+        """The animation skeleton."""
         return self.body.figure
 
 
 def clip_of(result: Reconstruction, person: str) -> Clip:
-    """A person of a result, who may be there in no frame.
+    """Return the clip of a person, who may be absent in all frames.
 
     Raises:
-        ResultError: if no bodies were fitted, or there is no such person.
+        ResultError: if there is no fitted model, or no such person.
     """
     from posefuse.biomechanics.animation_figures import body_of  # compiled kernels: imported on first use
 
     body = body_of(result, person)
-    return Clip(body, life_of(body.figure, motions(body, result)))
+    return Clip(body, presence_of(body.figure, motions(body, result)))
 
 
-def must_be_there(clip: Clip) -> None:
-    """Check that there is something to write.
+def check_presence(clip: Clip) -> None:
+    """Check that there is motion to write.
 
     Raises:
-        ResultError: if the person is in no frame.
+        ResultError: if the person is absent in all frames.
     """
-    if not clip.life.there.any():
-        raise ResultError(
-            f"{clip.figure.person} stands in no frame of this result: there is no motion to write. Write somebody else."
-        )
+    if not clip.presence.present.any():
+        raise ResultError(f"{clip.figure.person} is absent in all frames of this result: there is no motion to write.")
 
 
-def life_of(figure: Figure, motions: Iterable[Motion]) -> Life:
-    """When a person is there, from all ranges of frames."""
+def presence_of(figure: Figure, motions: Iterable[Motion]) -> Presence:
+    """Return when a person is present, from all ranges of frames."""
     there, off_m = [np.zeros(0, dtype=bool)], 0.0
     unknown = np.zeros(len(figure.joints), dtype=bool)
     for motion in motions:
@@ -106,7 +104,7 @@ def life_of(figure: Figure, motions: Iterable[Motion]) -> Life:
         off_m = max(off_m, float(motion.off_m[motion.there].max(initial=0.0)))
         unknown |= ~np.isfinite(motion.turns[motion.there]).all(axis=(0, 2, 3))
     held = tuple(joint.name for joint, some in zip(figure.joints, unknown, strict=True) if some)
-    return Life(np.concatenate(there), off_m, held)
+    return Presence(np.concatenate(there), off_m, held)
 
 
 def motions(body: "Body", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
@@ -115,28 +113,28 @@ def motions(body: "Body", result: Reconstruction, progress: Progress | None = No
 
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     found = (motion_of(body, result, start, stop) for start, stop in spans)
-    return watched(found, result.n_frames, what, progress or Silent())
+    return report_ranges(found, result.n_frames, what, progress or Silent())
 
 
-def in_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Where the root is, m, and turns, in axes of which y is up: (frame, 3) and (frame, joint, 3, 3)."""
-    turn = least_y_up_from_world(result.rig.up_axis)
+def to_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Return root positions, m, and rotations in y-up axes, shapes (frame, 3) and (frame, joint, 3, 3)."""
+    turn = minimal_y_up_from_world(result.rig.up_axis)
     turns = BODY_TO_Y_UP @ motion.turns @ BODY_TO_Y_UP.T
     turns[:, 0] = turn @ motion.turns[:, 0] @ BODY_TO_Y_UP.T
     return motion.root_m @ turn.T, turns
 
 
-def standing_m(figure: Figure) -> np.ndarray:
-    """Shape (3,), m, y up: where the root is when the figure at rest stands on the floor at the origin."""
+def rest_root_m(figure: Figure) -> np.ndarray:
+    """Return the root's position in the rest pose standing on the floor at the origin, shape (3,), m, y up."""
     return np.array([0.0, -float(figure.rest_m[:, 2].min()), 0.0])
 
 
-def kept(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Turns with those that are not known as they were in the frame before.
+def hold_unknown(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Replace unknown rotations by those of the previous frame.
 
     Args:
         turns: shape (frame, joint, 3, 3), NaN where unknown.
-        before: shape (joint, 3, 3): of the frame before, known.
+        before: shape (joint, 3, 3): rotations of the frame before the first, without NaN.
     """
     known = np.isfinite(turns).all(axis=(2, 3))
     if known.all():
@@ -147,25 +145,29 @@ def kept(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
     return np.where((latest >= 0)[..., None, None], turns[np.maximum(latest, 0), joints], before)
 
 
-def notes_on(result: Reconstruction, clip: Clip, gap_words: str) -> Iterator[str]:
-    """What a file of this figure cannot say, in sentences.
+def limitation_notes(result: Reconstruction, clip: Clip, gap_handling: str) -> Iterator[str]:
+    """Yield notes on what the file of a clip does not contain, in sentences.
 
     Args:
-        result: whose figure it is.
-        clip: of a person.
-        gap_words: what the file does in frames in which the person is away.
+        result: the result.
+        clip: the motion of one person.
+        gap_handling: how the format represents frames in which the person is absent.
     """
-    numbers, figure, life = result.frame_numbers, clip.figure, clip.life
-    if life.gaps:
-        spans = ", ".join(f"{numbers[a]} to {numbers[b]}" for a, b in life.gaps[:_MOST_SPANS])
-        more = f" and {len(life.gaps) - _MOST_SPANS} more" if len(life.gaps) > _MOST_SPANS else ""
-        yield f"{figure.person} is away in frames {spans}{more}: {gap_words}."
-    if life.held:
-        yield f"{figure.person}: {len(life.held)} joints of hands or face are not followed all the time; they stay."
-    if life.off_m > _SAID_OFF_M:
+    numbers, figure, presence = result.frame_numbers, clip.figure, clip.presence
+    gaps = presence.gaps
+    if gaps:
+        spans = ", ".join(f"{numbers[a]} to {numbers[b]}" for a, b in gaps[:_MAX_LISTED_GAPS])
+        more = f" and {len(gaps) - _MAX_LISTED_GAPS} more" if len(gaps) > _MAX_LISTED_GAPS else ""
+        yield f"{figure.person} is absent in frames {spans}{more}: {gap_handling}."
+    if presence.held:
         yield (
-            f"{figure.person}: a figure has one length for each bone; its joints are up to "
-            f"{1000 * life.off_m:.0f} mm from those of the layer model."
+            f"{figure.person}: {len(presence.held)} joints of hands or face are not tracked in all frames; their last "
+            "pose is held."
+        )
+    if presence.max_deviation_m > _NOTABLE_DEVIATION_M:
+        yield (
+            f"{figure.person}: bones of an animation skeleton have constant lengths, so joints deviate by up to "
+            f"{1000 * presence.max_deviation_m:.0f} mm from the layer model."
         )
     if result.rig.up_axis is None:
-        yield f"{figure.person}: which axis is up is not known (--up); the file's y is the calibration's."
+        yield f"{figure.person}: the up axis is unknown (--up); the file's y axis is that of the calibration."

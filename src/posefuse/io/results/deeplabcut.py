@@ -1,6 +1,6 @@
-"""DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z a body part, a row a frame.
+"""DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z per body part, one row per frame.
 
-Header rows: scorer (``posefuse_<layer>``), (individuals, where there are several,) bodyparts, coords. Metres. The
+Header rows: scorer (``posefuse_<layer>``), (individuals, where there are several,) bodyparts, coords. Meters. The
 index is the frame's number; numbers without a frame are rows without points. The h5 file has the group ``posefuse``
 too, see :mod:`posefuse.io.results.hdf5`; the CSV has nothing beside the points.
 """
@@ -31,10 +31,10 @@ _SCORER = "posefuse_"
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    """Write one layer of everybody, as CSV where the path ends in .csv.
+    """Write one layer of all people, as CSV where the path ends in .csv.
 
     Raises:
-        ResultError: if there is no frame, or nearly every row would be empty.
+        ResultError: if there are no frames, or almost all rows would be empty.
     """
     places, n_rows = rows_of(result, "deeplabcut")
     levels, columns = _columns(result, layer)
@@ -50,7 +50,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
 
 
 def _columns(result: Reconstruction, layer: LayerName) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Names of the levels, and a name of so many levels for each column."""
+    """Return the names of the levels, and the names of each column at all levels."""
     scorer, keypoints = f"{_SCORER}{layer}", result.skeleton.keypoints
     if len(result.person_ids) == 1:
         return _ONE, [(scorer, part, axis) for part in keypoints for axis in "xyz"]
@@ -72,7 +72,7 @@ def _write_csv(
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one: of points in 3D, not of predictions in 2D."""
+    """Return whether a file contains 3D points of DeepLabCut rather than 2D predictions."""
     try:
         if path.suffix.lower() == ".csv":
             return _is_3d(_header_of(path)[1])
@@ -87,10 +87,10 @@ def _is_3d(columns: list[tuple[str, ...]]) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of DeepLabCut's or of ours. One individual that is not named is the file's name.
+    """Read a file of DeepLabCut or posefuse. A single individual without a name is named after the file.
 
     Raises:
-        FileError: if it is no such file, or cut short.
+        FileError: if it is not such a file, or truncated.
     """
     must_exist(path, "3D table of DeepLabCut's")
     if path.suffix.lower() == ".csv":
@@ -145,7 +145,7 @@ def _read_csv(path: Path) -> Frame:
                 continue
             if len(row) != len(columns) + 1:
                 raise FileError(
-                    f"{path}, row {number}: {len(row)} columns, expected {len(columns) + 1}. Was it cut short?"
+                    f"{path}, row {number}: {len(row)} columns, expected {len(columns) + 1}. Is it truncated?"
                 )
             index.append(int(row[0]))
             values.append([float(cell or "nan") for cell in row[1:]])

@@ -1,4 +1,4 @@
-"""Write everybody's animated figure beside a result."""
+"""Write the animation skeletons of all people beside a result."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from posefuse.progress import Progress
 
 
 def has_figures(result: Reconstruction) -> bool:
-    """Whether articulated bodies were fitted that figures can be made of."""
+    """Return whether a result has articulated poses that can be written as animation skeletons."""
     poses = result.poses
     if poses is None or result.skeleton.tree is None or "model" not in result.layers:
         return False
@@ -21,23 +21,23 @@ def has_figures(result: Reconstruction) -> bool:
 def write_figures(
     result: Reconstruction, people: Sequence[str], folder: Path, progress: Progress | None = None
 ) -> tuple[list[str], list[str]]:
-    """Write a BVH and a glb a person; nothing where no bodies were fitted.
+    """Write a BVH and a glb file per person; nothing if there is no fitted model.
 
     Args:
-        result: what to write.
-        people: whom of it.
-        folder: where.
-        progress: told how far the work is.
+        result: the result to write.
+        people: names of the people to write.
+        folder: output folder.
+        progress: receives the progress.
 
     Returns:
-        The names of the files, and what these cannot say, in sentences.
+        The names of the files, and notes on what they do not contain.
     """
     files: list[str] = []
     notes: list[str] = []
     for person, stem in zip(people, safe_names(people), strict=True) if has_figures(result) else ():
         clip = clip_of(result, person)
-        if not clip.life.there.any():
-            notes.append(f"{person} stands in no frame: there is no BVH or glTF of {person}.")
+        if not clip.presence.present.any():
+            notes.append(f"{person} is absent in all frames: no BVH or glTF was written for {person}.")
             continue
         for form, end in ((bvh, "bvh"), (gltf, "glb")):
             notes += form.write_clip(result, clip, folder / f"{stem}.{end}", progress)

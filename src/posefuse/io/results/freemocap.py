@@ -1,4 +1,4 @@
-"""FreeMoCap's arrays: a folder ``output_data`` with its names and shapes; one person; millimetres, as FreeMoCap's.
+"""FreeMoCap's arrays: a folder ``output_data`` with its names and shapes; one person; millimeters, as FreeMoCap's.
 
 ``raw_data/<tracker>_3dData_numFrames_numTrackedPoints_spatialXYZ.npy`` (frame, keypoint, 3) is the layer ``measured``
 where there is one; ``..._reprojectionError.npy`` (frame, keypoint) and, by camera, (camera, frame, keypoint) are its
@@ -71,7 +71,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """Write one person into ``path/output_data``.
 
     Raises:
-        ResultError: if there is no frame, or one camera's image plane is no place in the world.
+        ResultError: if there are no frames, or the result comes from a single camera.
         FileError: if the folder holds something else.
     """
     arrays = arrays_of(result, person, layer)
@@ -170,10 +170,12 @@ def arrays_of(result: Reconstruction, person: str, layer: LayerName) -> list[Arr
     """All arrays of one person.
 
     Raises:
-        ResultError: if there is no frame, or one camera's image plane is no place in the world.
+        ResultError: if there are no frames, or the result comes from a single camera.
     """
     if result.unit != "m":
-        raise ResultError(f"FreeMoCap's arrays are in mm; this result is in {result.unit} (one camera's image plane).")
+        raise ResultError(
+            f"FreeMoCap's arrays are in mm; this result is in {result.unit} (image plane of a single camera)."
+        )
     places, n_rows = rows_of(result, "freemocap")
     index, tracker = result.person_ids.index(person), tracker_of(result.skeleton.name)
     raw, asked = result.layers[_raw(result, layer)], result.layers[layer]
@@ -212,7 +214,7 @@ def _by_camera(name: str, source: ArraySource, places: np.ndarray, n_rows: int) 
 
 
 def matches(path: Path) -> bool:
-    """Whether a folder is one that we wrote."""
+    """Return whether a folder was written by posefuse."""
     return (path / _FOLDER / HEAD).is_file()
 
 

@@ -1,9 +1,9 @@
-"""glTF 2.0 (``.glb``, or ``.gltf`` with its numbers inside): a figure a person, metres, y up, facing z at rest.
+"""glTF 2.0 (``.glb``, or ``.gltf`` with embedded data): one animation skeleton per person, meters, y up, facing z.
 
-Layout after the specification of the Khronos Group. The skin has the joints of the figure, its mesh a stick for each
-bone, blue on the left and red on the right; one animation has a rotation for each joint that turns and the root's
-translation, at the times of the frames, from the beginning of the recording. Frames in which the person is away have no
-keys, and there the figure is scaled to nothing, so that nobody sees what a program puts between keys.
+Layout after the specification of the Khronos Group. The skin has the joints of the animation skeleton; its mesh has one
+stick per bone, blue on the left and red on the right. One animation has the rotations of the joints and the translation
+of the root at the times of the frames, relative to the start of the recording. Frames in which the person is absent
+have no keys, and the skeleton is scaled to zero there, which hides interpolated poses.
 """
 
 import base64
@@ -21,14 +21,14 @@ from posefuse.io.files import replacing
 from posefuse.io.results.clips import (
     BODY_TO_Y_UP,
     Clip,
-    Life,
+    Presence,
+    check_presence,
     clip_of,
-    in_file_axes,
-    kept,
+    hold_unknown,
+    limitation_notes,
     motions,
-    must_be_there,
-    notes_on,
-    standing_m,
+    rest_root_m,
+    to_file_axes,
 )
 from posefuse.io.results.format import ResultFormat
 from posefuse.io.results.sticks import Sticks, sticks_of
@@ -37,37 +37,39 @@ from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress
 
-_GAP_WORDS = "the glTF has no keys there, and the figure is scaled to nothing"
-_COLOURS = {"left": (0.10, 0.35, 0.80), "right": (0.80, 0.15, 0.12), "middle": (0.55, 0.55, 0.58)}
+_GAP_HANDLING = "the glTF has no keys there, and the skeleton is scaled to zero"
+_COLORS = {"left": (0.10, 0.35, 0.80), "right": (0.80, 0.15, 0.12), "middle": (0.55, 0.55, 0.58)}
 _COMPONENTS = {np.dtype(np.float32): 5126, np.dtype(np.uint32): 5125, np.dtype(np.uint16): 5123}
 _TYPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
-_MOST_BYTES = 2**32 - 1
-_PIECE = 3 * 2**18
+_MAX_BYTES = 2**32 - 1
+_CHUNK_BYTES = 3 * 2**18
 
 
 def write(result: Reconstruction, person: str, path: Path, progress: Progress | None = None) -> list[str]:
-    """Write one person; the path's ending says whether as one binary file (``.glb``) or as JSON (``.gltf``).
+    """Write one person, as a binary file (``.glb``) or as JSON (``.gltf``), depending on the ending of the path.
 
     Returns:
-        What the file cannot say, in sentences.
+        Notes on what the file does not contain, in sentences.
 
     Raises:
-        ResultError: if no bodies were fitted, the person is never there, frames have no times, or it is too long.
+        ResultError: if there is no fitted model, the person is never present, frames have no times, or the motion is
+            too long.
     """
     return write_clip(result, clip_of(result, person), path, progress)
 
 
 def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progress | None = None) -> list[str]:
-    """Write one person, whose life is known already; see :func:`write`."""
-    must_be_there(clip)
+    """Write one clip; see :func:`write`."""
+    check_presence(clip)
     content = _Content()
     document = _document(content, result, clip, _times(result))
-    if content.size > _MOST_BYTES:
+    if content.size > _MAX_BYTES:
         size_gib = content.size / 2**30
         raise ResultError(
-            f"{clip.figure.person} has {size_gib:.1f} GiB of motion; a glTF file holds 4. Reconstruct less: --end-s."
+            f"The motion of {clip.figure.person} has {size_gib:.1f} GiB; a glTF file holds at most 4. Reconstruct a "
+            "shorter range with --end-s."
         )
     what = f"writing {path.name}"
     with replacing(path) as temporary:
@@ -80,11 +82,11 @@ def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progres
             start = _begin_binary(temporary, document, content.size)
             _fill(content, temporary, start)
             _fill_motion(content, temporary, start, result, clip, motions(clip.body, result, progress, what))
-    return list(notes_on(result, clip, _GAP_WORDS))
+    return list(limitation_notes(result, clip, _GAP_HANDLING))
 
 
 def _times(result: Reconstruction) -> np.ndarray:
-    """Shape (frame,), seconds from the first frame."""
+    """Return the times of the frames in s since the first one, shape (frame,)."""
     if np.isfinite(result.time_s).all() and (np.diff(result.time_s) > 0.0).all():
         return result.time_s - result.time_s[0]
     return (result.frame_numbers - result.frame_numbers[0]) / export_rate(result, "glTF")
@@ -92,7 +94,7 @@ def _times(result: Reconstruction) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Block:
-    """An accessor's numbers: where they stand, and what they are, None for those of the motion."""
+    """Data of an accessor: offset in the buffer and values, None for the motion."""
 
     start: int
     shape: tuple[int, ...]
@@ -101,7 +103,7 @@ class _Block:
 
 
 class _Content:
-    """Numbers in the order of the file, and the accessors that tell of them."""
+    """Data in the order of the buffer, with its views and accessors."""
 
     def __init__(self) -> None:
         self.blocks: list[_Block] = []
@@ -110,8 +112,8 @@ class _Content:
         self.size = 0
 
     def add(self, values: np.ndarray, target: int | None = None, bounds: bool = False) -> int:
-        """An accessor of numbers that are at hand."""
-        number = self.room(values.shape, values.dtype, target)
+        """Add an accessor with values and return its index."""
+        number = self.reserve(values.shape, values.dtype, target)
         self.blocks[number] = _Block(self.blocks[number].start, values.shape, values.dtype, values)
         if bounds:
             flat = values.reshape(len(values), -1)
@@ -119,8 +121,8 @@ class _Content:
             self.accessors[number].update(min=low, max=high)
         return number
 
-    def room(self, shape: tuple[int, ...], dtype: np.dtype, target: int | None = None) -> int:
-        """An accessor of numbers that are still to come."""
+    def reserve(self, shape: tuple[int, ...], dtype: np.dtype, target: int | None = None) -> int:
+        """Add an accessor whose values are written later, and return its index."""
         length = int(np.prod(shape)) * dtype.itemsize
         view = {"buffer": 0, "byteOffset": self.size, "byteLength": length}
         self.views.append(view if target is None else {**view, "target": target})
@@ -132,19 +134,19 @@ class _Content:
 
 
 def _document(content: _Content, result: Reconstruction, clip: Clip, times: np.ndarray) -> dict[str, Any]:
-    """The JSON of the file; the motion's accessors are the last, in the order of ``_fill_motion``."""
+    """Return the JSON of the file; the accessors of the motion are the last, in the order of ``_fill_motion``."""
     figure = clip.figure
     sticks = sticks_of(figure)
     joints = list(range(len(figure.joints)))
     inverse = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
-    # Matrices stand column by column.
-    inverse[:, 3, :3] = -(figure.rest_m @ BODY_TO_Y_UP.T + standing_m(figure))
+    # Matrices are stored in column order.
+    inverse[:, 3, :3] = -(figure.rest_m @ BODY_TO_Y_UP.T + rest_root_m(figure))
     skin = {"joints": joints, "skeleton": 0, "inverseBindMatrices": content.add(inverse)}
     materials = [
-        {"name": side, "pbrMetallicRoughness": {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0}}
-        for side, colour in _COLOURS.items()
+        {"name": side, "pbrMetallicRoughness": {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0}}
+        for side, color in _COLORS.items()
     ]
-    primitives = [_primitive(content, sticks[side], i) for i, side in enumerate(_COLOURS) if side in sticks]
+    primitives = [_primitive(content, sticks[side], i) for i, side in enumerate(_COLORS) if side in sticks]
     extras = {"person": figure.person, "layer": "model", "skeleton": result.skeleton.name}
     return {
         "asset": {"version": "2.0", "generator": "posefuse", "extras": extras},
@@ -154,7 +156,7 @@ def _document(content: _Content, result: Reconstruction, clip: Clip, times: np.n
         "meshes": [{"name": figure.person, "primitives": primitives}],
         "materials": materials,
         "skins": [{"name": figure.person, **skin}],
-        "animations": [_animation(content, figure, clip.life, times)],
+        "animations": [_animation(content, figure, clip.presence, times)],
         "bufferViews": content.views,
         "accessors": content.accessors,
         "buffers": [{"byteLength": content.size}],
@@ -163,7 +165,7 @@ def _document(content: _Content, result: Reconstruction, clip: Clip, times: np.n
 
 def _nodes(figure: Figure) -> list[dict[str, Any]]:
     offsets = figure.offsets_m @ BODY_TO_Y_UP.T
-    offsets[0] = standing_m(figure)
+    offsets[0] = rest_root_m(figure)
     nodes: list[dict[str, Any]] = []
     for j, joint in enumerate(figure.joints):
         node = {"name": joint.name, "translation": (offsets[j] + 0.0).tolist()}
@@ -179,7 +181,7 @@ def _primitive(content: _Content, sticks: Sticks, material: int) -> dict[str, An
     weights[:, 0] = 1.0
     return {
         "attributes": {
-            "POSITION": content.add(sticks.places_m.astype(np.float32), _ARRAY_BUFFER, bounds=True),
+            "POSITION": content.add(sticks.vertices_m.astype(np.float32), _ARRAY_BUFFER, bounds=True),
             "NORMAL": content.add(sticks.normals.astype(np.float32), _ARRAY_BUFFER),
             "JOINTS_0": content.add(joints, _ARRAY_BUFFER),
             "WEIGHTS_0": content.add(weights, _ARRAY_BUFFER),
@@ -189,16 +191,16 @@ def _primitive(content: _Content, sticks: Sticks, material: int) -> dict[str, An
     }
 
 
-def _animation(content: _Content, figure: Figure, life: Life, times: np.ndarray) -> dict[str, Any]:
-    shown = _shown(life, times)
+def _animation(content: _Content, figure: Figure, presence: Presence, times: np.ndarray) -> dict[str, Any]:
+    shown = _visibility_keys(presence, times)
     paths: list[tuple[int, str, int, int, str]] = []
     if shown is not None:
         seconds, scales = shown
         paths.append((0, "scale", content.add(seconds, bounds=True), content.add(scales), "STEP"))
-    keys = content.add(times[life.there].astype(np.float32), bounds=True)
-    count, real = int(life.there.sum()), np.dtype(np.float32)
-    paths.append((0, "translation", keys, content.room((count, 3), real), "LINEAR"))
-    paths += [(j, "rotation", keys, content.room((count, 4), real), "LINEAR") for j in figure.turning]
+    keys = content.add(times[presence.present].astype(np.float32), bounds=True)
+    count, real = int(presence.present.sum()), np.dtype(np.float32)
+    paths.append((0, "translation", keys, content.reserve((count, 3), real), "LINEAR"))
+    paths += [(j, "rotation", keys, content.reserve((count, 4), real), "LINEAR") for j in figure.turning]
     return {
         "name": figure.person,
         "channels": [
@@ -208,17 +210,18 @@ def _animation(content: _Content, figure: Figure, life: Life, times: np.ndarray)
     }
 
 
-def _shown(life: Life, times: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """When the figure is shown: seconds, and scales from then on, shape (key, 3); None where it is all the time."""
-    if life.there.all():
+def _visibility_keys(presence: Presence, times: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return times in s and scales of shape (key, 3) that hide the absent person; None if always present."""
+    present = presence.present
+    if present.all():
         return None
-    changes = np.flatnonzero(np.diff(life.there, prepend=not life.there[0]))
-    scales = np.repeat(life.there[changes, None], 3, axis=1).astype(np.float32)
+    changes = np.flatnonzero(np.diff(present, prepend=not present[0]))
+    scales = np.repeat(present[changes, None], 3, axis=1).astype(np.float32)
     return times[changes].astype(np.float32), scales
 
 
 def _begin_binary(path: Path, document: dict[str, Any], size: int) -> int:
-    """Write a glb up to its numbers; where these begin."""
+    """Write a glb up to its data, and return the offset of the data."""
     text = _json(document)
     text += b" " * (-len(text) % 4)
     with path.open("wb") as file:
@@ -233,7 +236,7 @@ def _json(document: dict[str, Any]) -> bytes:
 
 
 def _fill(content: _Content, path: Path, start: int) -> None:
-    """Write the numbers that are at hand, and make room for the others."""
+    """Write the known values, and reserve space for the others."""
     with path.open("r+b" if path.exists() else "w+b") as file:
         file.truncate(start + content.size)
         for block in content.blocks:
@@ -260,8 +263,8 @@ def _fill_motion(
             there = motion.there
             if not there.any():
                 continue
-            root, turns = in_file_axes(result, motion)
-            turns = kept(turns[there], before_turns)
+            root, turns = to_file_axes(result, motion)
+            turns = hold_unknown(turns[there], before_turns)
             before_turns = turns[-1]
             quaternions = _quaternions(turns[:, turning], before)
             before = quaternions[-1]
@@ -272,7 +275,10 @@ def _fill_motion(
 
 
 def _quaternions(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Shape (frame, joint, 4): x y z w, each on the side of the one before it: programs take the mean of two keys."""
+    """Return quaternions x y z w, shape (frame, joint, 4), with signs that agree with the previous frame's.
+
+    Programs interpolate linearly between keys, which requires consistent signs.
+    """
     from scipy.spatial.transform import Rotation
 
     out = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat().reshape(*turns.shape[:2], 4)
@@ -281,14 +287,14 @@ def _quaternions(turns: np.ndarray, before: np.ndarray) -> np.ndarray:
 
 
 def _write_text(path: Path, document: dict[str, Any], numbers: Path) -> None:
-    """Write a ``.gltf``: the numbers stand in it, in base 64."""
+    """Write a ``.gltf`` with its data embedded in base64."""
     mark = "NUMBERS"
     buffers = [{"uri": mark, **document["buffers"][0]}]
     head, tail = _json({**document, "buffers": buffers}).split(json.dumps(mark).encode())
     with path.open("wb") as file, numbers.open("rb") as source:
         file.write(head + b'"data:application/octet-stream;base64,')
-        while piece := source.read(_PIECE):
-            file.write(base64.b64encode(piece))
+        while chunk := source.read(_CHUNK_BYTES):
+            file.write(base64.b64encode(chunk))
         file.write(b'"' + tail)
 
 

@@ -1,6 +1,6 @@
-"""One ``.npz`` a person with the arrays of :mod:`posefuse.io.results.freemocap`, by their files' names without folders.
+"""One ``.npz`` per person with the arrays of :mod:`posefuse.io.results.freemocap`, named by their file names.
 
-Millimetres, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
+Millimeters, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
 """
 
 import zipfile
@@ -23,7 +23,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """Write one person.
 
     Raises:
-        ResultError: if there is no frame, or one camera's image plane is no place in the world.
+        ResultError: if there are no frames, or the result comes from a single camera.
     """
     head = np.array(head_of(result, person, layer))
     arrays = [*arrays_of(result, person, layer), Array(_HEAD, (), head.dtype, lambda: iter([head]))]
@@ -32,7 +32,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
     ):
         for array in arrays:
-            # Entries of a zip have dates: a name alone gives the same one always.
+            # Entries of a zip have dates; an entry created by name alone always has the same one.
             entry = zipfile.ZipInfo(f"{array.name.rsplit('/')[-1]}.npy")
             entry.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(entry, "w", force_zip64=True) as file:
@@ -40,7 +40,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one that we wrote."""
+    """Return whether a file was written by posefuse."""
     try:
         with zipfile.ZipFile(path) as archive:
             return f"{_HEAD}.npy" in archive.namelist()
@@ -49,10 +49,10 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file that we wrote.
+    """Read a file that posefuse wrote.
 
     Raises:
-        FileError: if it is none, or broken.
+        FileError: if it is not such a file, or corrupt.
     """
     must_exist(path, ".npz file")
     with reading(path, ".npz file"):
@@ -64,7 +64,7 @@ def read(path: Path) -> StoredPoints:
 
 
 def _refuse_bombs(path: Path) -> None:
-    """A short file that unfolds to any size is no recording."""
+    """Check the decompressed size, because a small file could expand to any size."""
     with zipfile.ZipFile(path) as archive:
         check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))
 

@@ -1,7 +1,7 @@
 """NWB by pynwb and ndx-pose: 3D poses of everybody, with calibrated cameras, in ``processing/behavior``.
 
 A ``MultiCameraPoseEstimation`` a person (an ndx-pose before 0.4 has ``PoseEstimation``), a ``PoseEstimationSeries`` a
-keypoint: metres, world axes, ``timestamps`` in s, ``control`` the point's status with its words. A result has no
+keypoint: meters, world axes, ``timestamps`` in s, ``control`` the point's status with its words. A result has no
 confidence, so none is written. Cameras are ``CalibratedCamera`` devices (a lens that is no Brown's is named in the
 description), linked by a ``PoseEstimation`` each without series: 2D keypoints are not part of a result. What ndx-pose
 has no place for is ``TimeSeries`` beside: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
@@ -73,7 +73,7 @@ def _packages() -> Iterator[tuple[ModuleType, ModuleType]]:
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    """Write one layer of everybody; the layer is in memory while it is written.
+    """Write one layer of all people; the layer is in memory while it is written.
 
     Raises:
         ResultError: if the packages are not installed, or frames have no times.
@@ -156,7 +156,7 @@ def _identifier(result: Reconstruction, points: StoredPoints) -> str:
 
 def _camera(ndx_pose: Any, camera: Camera, name: str) -> Any:
     size = f"{camera.size_px[0]} x {camera.size_px[1]} px"
-    described = f"{camera.name}: {camera.lens} lens, OpenCV's coefficients, {size}; metres, world to camera"
+    described = f"{camera.name}: {camera.lens} lens, OpenCV's coefficients, {size}; meters, world to camera"
     if not hasattr(ndx_pose, "CalibratedCamera"):
         from pynwb.device import Device
 
@@ -249,7 +249,7 @@ def _settle_ids(path: Path, identifier: str) -> None:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one of NWB's."""
+    """Return whether a file is an NWB file."""
     try:
         with h5py.File(path) as file:
             return "nwb_version" in file.attrs
@@ -261,7 +261,7 @@ def read(path: Path) -> StoredPoints:
     """Read a file that we wrote; it takes no package but h5py.
 
     Raises:
-        FileError: if it is none, or broken.
+        FileError: if it is not such a file, or corrupt.
     """
     must_exist(path, "NWB file")
     with open_hdf5(path, "NWB file") as file:

@@ -1,6 +1,6 @@
 """SLEAP's 3D points, ``points3d.h5`` as sleap-anipose writes it: ``tracks`` (frame, track, node, 3), NaN is missing.
 
-Lengths in metres. The names of tracks and nodes and everything else stand in the group ``posefuse``, see
+Lengths in meters. The names of tracks and nodes and everything else stand in the group ``posefuse``, see
 :mod:`posefuse.io.results.hdf5`; in the root they would make the file one of 2D predictions to other readers.
 Frame numbers without a frame are rows without points.
 """
@@ -22,10 +22,10 @@ from posefuse.model.stored_points import StoredPoints
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    """Write one layer of everybody.
+    """Write one layer of all people.
 
     Raises:
-        ResultError: if there is no frame, or nearly every row would be empty.
+        ResultError: if there are no frames, or almost all rows would be empty.
     """
     places, n_rows = rows_of(result, "sleap")
     points = result.layers[layer].points_m
@@ -42,7 +42,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one."""
+    """Return whether a file is in this format."""
     try:
         with h5py.File(path) as file:
             found = file.get("tracks")
@@ -52,10 +52,10 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of sleap-anipose's or of ours; without names, nodes are ``node_0`` and tracks ``track_0``.
+    """Read a file of sleap-anipose or posefuse; without names, nodes are ``node_0`` and tracks ``track_0``.
 
     Raises:
-        FileError: if it is no such file, or broken.
+        FileError: if it is not such a file, or corrupt.
     """
     must_exist(path, "3D points of SLEAP's")
     with open_hdf5(path, "HDF5 file of 3D points") as file:

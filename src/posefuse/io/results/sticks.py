@@ -1,16 +1,16 @@
-"""Sticks that show a figure: what is drawn of it where a program draws meshes only."""
+"""Stick meshes of an animation skeleton, for programs that display only meshes."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from posefuse.io.results.clips import BODY_TO_Y_UP, standing_m
+from posefuse.io.results.clips import BODY_TO_Y_UP, rest_root_m
 from posefuse.model.animation_figures import Figure
 
-_RING, _THICK, _DOT = 0.15, 0.08, 0.06
-"""Of a stick's length: how far on it is thickest, and by how much; of a dot's, where a stick would be one of many."""
-_MOST_STICKS = 6
-"""A joint that carries more points than this, a face, shows them as dots."""
+_RING, _THICKNESS, _DOT = 0.15, 0.08, 0.06
+"""Position and radius of a stick's thickest part relative to its length, and the size of a dot."""
+_MAX_STICKS = 6
+"""A joint with more end points than this, such as those of a face, shows them as dots."""
 
 
 @dataclass(frozen=True)
@@ -18,29 +18,29 @@ class Sticks:
     """Triangles of sticks.
 
     Attributes:
-        places_m: shape (3 triangle, 3): corners at rest, y up.
+        vertices_m: shape (3 triangle, 3): vertices in the rest pose, y up.
         normals: shape (3 triangle, 3).
-        joints: shape (3 triangle,), int64: the joint that carries each corner.
+        joints: shape (3 triangle,), int64: the joint that moves each vertex.
     """
 
-    places_m: np.ndarray
+    vertices_m: np.ndarray
     normals: np.ndarray
     joints: np.ndarray
 
 
 def sticks_of(figure: Figure) -> dict[str, Sticks]:
-    """The sticks of a figure's ``left``, ``right`` and ``middle``; a side that has none is left out.
+    """Return the sticks of the ``left``, ``right`` and ``middle`` side; a side without sticks is left out.
 
-    Each goes from a joint to one that it carries and moves as the former does.
+    Each stick connects a joint with a child joint and moves with the former.
     """
-    places = figure.rest_m @ BODY_TO_Y_UP.T + standing_m(figure)
-    size = float(np.ptp(places, axis=0).max())
+    positions = figure.rest_m @ BODY_TO_Y_UP.T + rest_root_m(figure)
+    size = float(np.ptp(positions, axis=0).max())
     found: dict[str, list[tuple[np.ndarray, int]]] = {}
     for j, joint in enumerate(figure.joints):
         points = [c for c in figure.children(j) if not figure.joints[c].turns]
         for child in figure.children(j):
-            start, end = places[j], places[child]
-            if child in points and len(points) > _MOST_STICKS:
+            start, end = positions[j], positions[child]
+            if child in points and len(points) > _MAX_STICKS:
                 half = np.array([0.0, 0.5 * _DOT * 0.1 * size, 0.0])
                 start, end = end - half, end + half
             if np.linalg.norm(end - start) > 1e-6 * size:
@@ -56,11 +56,11 @@ def _side(*names: str) -> str:
 
 
 def _stick(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Shape (8, 3, 3): triangles of a long octahedron, seen from outside against the clock."""
+    """Return the triangles of an elongated octahedron, counterclockwise from outside, shape (8, 3, 3)."""
     along = end - start
     length = float(np.linalg.norm(along))
     first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
-    first *= _THICK * length / np.linalg.norm(first)
+    first *= _THICKNESS * length / np.linalg.norm(first)
     second = np.cross(along / length, first)
     ring = start + _RING * along + np.array([first, second, -first, -second])
     near = [(start, ring[(i + 1) % 4], ring[i]) for i in range(4)]

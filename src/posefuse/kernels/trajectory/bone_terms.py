@@ -5,6 +5,7 @@ frame. The first axis of the other arrays is the keypoint, the second the frame.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -186,22 +187,45 @@ def _inner(first, second):
     return total
 
 
+class BoneTerms(NamedTuple):
+    """Coupling of keypoints by bones.
+
+    Attributes:
+        bones: shape (bone, 2), int64: keypoints.
+        directions: shape (bone, frame, 3).
+        stiffness: shape (bone, frame): inverse variance of the length; 0 where the bone is absent.
+        information: shape (keypoint, frame, 3, 3): stands in for the bones on the diagonal of the band.
+    """
+
+    bones: Any
+    directions: Any
+    stiffness: Any
+    information: Any
+
+
+class PathFactor(NamedTuple):
+    """Matrices of all paths and their factors.
+
+    Attributes:
+        band: shape (keypoint, frame, REACH + 1, 3, 3): views, smoothness, and the bone information.
+        lower: from :func:`posefuse.kernels.trajectory.band.factor_paths`.
+        inverse: likewise.
+    """
+
+    band: Any
+    lower: Any
+    inverse: Any
+
+
 @kernel
-def solve_with_bones(
-    band, bone_information, lower, inverse, bones, directions, bone_stiffness, rhs, max_iterations, tolerance, steps
-):
+def solve_with_bones(factor, bone_terms, rhs, max_iterations, tolerance, steps):
     """Solve for all paths coupled by bones, with preconditioned conjugate gradients (Hestenes & Stiefel 1952).
 
     The preconditioner solves every path separately, with the bone information on its diagonal.
 
     Args:
-        band: shape (keypoint, frame, REACH + 1, 3, 3): views, smoothness, and ``bone_information`` on the diagonal.
-        bone_information: shape (keypoint, frame, 3, 3): stands in for the bones in ``band``.
-        lower: factor of ``band``.
-        inverse: factor of ``band``.
-        bones: shape (bone, 2).
-        directions: shape (bone, frame, 3).
-        bone_stiffness: shape (bone, frame).
+        factor: PathFactor.
+        bone_terms: BoneTerms.
         rhs: shape (keypoint, frame, 3): right-hand side on input, residual on output.
         max_iterations: of conjugate gradients.
         tolerance: of the preconditioned residual, relative to that at the start.
@@ -210,6 +234,8 @@ def solve_with_bones(
     Returns:
         Number of iterations.
     """
+    band, lower, inverse = factor
+    bones, directions, bone_stiffness, bone_information = bone_terms
     keypoints = rhs.shape[0]
     z = np.empty(rhs.shape)
     search_direction = np.empty(rhs.shape)

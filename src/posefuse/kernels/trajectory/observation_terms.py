@@ -5,6 +5,7 @@ The first axis is the keypoint, the second the frame. The band has the layout of
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -204,26 +205,65 @@ def add_smoothness(differences, stiffness, path, band, rhs):
                     band[row + a, a - b, i, i] += value
 
 
-@kernel
-def assemble_system(
-    residuals, jacobians, sigma, weights, correlation, differences, stiffness, paths, ridge, band, rhs, information
-):
-    """Assemble the terms of views and smoothness for all keypoints.
+class ViewTerms(NamedTuple):
+    """Linearized observations of all views.
 
-    Args:
+    Attributes:
         residuals: shape (keypoint, frame, view, 2).
         jacobians: shape (keypoint, frame, view, 2, 3).
         sigma: shape (keypoint, frame, view).
         weights: shape (keypoint, frame, view).
-        correlation: shape (frame,).
+        correlation: shape (frame,): correlation of an error with that of the previous frame.
+    """
+
+    residuals: Any
+    jacobians: Any
+    sigma: Any
+    weights: Any
+    correlation: Any
+
+
+class SmoothnessTerms(NamedTuple):
+    """Smoothness prior of all paths.
+
+    Attributes:
         differences: shape (row, REACH + 1).
         stiffness: shape (keypoint, row).
-        paths: shape (keypoint, frame, 3).
         ridge: shape (keypoint,): small information that ties each point to its current position.
-        band: shape (keypoint, frame, REACH + 1, 3, 3), written.
-        rhs: shape (keypoint, frame, 3), written.
-        information: shape (keypoint, frame, 3, 3), written.
     """
+
+    differences: Any
+    stiffness: Any
+    ridge: Any
+
+
+class PathSystem(NamedTuple):
+    """Normal equations of all paths.
+
+    Attributes:
+        band: shape (keypoint, frame, REACH + 1, 3, 3).
+        rhs: shape (keypoint, frame, 3): negative gradient.
+        information: shape (keypoint, frame, 3, 3): of single frames.
+    """
+
+    band: Any
+    rhs: Any
+    information: Any
+
+
+@kernel
+def assemble_system(views, smoothness, paths, system):
+    """Assemble the terms of views and smoothness for all keypoints.
+
+    Args:
+        views: ViewTerms.
+        smoothness: SmoothnessTerms.
+        paths: shape (keypoint, frame, 3).
+        system: PathSystem, written.
+    """
+    residuals, jacobians, sigma, weights, correlation = views
+    differences, stiffness, ridge = smoothness
+    band, rhs, information = system
     scratch = np.empty((2, 2, 4))
     for k in range(paths.shape[0]):
         band[k] = 0.0

@@ -1,1 +1,1 @@
-"""Left and right points of pairs of keypoints, solved together; one file per method."""
+"""Triangulate both points of left/right pairs without trusting the labels."""

@@ -1,8 +1,8 @@
-"""Two points from rays whose labels are not believed, each view in the state that explains it best.
+"""Triangulate both points of a pair without trusting the labels, with each view in the state that explains it best.
 
-Every two observations of two views propose a point; couples of proposals that rest on different rays are scored by a
-bounded reprojection cost, every view being as labelled, swapped, in part or not at all of use, whichever costs least.
-The best few are refined by reweighted Gauss-Newton over all views. See docs/methods.md, "Pairs".
+Every two observations of two views propose a point. Couples of proposals that rest on different rays are scored by a
+bounded reprojection cost, where every view is as labeled, swapped, partly used or unused, whichever costs least. The
+best few are refined by reweighted Gauss-Newton over all views. See docs/methods.
 """
 
 from collections.abc import Sequence
@@ -39,27 +39,27 @@ def solve(
     Args:
         rig: the cameras, in the order of the detections' views.
         detections: in memory.
-        tracks: whose detection is whose, of the same frames.
-        noise: the standard deviation of a detection, in whose units views agree or not.
+        tracks: assignment of detections to people, for the same frames.
+        noise: error model of the detections; views agree or disagree in units of it.
         options: ``min_views``, ``min_confidence`` and ``consensus`` are used.
-        pairs: shape (pair, 2): keypoints, left and right, by number.
+        pairs: shape (pair, 2): keypoint indices, left and right.
         pair_options: ``motion_sd_m`` is used.
-        previous_m: shape (person, pair, 2, 3): where the points were in the frame before the first, NaN where unknown;
-            in the end, where they are in the last.
+        previous_m: shape (person, pair, 2, 3): points of the frame before the first, NaN where unknown; on return,
+            those of the last frame.
     """
     chosen = options.consensus
-    table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
+    pair_table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
     rows = rows_by_person_frame(tracks, detections)
     people = len(tracks.person_ids)
-    before = np.full((people, len(table), 2, 3), np.nan) if previous_m is None else previous_m
-    previous = np.array(before, dtype=np.float64).reshape(people, len(table), 6)
-    out = SolvedPairs.empty(len(rows), len(table), len(rig))
+    before = np.full((people, len(pair_table), 2, 3), np.nan) if previous_m is None else previous_m
+    previous = np.array(before, dtype=np.float64).reshape(people, len(pair_table), 6)
+    out = SolvedPairs.allocate(len(rows), len(pair_table), len(rig))
     solve_pairs(
         *rig.packed,
         frozen(detections.keypoints_px),
         frozen(detections.confidence),
         rows,
-        frozen(table, np.int64),
+        frozen(pair_table, np.int64),
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
@@ -69,10 +69,10 @@ def solve(
         chosen.zero_weight_sigma,
         (pair_options or PairOptions()).motion_sd_m,
         previous,
-        np.empty((0, len(table), 6)),
+        np.empty((0, len(pair_table), 6)),
         *out.arrays,
     )
     if previous_m is not None:
         previous_m[:] = previous.reshape(previous_m.shape)
-    lost = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
-    return replace(out, covariance_m2=out.covariance_m2 * lost).finish(tracks)
+    variance_factor = reweighting_loss(chosen.full_weight_sigma, chosen.zero_weight_sigma)
+    return replace(out, covariance_m2=out.covariance_m2 * variance_factor).finish(tracks)

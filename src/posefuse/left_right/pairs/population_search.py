@@ -1,8 +1,8 @@
-"""The specification's own two-point solve: an objective of four terms, minimised by a small population search.
+"""Triangulate both points of a pair as in the specification: a four-term objective minimized by a population search.
 
-Centre = the intersection of all rays, made robust; e0 pushes the points apart, e1 pulls them to the rays, at most one
-ray of a view each, e2 makes them equally far from the centre, e3 puts the centre between them. Nothing is rejected,
-and with fewer than four rays there are no points. Source: the specification "Sparse Pose Fusion".
+The center is the robust intersection of all rays; e0 pushes the points apart, e1 pulls them to the rays (at most one
+ray of a view each), e2 makes them equally distant from the center, and e3 puts the center between them. Nothing is
+rejected, and fewer than four rays give no points. Source: the specification "Sparse Pose Fusion".
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ from posefuse.model.tracks import Tracks
 from posefuse.triangulation.results import rows_by_person_frame
 
 _MM = 1000.0
-# Every ray belongs to a point, however far it passes.
-_REACH_SIGMA = 1e6
+# Every ray belongs to a point, regardless of its distance.
+_MAX_RAY_DISTANCE_SIGMA = 1e6
 
 
 def solve(
@@ -43,20 +43,20 @@ def solve(
 
     Args:
         rig: the cameras, in the order of the detections' views.
-        detections: in memory. Draws depend on the frame's number, not on where a range begins.
-        tracks: whose detection is whose, of the same frames.
-        noise: the standard deviation of a detection; of the points' covariances, which are those of the rays each
-            point rests on. The search does not use it.
+        detections: in memory. Random numbers depend on the frame number, not on where a range begins.
+        tracks: assignment of detections to people, for the same frames.
+        noise: error model of the detections, for the covariances, which are those of the rays each point rests on. The
+            search does not use it.
         options: ``min_confidence`` and ``consensus`` (for the evidence) are used.
-        pairs: shape (pair, 2): keypoints, left and right, by number.
+        pairs: shape (pair, 2): keypoint indices, left and right.
         pair_options: ``seed`` and ``sds`` are used.
     """
-    table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
+    pair_table = np.ascontiguousarray(np.asarray(pairs, dtype=np.int64).reshape(-1, 2))
     rows = rows_by_person_frame(tracks, detections)
-    directions = rays_of(rig, detections, rows, table, options.min_confidence)
-    given = pair_options or PairOptions()
-    terms = given.sds
-    couples = np.empty((directions.shape[0] * len(table), 6))
+    directions = rays_of(rig, detections, rows, pair_table, options.min_confidence)
+    pair_options = pair_options or PairOptions()
+    terms = pair_options.sds
+    couples = np.empty((directions.shape[0] * len(pair_table), 6))
     costs = np.empty(len(couples))
     search_pairs(
         _MM * np.stack([camera.centre_m for camera in rig.cameras]),
@@ -67,48 +67,48 @@ def solve(
         terms.tolerance_mm,
         terms.max_iterations,
         terms.agents,
-        given.seed,
-        int(detections.frame_numbers[0]) * len(tracks.person_ids) * len(table),
+        pair_options.seed,
+        int(detections.frame_numbers[0]) * len(tracks.person_ids) * len(pair_table),
         couples,
         costs,
     )
-    out = SolvedPairs.empty(len(rows), len(table), len(rig))
+    out = SolvedPairs.allocate(len(rows), len(pair_table), len(rig))
     solve_pairs(
         *rig.packed,
         frozen(detections.keypoints_px),
         frozen(detections.confidence),
         rows,
-        frozen(table, np.int64),
+        frozen(pair_table, np.int64),
         noise.scale_px,
         noise.exponent,
         options.min_confidence,
         2,
         ordered_pairs(len(rig)),
         options.consensus.full_weight_sigma,
-        _REACH_SIGMA,
+        _MAX_RAY_DISTANCE_SIGMA,
         np.inf,
-        np.full((len(tracks.person_ids), len(table), 6), np.nan),
-        couples.reshape(len(rows), len(table), 6) / _MM,
+        np.full((len(tracks.person_ids), len(pair_table), 6), np.nan),
+        couples.reshape(len(rows), len(pair_table), 6) / _MM,
         *out.arrays,
     )
     rays = np.isfinite(directions).all(axis=-1).sum(axis=(-1, -2))
     out.status[(rays > 0) & (rays < 4)] = PointStatus.TOO_FEW_VIEWS
-    most = 2.0 * (options.consensus.zero_weight_sigma**2 + 2.0 * options.consensus.full_weight_sigma**2) / 3.0
-    np.clip(out.evidence, -most, most, out=out.evidence)
+    max_evidence = 2.0 * (options.consensus.zero_weight_sigma**2 + 2.0 * options.consensus.full_weight_sigma**2) / 3.0
+    np.clip(out.evidence, -max_evidence, max_evidence, out=out.evidence)
     return replace(out, cost=costs.reshape(out.cost.shape)).finish(tracks)
 
 
 def rays_of(
     rig: CameraRig, detections: Detections, rows: np.ndarray, pairs: np.ndarray, min_confidence: float
 ) -> np.ndarray:
-    """Shape (person_frame, pair, view, 2, 3): unit vectors of both labels' rays; NaN where none is valid."""
+    """Return unit vectors of the rays of both labels, shape (person_frame, pair, view, 2, 3); NaN where invalid."""
     out = np.full((len(rows), len(pairs), len(rig), 2, 3), np.nan)
     keypoints, confidence = frozen(detections.keypoints_px), frozen(detections.confidence)
     for v, camera in enumerate(rig.cameras):
-        there = np.flatnonzero(rows[:, v] >= 0)
-        pixels = keypoints[rows[there, v]][:, pairs]
+        detected = np.flatnonzero(rows[:, v] >= 0)
+        pixels = keypoints[rows[detected, v]][:, pairs]
         directions, codes = camera.rays(pixels)
-        # NaN is no low confidence: the detector gives none.
-        valid = (codes == OK) & ~(confidence[rows[there, v]][:, pairs] < min_confidence)
-        out[there, :, v] = np.where(valid[..., None], directions @ camera.rotation, np.nan)
+        # A NaN confidence is not low: the detector gives none.
+        valid = (codes == OK) & ~(confidence[rows[detected, v]][:, pairs] < min_confidence)
+        out[detected, :, v] = np.where(valid[..., None], directions @ camera.rotation, np.nan)
     return out

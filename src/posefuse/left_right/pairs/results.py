@@ -1,4 +1,4 @@
-"""The arrays kernels of pairs write into, and what they become."""
+"""Arrays that the pair kernels write into, and their result."""
 
 from dataclasses import dataclass, fields
 from typing import Self
@@ -11,25 +11,25 @@ from posefuse.model.tracks import Tracks, TrackState
 
 @dataclass(frozen=True, eq=False)
 class SolvedPairs:
-    """Both points of every pair of keypoints; ``person_frame = frame * people + person``.
+    """Hold both points of every pair of keypoints; ``person_frame = frame * people + person``.
 
-    The first point of a pair is the one that most labels, weighed by confidence, call left. Which is left in truth is
-    for the decision on sides to say.
+    The first point of a pair is the one that most labels, weighted by confidence, call left. The assignment of left and
+    right decides which one is the left one.
 
     Attributes:
         points_m: shape (person_frame, pair, 2, 3), NaN where missing.
         covariance_m2: shape (person_frame, pair, 2, 6), xx xy xz yy yz zz, NaN where missing.
         status: shape (person_frame, pair, 2), int8, :class:`PointStatus`.
-        used: shape (person_frame, pair, view, 2), int8: which label's observation each point rests on in the view, 0
-            the left one's, 1 the right one's, -1 none.
-        view_error_px: shape (person_frame, pair, view, 2), float32: how far that observation is from the point; NaN
-            where there is none.
+        used: shape (person_frame, pair, view, 2), int8: label of the observation that each point rests on in the view,
+            0 left, 1 right, -1 none.
+        view_error_px: shape (person_frame, pair, view, 2), float32: reprojection error of that observation; NaN where
+            there is none.
         view_status: shape (person_frame, pair, view, 2), int8, :class:`ViewStatus` of the observation of each label,
-            whichever point it went to.
-        evidence: shape (person_frame, pair, view), float32: the bounded cost of the view as labelled less that of the
-            view swapped, in squared sigma units: positive where labels look swapped; 0 where the view says nothing.
-        cost: shape (person_frame, pair): the bounded cost of both points over all views, in squared sigma units; NaN
-            where the method has none.
+            regardless of the point it was assigned to.
+        evidence: shape (person_frame, pair, view), float32: bounded cost of the view as labeled minus that of the view
+            swapped, in squared standard deviations: positive where labels look swapped; 0 without information.
+        cost: shape (person_frame, pair): bounded cost of both points over all views, in squared standard deviations;
+            NaN where the method has none.
     """
 
     points_m: np.ndarray
@@ -42,8 +42,8 @@ class SolvedPairs:
     cost: np.ndarray
 
     @classmethod
-    def empty(cls, person_frames: int, n_pairs: int, views: int) -> Self:
-        """Room for results, nothing written yet."""
+    def allocate(cls, person_frames: int, n_pairs: int, views: int) -> Self:
+        """Allocate uninitialized arrays."""
         shape = (person_frames, n_pairs)
         return cls(
             points_m=np.empty((*shape, 2, 3)),
@@ -58,11 +58,11 @@ class SolvedPairs:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order in which kernels take them."""
+        """Return the arrays in the order in which kernels take them."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
     def finish(self, tracks: Tracks) -> Self:
-        """The result, once everything is written: points of absent people are marked so."""
+        """Return the result; points of absent people have the status absent."""
         absent = (np.asarray(tracks.state[:]) == TrackState.ABSENT).reshape(-1)
         self.status[absent] = PointStatus.ABSENT
         return self

@@ -137,7 +137,7 @@ def check_fields(record: Any, path: str) -> None:
 
     Args:
         record: Dataclass instance that is being constructed.
-        path: Name of the table that holds the record, such as ``tracker.births``; empty at the top level.
+        path: Name of the table that holds the record, such as ``tracker.initiation``; empty at the top level.
 
     Raises:
         OptionsError: if a value is invalid. The message names every invalid field, its range and its valid choices.

@@ -31,16 +31,12 @@ class SideOptions:
             the method chains.
         swap_duration_s: Expected duration of a left/right swap, before it is estimated, for the method chains.
         iterations: Number of times the method chains repeats the assignment with updated estimates.
-        learn_every: Number of frames between updates of the online estimates.
-        memory: Number of frames that the online estimates remember; at least learn_every.
     """
 
     facing: str = "+x"
     swap_share: float = option(0.15, above=0.0, below=0.5)
     swap_duration_s: float = option(0.4, above=0.0)
     iterations: int = option(4, at_least=1)
-    learn_every: int = option(30, at_least=1)
-    memory: int = option(300, at_least=1)
 
     def __post_init__(self) -> None:
         check_fields(self, "side_search")

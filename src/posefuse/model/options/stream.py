@@ -15,16 +15,16 @@ class StreamOptions:
     """Options of the assembly of a live stream's views into frames.
 
     Attributes:
-        max_wait_s: Maximum time that a frame waits for its views, from the first one; it ends early once a later frame
-            is complete.
+        max_wait_s: Maximum time that a frame waits for its views. The time counts from the first view, and ends early
+            once a later frame is complete.
         same_time_s: Maximum time difference between the views of one frame; set it below half the frame period.
         silent_after_s: Time without messages after which frames no longer wait for a camera, until it sends again.
         max_jump_s: Deviation from the expected time beyond which a view is dropped; if most cameras jump alike, the
             stream follows the jump.
         clock: Clock for deadlines: arrival times of messages, or the times in the messages (for reproducible replays;
             latency is then not reported).
-        when_behind: Behavior under overload: drop the oldest frames and count them, or make the sender wait; by default
-            drop for network input and wait for stdin.
+        when_behind: Behavior under overload: drop or wait. Drop discards and counts the oldest frames, wait makes the
+            sender wait; the default is drop for network input and wait for stdin.
         queue_frames: Maximum number of frames that wait for processing; the oldest are dropped.
         queue_messages: Maximum number of messages that wait for parsing; the oldest are dropped.
         open_frames: Maximum number of frames that wait for views; the oldest is processed without the missing ones.
@@ -35,12 +35,12 @@ class StreamOptions:
         report_every_s: Interval between lines that report the counters.
     """
 
-    max_wait_s: float = option(0.05, above=0.0)
+    max_wait_s: float = option(0.05, above=0.0, common=True)
     same_time_s: float = option(0.005, above=0.0)
     silent_after_s: float = option(0.5, above=0.0)
     max_jump_s: float = option(1.0, above=0.0)
     clock: StreamClock = "arrival"
-    when_behind: WhenBehind | None = None
+    when_behind: WhenBehind | None = option(None, common=True)
     queue_frames: int = option(8, at_least=1)
     queue_messages: int = option(4096, at_least=1)
     open_frames: int = option(64, at_least=1)

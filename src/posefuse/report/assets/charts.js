@@ -29,10 +29,10 @@
           line: { color: colorOf(p), ...style } });
       }
     });
-    const symbols = { "born": "triangle-up", "lost": "triangle-down-open", "found": "diamond", "returned": "diamond",
-      "forgotten": "x-thin-open", "identity uncertain": "star", "identities exchanged": "star-diamond",
-      "limb set anew": "circle-open", "camera refused": "square", "camera trusted": "square-open",
-      "camera silent": "hexagon2", "camera heard again": "hexagon2-open" };
+    const symbols = { "confirmed": "triangle-up", "lost": "triangle-down-open", "reacquired": "diamond", "reidentified": "diamond",
+      "terminated": "x-thin-open", "possible_identity_switch": "star", "identities_swapped": "star-diamond",
+      "limb_reinitialized": "circle-open", "camera_rejected": "square", "camera_restored": "square-open",
+      "camera_silent": "hexagon2", "camera_back": "hexagon2-open" };
     const kinds = Object.keys(symbols).filter((kind) => tracks.events.some((event) => event[2] === kind));
     for (const kind of kinds) {
       const of = tracks.events.filter((event) => event[2] === kind);

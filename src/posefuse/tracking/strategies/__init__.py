@@ -1,12 +1,12 @@
-"""Presets of the tracker, a file each; see :class:`posefuse.tracking.stages.Stages`."""
+"""Strategies of the tracker, one file each; see :class:`posefuse.tracking.strategy.Strategy`."""
 
-from posefuse.model.options.tracker import Preset
-from posefuse.tracking.stages import Stages
+from posefuse.model.options.tracker import StrategyName
 from posefuse.tracking.strategies import default, specification
+from posefuse.tracking.strategy import Strategy
 
-_PRESETS: dict[Preset, Stages] = {"posefuse": default.STAGES, "specification": specification.STAGES}
+_STRATEGIES: dict[StrategyName, Strategy] = {"posefuse": default.STRATEGY, "specification": specification.STRATEGY}
 
 
-def stages_of(preset: Preset) -> Stages:
-    """By name."""
-    return _PRESETS[preset]
+def find_strategy(name: StrategyName) -> Strategy:
+    """Return the strategy of a name."""
+    return _STRATEGIES[name]

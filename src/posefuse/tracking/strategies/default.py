@@ -1,4 +1,4 @@
-"""The preset `posefuse`: odds, the noise law tempered, the propagated covariance. See docs/methods.md, "People"."""
+"""The strategy `posefuse`: log odds, tempered noise model, propagated covariance. See docs/methods.md, "People"."""
 
 import math
 from collections.abc import Sequence
@@ -10,145 +10,153 @@ from posefuse.kernels.tracking.frame_statistics import add_identity_scores
 from posefuse.kernels.tracking.matching import score_detections
 from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
-from posefuse.tracking.body_states import Sight
-from posefuse.tracking.records import Evidence, Lately, Tentative, Track
-from posefuse.tracking.reidentification import who_returns
-from posefuse.tracking.settings import Settings, memory_s, tempering
-from posefuse.tracking.stages import Likeness, Noise, Seen, Stages, Trust
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.reidentification import Reidentification, find_lost_track
+from posefuse.tracking.settings import TrackerSettings, filter_memory_s, tempering_factor
+from posefuse.tracking.strategy import FrameOutcome, MatchScores, Noise, Strategy, UpdateNoise
 from posefuse.tracking.track_initiation import is_of_two_views
 
-_EXPLAINED = 3.0
-"""A detection of this much evidence is somebody's who is followed, even if another one is more so."""
-_MOST_HIDDEN = -1.2
-"""Views that do not see somebody whom one does see count no more than this many that do."""
-_HARDLY = 1e-3
-"""Nats: where views say no more than this for somebody, or speak against them, that is for ever."""
+_MIN_EVIDENCE = 1e-3
+"""Evidence per frame, in nats, below which views practically never confirm a track."""
 
 
 class PropagatedPrior:
-    """What is known is carried on: P of the prediction is F P F^T + Q."""
+    """Prior of the Kalman filter: the covariance of the prediction is F P F^T + Q."""
 
     smoothable = True
 
-    def settle(self, state: State, lately: Lately) -> None:
-        """Nothing is forgotten."""
+    def prepare(self, state: State, recent: RecentHistory) -> None:
+        """Keep the states as they are."""
 
 
-class LawfulNoise:
-    """The noise law by confidence and a floor of the model, tempered for how long errors last."""
+class TemperedNoise:
+    """Noise by confidence, with a floor of the body model, tempered for the correlation of errors in time."""
 
-    def variance_px2(self, sight: Sight, frame: Frame, lately: Lately, settings: Settings) -> np.ndarray:
-        """Shape (track, row, keypoint)."""
-        floor_px = settings.law.floor_m * sight.size_px[:, frame.view]
+    def variance_px2(
+        self, projected: ProjectedBodies, frame: Frame, recent: RecentHistory, settings: TrackerSettings
+    ) -> np.ndarray:
+        """Return the noise variances, shape (track, row, keypoint)."""
+        floor_px = settings.law.floor_m * projected.px_per_m[:, frame.view]
         return settings.variance_px2(frame.confidence, frame.view) + floor_px**2
 
-    def trust(
+    def update_noise(
         self,
         frame: Frame,
         rows: np.ndarray,
         labels: np.ndarray,
-        lately: Lately,
+        recent: RecentHistory,
         dt_s: float,
-        settings: Settings,
-    ) -> Trust:
-        """The detector's own confidence."""
-        since_s = np.full(len(rows), dt_s)
-        temper = tempering(since_s, memory_s((rows >= 0).sum(axis=1), lately.alone_s, since_s, settings.options))
-        return Trust(settings.law, frame.confidence, temper)
+        settings: TrackerSettings,
+    ) -> UpdateNoise:
+        """Return the noise model with the detector's confidences."""
+        since_s, n_views = np.full(len(rows), dt_s), (rows >= 0).sum(axis=1)
+        memory_s = filter_memory_s(n_views, recent.single_view_s, since_s, settings.options)
+        return UpdateNoise(settings.law, frame.confidence, tempering_factor(since_s, memory_s))
 
-    def learn(self, seen: Seen, lately: Lately, state: State, settings: Settings) -> None:
-        """A law is known before."""
+    def adapt(self, outcome: FrameOutcome, recent: RecentHistory, state: State, settings: TrackerSettings) -> None:
+        """Change nothing: the noise model is fixed."""
 
 
-class OddsScore:
-    """Log odds: that a detection is somebody's, and that somebody is there."""
+class LogOddsScore:
+    """Log odds that a detection shows a person, and that a person is present."""
 
-    def match(self, sight: Sight, frame: Frame, lately: Lately, noise: Noise, settings: Settings) -> Likeness:
-        """By the predictive likelihood against clutter, sides as labelled or exchanged."""
-        s, o, n = settings, settings.options, len(lately.ids)
+    def match(
+        self, projected: ProjectedBodies, frame: Frame, recent: RecentHistory, noise: Noise, settings: TrackerSettings
+    ) -> MatchScores:
+        """Score matches by the predictive likelihood against clutter, with sides as labeled or swapped."""
+        s, o, n = settings, settings.options, len(recent.detector_ids)
         scores = np.empty((n, len(frame.view)))
         shape = (n, len(frame.view), s.n_groups)
         swapped, odds = np.zeros(shape, dtype=np.int8), np.empty(shape)
         score_detections(
-            sight.pixels, sight.spread, sight.size_px, frame.keypoints_px, frame.confidence, frame.view,
-            s.skeleton.mirror, s.group_of, s.n_groups, s.law, lately.swapped,
+            projected.pixels, projected.pixel_covariance_px2, projected.px_per_m, frame.keypoints_px, frame.confidence,
+            frame.view, s.skeleton.mirror, s.group_of, s.n_groups, s.law, recent.swapped,
             o.clutter_m, o.keypoint_evidence, o.independent_keypoints, scores, swapped, odds,
         )  # fmt: skip
         explained = np.empty(len(frame.view), dtype=bool)
-        track_ids = frozen(frame.track_ids, np.int64)
-        add_identity_scores(lately.ids, frame.view, track_ids, o.id_evidence, _EXPLAINED, scores, explained)
-        return Likeness(scores, o.match_evidence, swapped, odds, explained)
+        track_ids, least = frozen(frame.track_ids, np.int64), o.lifecycle.explained_evidence
+        add_identity_scores(recent.detector_ids, frame.view, track_ids, o.id_evidence, least, scores, explained)
+        return MatchScores(scores, o.match_evidence, swapped, odds, explained)
 
-    def tentative(self, each: Tentative, time_s: float, dt_s: float, settings: Settings) -> float:
-        """The log odds of all its frames together."""
-        return sum(e.log_odds for e in each.evidence)
+    def tentative_score(self, track: TentativeTrack, time_s: float, dt_s: float, settings: TrackerSettings) -> float:
+        """Return the sum of the log odds of all observations."""
+        return sum(each.log_odds for each in track.observations)
 
-    def promotes_from(self, settings: Settings) -> float:
-        """Promotion is by the odds alone."""
-        return settings.options.births.promote_log_odds
+    def promotion_score(self, settings: TrackerSettings) -> float:
+        """Return the log odds that a track needs."""
+        return settings.options.initiation.promote_log_odds
 
-    def waits_s(self, each: Tentative, settings: Settings) -> float:
-        """Two views fit by chance: until these, and those that are silent, make ``two_views_log_odds`` in all."""
-        births = settings.options.births
-        if not is_of_two_views(each, settings):
-            return births.min_age_s
-        gain, loss = _worth(settings)
-        shown = [gain * e.n_views + loss * e.n_silent for e in each.evidence]
-        speaks = max(float(np.mean(shown)), _HARDLY) / settings.options.evidence_time_s
-        return max(births.min_age_two_views_s, births.two_views_log_odds / speaks)
+    def min_age_s(self, track: TentativeTrack, settings: TrackerSettings) -> float:
+        """Return the age a track needs; two views fit by chance, so that they must accumulate ``two_views_log_odds``."""
+        initiation = settings.options.initiation
+        if not is_of_two_views(track, settings):
+            return initiation.min_age_s
+        gain, loss = _view_evidence(settings)
+        shown = [gain * each.n_views + loss * each.n_silent for each in track.observations]
+        evidence = max(float(np.mean(shown)), _MIN_EVIDENCE) / settings.options.evidence_time_s
+        return max(initiation.min_age_two_views_s, initiation.two_views_log_odds / evidence)
 
-    def active(self, seen: Seen, tracks: Sequence[Track], state: State, settings: Settings) -> np.ndarray:
-        """Every view that shows somebody is for them, every view that should and does not is against them."""
+    def track_scores(
+        self, outcome: FrameOutcome, tracks: Sequence[Track], state: State, settings: TrackerSettings
+    ) -> np.ndarray:
+        """Add the evidence of views that show a person, and of views that should and do not."""
         o = settings.options
-        gain, loss = _worth(settings)
-        missed = loss * (seen.expected & ~seen.supported).sum(axis=1)
-        # What hides somebody from one view often hides them from others too; a coincidence nothing hides.
-        hides = seen.supported.any(axis=1) & np.array([track.sure for track in tracks])
-        missed = np.where(hides, np.maximum(missed, _MOST_HIDDEN * gain), missed)
-        evidence = gain * seen.supported.sum(axis=1) + missed
+        gain, loss = _view_evidence(settings)
+        missed = loss * (outcome.expected & ~outcome.supported).sum(axis=1)
+        # What occludes a person in one view often does so in others; a coincidence is not occluded.
+        occludable = outcome.supported.any(axis=1) & np.array([track.established for track in tracks])
+        missed = np.where(occludable, np.maximum(missed, -o.lifecycle.max_missing_views * gain), missed)
+        evidence = gain * outcome.supported.sum(axis=1) + missed
         before = np.array([track.log_odds for track in tracks])
-        after = before + evidence * min(1.0, seen.dt_s / o.evidence_time_s)
-        return np.minimum(np.maximum(after, -o.most_log_odds), o.most_log_odds)
+        after = before + evidence * min(1.0, outcome.dt_s / o.evidence_time_s)
+        return np.minimum(np.maximum(after, -o.max_log_odds), o.max_log_odds)
 
-    def begins_with(self, settings: Settings) -> float:
-        """Half as certain as can be."""
-        return settings.options.most_log_odds / 2
+    def initial_score(self, settings: TrackerSettings) -> float:
+        """Return half of the largest log odds."""
+        return settings.options.max_log_odds / 2
 
-    def lost_below(self, settings: Settings) -> float:
-        """Where they are hardly likely to be there."""
+    def lost_score(self, settings: TrackerSettings) -> float:
+        """Return the log odds below which a person is probably absent."""
         return settings.options.lost_log_odds
 
-    def sure_from(self, settings: Settings) -> float:
-        """As certain as can be."""
-        return settings.options.most_log_odds
+    def established_score(self, settings: TrackerSettings) -> float:
+        """Return the largest log odds."""
+        return settings.options.max_log_odds
 
 
-def _worth(settings: Settings) -> tuple[float, float]:
-    """Log odds of a view that shows somebody, and of one that should and does not."""
+def _view_evidence(settings: TrackerSettings) -> tuple[float, float]:
+    """Return the log likelihood ratios of a view that shows a person, and of one that should and does not."""
     o = settings.options
     return math.log(o.detection_share / o.false_share), math.log((1.0 - o.detection_share) / (1.0 - o.false_share))
 
 
 class TrunkDistance:
-    """Metres between trunks, and log odds of bodies' lengths."""
+    """Distances between trunks in meters, and log odds of bone lengths."""
 
-    def merge(self, found: list[Evidence], settings: Settings) -> list[Evidence]:
-        """Proposals of groups are one a person already."""
-        return found
+    def merge(self, observations: list[Observation], settings: TrackerSettings) -> list[Observation]:
+        """Return the proposals unchanged: groups of detections are one per person already."""
+        return observations
 
-    def apart(self, last: Evidence, new: Evidence, settings: Settings) -> float:
-        """How far the trunk is off, m; inf beyond how far people get."""
+    def distance(self, last: Observation, new: Observation, settings: TrackerSettings) -> float:
+        """Return the distance between the trunks, in meters; inf beyond the reach of a person."""
         options = settings.options
-        within = options.births.gate_m + options.motion.top_speed_m_s * (new.time_s - last.time_s)
-        away = float(np.linalg.norm(new.torso_m - last.torso_m))
-        return away if away < within else math.inf
+        reach = options.initiation.gate_m + options.motion.top_speed_m_s * (new.time_s - last.time_s)
+        distance = float(np.linalg.norm(new.torso_m - last.torso_m))
+        return distance if distance < reach else math.inf
 
-    def returning(
-        self, tracks: list[Track], state: State, born: State, seen: Evidence, since_s: float, time_s: float,
-        settings: Settings,
-    ) -> tuple[int, str, str] | None:  # fmt: skip
-        """By where they can have gone, and by their bones."""
-        return who_returns(tracks, state, born, seen.torso_m, since_s, time_s, settings)
+    def find_lost(
+        self,
+        tracks: list[Track],
+        state: State,
+        fitted: State,
+        observation: Observation,
+        since_s: float,
+        time_s: float,
+        settings: TrackerSettings,
+    ) -> Reidentification | None:
+        """Find the lost track by position and bone lengths."""
+        return find_lost_track(tracks, state, fitted, observation.torso_m, since_s, time_s, settings)
 
 
-STAGES = Stages(PropagatedPrior(), LawfulNoise(), OddsScore(), TrunkDistance())
+STRATEGY = Strategy(PropagatedPrior(), TemperedNoise(), LogOddsScore(), TrunkDistance())

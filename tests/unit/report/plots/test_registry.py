@@ -12,7 +12,7 @@ from posefuse.errors import OptionsError, SkeletonError
 from posefuse.io.results import netcdf
 from posefuse.report.plots.data import gather_plot_data
 from posefuse.report.plots.registry import PLOT_NAMES, PLOTS, draw_plot
-from tests.people import crowd, followed, nobody
+from tests.people import crowd, followed, without_people
 
 HOSTILE = "<b>$x_1$ & co"
 
@@ -51,7 +51,7 @@ def test_same_result_gives_the_same_bytes(result):
 
 
 def test_figures_without_data_are_none(scene, result):
-    assert draw_plot("time", gather_plot_data(nobody(scene), None)) is None
+    assert draw_plot("time", gather_plot_data(without_people(scene), None)) is None
     assert draw_plot("lives", gather_plot_data(replace(result, tracks=None, swaps=None), None)) is None
 
 

@@ -1,0 +1,228 @@
+"""Fourth step of the tracker: manage the lifecycle, the cameras, the identities and the initiation of tracks."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.model.track_events import Event
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.associate import Association, find_unassigned
+from posefuse.tracking.camera_monitor import CameraMonitor, is_occluded
+from posefuse.tracking.identity_audit import (
+    AuditResult,
+    Contacts,
+    audit_identities,
+    drop_contacts,
+    observe_separated,
+    update_contacts,
+)
+from posefuse.tracking.lifecycle import (
+    expected_views,
+    fix_shape,
+    swap_identities,
+    tracks_to_terminate,
+    update_last_inside,
+    update_track,
+)
+from posefuse.tracking.predict import FrameInput, Prediction
+from posefuse.tracking.promotion import lifecycle_thresholds, promote_tracks
+from posefuse.tracking.records import IdentitySwap, PastState
+from posefuse.tracking.strategy import FrameOutcome, TrackerSetup
+from posefuse.tracking.track_set import TentativePool, TrackSet
+from posefuse.tracking.update import Update
+
+
+@dataclass(frozen=True, eq=False)
+class Management:
+    """Result of the management of tracks.
+
+    Attributes:
+        rows: shape (track, view), int64: assigned detections of all remaining and new tracks.
+        used: shape (track, view, keypoint), bool: used keypoints of these tracks.
+        innovations: By track number: normalized innovation squared, and its degrees of freedom.
+        events: All events of the frame.
+        past_states: By name, states in earlier frames of tracks that were confirmed or re-identified.
+        swaps: Identity swaps.
+    """
+
+    rows: np.ndarray
+    used: np.ndarray
+    innovations: dict[int, tuple[float, int]]
+    events: tuple[Event, ...]
+    past_states: dict[str, list[PastState]]
+    swaps: tuple[IdentitySwap, ...]
+
+
+@dataclass(eq=False)
+class Bookkeeping:
+    """Records beside the confirmed tracks that last from frame to frame.
+
+    Attributes:
+        pool: Tentative tracks.
+        monitor: Statistics of the cameras.
+        contacts: People who are, or recently were, close to each other.
+    """
+
+    pool: TentativePool
+    monitor: CameraMonitor
+    contacts: Contacts
+
+    @classmethod
+    def new(cls, n_views: int) -> "Bookkeeping":
+        """Return the records before the first frame."""
+        return cls(TentativePool(), CameraMonitor.new(n_views), {})
+
+
+def manage(
+    tracks: TrackSet,
+    book: Bookkeeping,
+    frame: FrameInput,
+    prediction: Prediction,
+    association: Association,
+    update: Update,
+    setup: TrackerSetup,
+) -> Management:
+    """Update the lifecycle of all tracks after an update.
+
+    Args:
+        tracks: In and out: confirmed tracks.
+        book: In and out: tentative tracks, cameras and contacts.
+        frame: The frame.
+        prediction: Predicted tracks.
+        association: Assigned detections.
+        update: Result of the update.
+        setup: Setup of the tracker.
+    """
+    s, rejected, events = setup.settings, book.monitor.rejected, list(update.events)
+    should_show, positions_m = expected_views(prediction.projected, s)
+    outcome = FrameOutcome(
+        frame.frame, frame.time_s, frame.dt_s, association.rows, association.labels, update.used, update.supported,
+        should_show & frame.frame.recorded,
+    )  # fmt: skip
+    events += _update_lifecycle(tracks, outcome, prediction, positions_m, rejected, setup)
+    remaining, ended = _terminate(tracks, frame, prediction, setup)
+    events += ended
+    outcome = outcome.select(remaining)
+    if s.options.camera_monitor.enabled:
+        events += _monitor_cameras(tracks, book.monitor, frame, association, outcome, setup)
+    swaps: list[IdentitySwap] = []
+    if s.options.identity_audit.enabled:
+        audited, swaps = _audit(tracks, book.contacts, outcome, setup)
+        events += audited
+    points_m = prediction.projected.points_m[remaining]
+    promoted = promote_tracks(tracks, book.pool, frame, association, outcome, points_m, rejected, setup)
+    events += promoted.events
+    innovations = {number: each for number, each in update.innovations.items() if number not in promoted.restored}
+    return Management(
+        promoted.rows, promoted.used, innovations, tuple(events), promoted.past_states, tuple(swaps)
+    )  # fmt: skip
+
+
+def _update_lifecycle(
+    tracks: TrackSet,
+    outcome: FrameOutcome,
+    prediction: Prediction,
+    positions_m: np.ndarray,
+    rejected: np.ndarray,
+    setup: TrackerSetup,
+) -> list[Event]:
+    """Update score and state of every track, adapt the noise model and fix bone lengths."""
+    s, events = setup.settings, []
+    if not len(tracks):
+        return []
+    outcome = replace(outcome, expected=_reliable_views(tracks, outcome, prediction, rejected, setup))
+    setup.strategy.noise.adapt(outcome, tracks.recent, tracks.state, s)
+    scores = setup.strategy.score.track_scores(outcome, tracks.tracks, tracks.state, s)
+    thresholds = lifecycle_thresholds(setup)
+    for p, track in enumerate(tracks.tracks):
+        changes = update_track(
+            track, float(scores[p]), thresholds, outcome.supported[p], outcome.expected[p], positions_m[p],
+            outcome.time_s, s,
+        )  # fmt: skip
+        events += [Event(outcome.frame.number, outcome.time_s, track.name, *change) for change in changes]
+        fix_shape(track, tracks.state, p, outcome.time_s, outcome.dt_s, s)
+    return events
+
+
+def _reliable_views(
+    tracks: TrackSet, outcome: FrameOutcome, prediction: Prediction, rejected: np.ndarray, setup: TrackerSetup
+) -> np.ndarray:
+    """Return the views in which a missing detection counts against a track, shape (track, view), bool."""
+    expected, s = outcome.expected & ~rejected, setup.settings
+    share = s.options.lifecycle.occluded_share
+    for p, track in enumerate(tracks.tracks):
+        if not track.established:
+            pixels = prediction.projected.pixels[p][:, s.core]
+            expected[p] &= ~is_occluded(pixels, outcome.rows[p], outcome.frame, share)
+    return expected
+
+
+def _terminate(
+    tracks: TrackSet, frame: FrameInput, prediction: Prediction, setup: TrackerSetup
+) -> tuple[list[int], list[Event]]:
+    """Drop the tracks that end; return the indices of the others and the events."""
+    s = setup.settings
+    if s.options.terminate_outside_after_s is not None:
+        update_last_inside(tracks.tracks, prediction.projected, frame.time_s, s)
+    reasons = tracks_to_terminate(tracks.tracks, tracks.state, frame.time_s, s)
+    events = [
+        Event(frame.frame.number, frame.time_s, tracks.tracks[p].name, "terminated", reason)
+        for p, reason in reasons.items()
+    ]
+    remaining = [p for p in range(len(tracks)) if p not in reasons]
+    if reasons:
+        tracks.keep(remaining)
+    return remaining, events
+
+
+def _monitor_cameras(
+    tracks: TrackSet,
+    monitor: CameraMonitor,
+    frame: FrameInput,
+    association: Association,
+    outcome: FrameOutcome,
+    setup: TrackerSetup,
+) -> list[Event]:
+    """Find cameras that moved, that fell silent, or that are back."""
+    options, names = setup.settings.options.camera_monitor, setup.settings.rig.names
+    active = tracks.is_in_state(TrackState.ACTIVE)
+    unassigned = find_unassigned(frame.frame, outcome.rows, association.explained)
+    n_unassigned = np.bincount(frame.frame.view[unassigned], minlength=len(names))
+    changes = monitor.update_fit(
+        outcome.supported[active], outcome.expected[active], n_unassigned, frame.dt_s, options
+    )  # fmt: skip
+    changes += monitor.update_silence(frame.frame.recorded, frame.frame.shown, frame.dt_s, options)
+    return [Event(frame.frame.number, frame.time_s, names[v], kind, reason) for v, kind, reason in changes]
+
+
+def _audit(
+    tracks: TrackSet, contacts: Contacts, outcome: FrameOutcome, setup: TrackerSetup
+) -> tuple[list[Event], list[IdentitySwap]]:
+    """Audit identities after close contact, and swap those that the bone lengths contradict."""
+    s, events, swaps = setup.settings, [], []
+    update_contacts(contacts, tracks.tracks, tracks.state, outcome, s.options.identity_audit)
+    if not contacts:
+        return [], []
+    observe_separated(contacts, tracks, outcome, s)
+    renamed: set[str] = set()
+    for result in audit_identities(contacts, tracks.tracks, tracks.state, outcome.time_s, s):
+        if renamed & set(result.names):
+            continue
+        if result.swap:
+            swaps.append(_swap(tracks, contacts, result))
+            renamed |= set(result.names)
+            reason = f"its bones are those of {result.names[1]}, log odds {-result.log_odds:.1f}"
+            events.append(Event(outcome.frame.number, outcome.time_s, result.names[0], "identities_swapped", reason))
+        elif not result.is_clear:
+            reason = f"it may be {result.names[1]} after close contact, log odds {result.log_odds:.1f}"
+            name = result.names[0]
+            events.append(Event(outcome.frame.number, outcome.time_s, name, "possible_identity_switch", reason))
+    return events, swaps
+
+
+def _swap(tracks: TrackSet, contacts: Contacts, result: AuditResult) -> IdentitySwap:
+    index = {track.name: p for p, track in enumerate(tracks.tracks)}
+    p, q = (index[name] for name in result.names)
+    swap_identities(tracks.tracks, tracks.state, p, q)
+    drop_contacts(contacts, result.names)
+    return IdentitySwap((tracks.tracks[p].number, tracks.tracks[q].number), result.since_s)

@@ -1,0 +1,225 @@
+"""Promotion: turn tentative tracks into confirmed ones, or identify them as lost tracks."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.kernels.tracking.records import State
+from posefuse.model.track_events import Event, EventKind
+from posefuse.model.tracks import TrackState
+from posefuse.tracking.associate import Association, find_unassigned
+from posefuse.tracking.body_states import ProjectedBodies, join_states, select_states
+from posefuse.tracking.camera_monitor import missing_views
+from posefuse.tracking.frame_clock import TIME_TOLERANCE_S
+from posefuse.tracking.lifecycle import LifecycleThresholds, new_track, restore_track
+from posefuse.tracking.predict import FrameInput
+from posefuse.tracking.records import Observation, PastState, TentativeTrack
+from posefuse.tracking.reidentification import Reidentification, population_is_known
+from posefuse.tracking.strategy import FrameOutcome, TrackerSetup
+from posefuse.tracking.track_initiation import (
+    continue_tentative,
+    fit_body,
+    is_confirmed,
+    is_expired,
+    observation_of,
+)
+from posefuse.tracking.track_set import TentativePool, TrackSet
+
+
+@dataclass(frozen=True, eq=False)
+class Promotions:
+    """Result of the promotion of tentative tracks.
+
+    Attributes:
+        rows: shape (track, view), int64: assigned detections of all tracks, with the new ones.
+        used: shape (track, view, keypoint), bool: used keypoints of all tracks, with the new ones.
+        events: Tracks that were confirmed or re-identified.
+        past_states: By name, states in earlier frames of these tracks.
+        restored: Numbers of the tracks that were re-identified.
+    """
+
+    rows: np.ndarray
+    used: np.ndarray
+    events: tuple[Event, ...]
+    past_states: dict[str, list[PastState]]
+    restored: frozenset[int]
+
+
+@dataclass(frozen=True, eq=False)
+class _Promotion:
+    """A tentative track that was promoted: index and number of its track, past states, events."""
+
+    track: int
+    number: int
+    name: str
+    past: list[PastState]
+    events: list[tuple[EventKind, str]]
+    is_restored: bool
+
+
+def promote_tracks(
+    tracks: TrackSet,
+    pool: TentativePool,
+    frame: FrameInput,
+    association: Association,
+    outcome: FrameOutcome,
+    predicted_points_m: np.ndarray,
+    rejected: np.ndarray,
+    setup: TrackerSetup,
+) -> Promotions:
+    """Continue tentative tracks by the unassigned detections of a frame, and promote those that satisfy the rule.
+
+    Args:
+        tracks: In and out: confirmed tracks.
+        pool: In and out: tentative tracks.
+        frame: The frame.
+        association: Assigned detections.
+        outcome: Outcome of the frame for the confirmed tracks.
+        predicted_points_m: shape (track, keypoint, 3): predicted points of the confirmed tracks.
+        rejected: shape (view,), bool: cameras that are not used.
+        setup: Setup of the tracker.
+    """
+    s, score = setup.settings, setup.strategy.score
+    single_view = _single_view_detections(tracks, outcome, setup)
+    free = find_unassigned(frame.frame, outcome.rows, association.explained, rejected)
+    free[list(single_view)] = True
+    observations = _propose_new_people(tracks, frame, free, predicted_points_m, rejected, setup)
+    for each in continue_tentative(pool.tracks, observations, lambda a, b: setup.strategy.distance.distance(a, b, s)):
+        pool.n_created += 1
+        pool.tracks.append(TentativeTrack(pool.n_created, [each]))
+    rows, used, promoted, remaining = outcome.rows.copy(), outcome.used.copy(), [], []
+    for each in pool.tracks:
+        each.score = score.tentative_score(each, frame.time_s, frame.dt_s, s)
+        min_age_s = score.min_age_s(each, s)
+        promotion = None
+        if is_confirmed(each, frame.time_s, score.promotion_score(s), min_age_s, s):
+            promotion = _promote(each, tracks, frame, single_view, setup)
+        if promotion is not None:
+            promoted.append(promotion)
+            last = each.observations[-1]
+            counted = np.isfinite(last.keypoints_px[..., 0])
+            if promotion.track < len(rows):
+                rows[promotion.track], used[promotion.track] = last.rows, counted
+            else:
+                rows, used = np.vstack([rows, last.rows]), np.vstack([used, counted[None]])
+        elif not is_expired(each, frame.time_s, min_age_s, s):
+            remaining.append(each)
+    pool.tracks = remaining
+    events = [
+        Event(frame.frame.number, frame.time_s, each.name, kind, reason)
+        for each in promoted
+        for kind, reason in each.events
+    ]
+    restored = frozenset(each.number for each in promoted if each.is_restored)
+    return Promotions(rows, used, tuple(events), {each.name: each.past for each in promoted}, restored)
+
+
+def lifecycle_thresholds(setup: TrackerSetup) -> LifecycleThresholds:
+    """Return the scores at which the state of a track changes."""
+    score, s = setup.strategy.score, setup.settings
+    return LifecycleThresholds(score.initial_score(s), score.lost_score(s), score.established_score(s))
+
+
+def _single_view_detections(tracks: TrackSet, outcome: FrameOutcome, setup: TrackerSetup) -> dict[int, int]:
+    """Return the detections of people whom a single view has shown for some time, with the indices of their tracks.
+
+    A single view hardly constrains the distance. Where other views show the person of that detection elsewhere, the
+    person is there.
+    """
+    detections = {}
+    for p, track in enumerate(tracks.tracks):
+        single_s = outcome.time_s - track.last_multiview_s
+        if single_s > setup.settings.options.single_view_after_s + TIME_TOLERANCE_S:
+            own = outcome.rows[p][outcome.rows[p] >= 0]
+            if len(own) == 1:
+                detections[int(own[0])] = p
+    return detections
+
+
+def _propose_new_people(
+    tracks: TrackSet,
+    frame: FrameInput,
+    free: np.ndarray,
+    predicted_points_m: np.ndarray,
+    rejected: np.ndarray,
+    setup: TrackerSetup,
+) -> list[Observation]:
+    """Return the people whom unassigned detections show, without those who are tracked already."""
+    s, detections, active = setup.settings, frame.frame, tracks.active
+    views = detections.view[free]
+    if not len(views) or views[0] == views[-1]:
+        return []
+    known, options = predicted_points_m[active], s.options.initiation
+    proposals = setup.propose(detections, free)
+    observations = []
+    for i in range(len(proposals)):
+        distance = np.linalg.norm(known - proposals.points_m[i], axis=-1)
+        if len(active) and (np.nanmean(distance, axis=1) < options.apart_m).any():
+            continue
+        observation = observation_of(detections, frame.time_s, proposals, i, s.skeleton.mirror)
+        if observation.n_views <= options.min_views:
+            missing = missing_views(observation.points_m, observation.rows, detections, rejected, s)
+            observation = replace(observation, n_silent=int(missing.sum()))
+        observations.append(observation)
+    return setup.strategy.distance.merge(observations, s)
+
+
+def _promote(
+    tentative: TentativeTrack, tracks: TrackSet, frame: FrameInput, single_view: dict[int, int], setup: TrackerSetup
+) -> _Promotion | None:
+    """Confirm a tentative track under a new name, or under that of a lost track.
+
+    Args:
+        tentative: The tentative track.
+        tracks: In and out: confirmed tracks.
+        frame: The frame.
+        single_view: From :func:`_single_view_detections`.
+        setup: Setup of the tracker.
+
+    Returns:
+        None if no body fits the observations, or if a tracked person is already there.
+    """
+    s, thresholds = setup.settings, lifecycle_thresholds(setup)
+    state, past, error = fit_body(tentative.observations, s)
+    if not error <= s.options.initiation.max_error_sigma:
+        return None
+    last = tentative.observations[-1]
+    single = [single_view[int(row)] for row in last.rows if int(row) in single_view]
+    if single:
+        reason = "other cameras show the person of whom one camera had the only detection"
+        lost: Reidentification | None = Reidentification(single[0], reason)
+    elif _is_occupied(state, tracks, setup):
+        return None
+    else:
+        lost = setup.strategy.distance.find_lost(
+            tracks.tracks, tracks.state, state, last, tentative.observations[0].time_s, frame.time_s, s
+        )
+    events: list[tuple[EventKind, str]] = []
+    if lost is not None:
+        p = lost.track
+        restore_track(tracks.state, p, state, s)
+        tracks.reset_history(p, s)
+        events.append(("reidentified", lost.reason))
+        if lost.doubt:
+            events.append(("possible_identity_switch", lost.doubt))
+    elif len(tracks) >= s.options.max_people or population_is_known(tracks.tracks, s):
+        return None
+    else:
+        tracks.n_created += 1
+        p = len(tracks)
+        tracks.append(new_track(tracks.n_created, frame.time_s, thresholds), state, s)
+        events.append(("confirmed", f"seen by {last.n_views} cameras with an error of {error:.1f} sigma"))
+    track = tracks.tracks[p]
+    track.state, track.last_position_m = TrackState.ACTIVE, last.torso_m
+    track.last_seen_s = track.last_multiview_s = frame.time_s
+    track.log_odds = thresholds.initial_score
+    return _Promotion(p, track.number, track.name, past, events, lost is not None)
+
+
+def _is_occupied(state: State, tracks: TrackSet, setup: TrackerSetup) -> bool:
+    """Return whether an active person's body is where a new one is: two proposals may show parts of one person."""
+    s = setup.settings
+    together = join_states(select_states(tracks.state, tracks.active), state)
+    points = ProjectedBodies.of(together, s.cameras[:0], s.body).points_m
+    distance = np.linalg.norm(points[:-1] - points[-1], axis=-1)
+    return bool((np.nanmean(distance, axis=1) < s.options.initiation.apart_m).any())

@@ -1,0 +1,227 @@
+"""Interfaces of the tracker's exchangeable components; all strategies share everything else."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from posefuse.kernels.tracking.error_model import ErrorModel
+from posefuse.kernels.tracking.records import State
+from posefuse.model.frames import Frame
+from posefuse.model.proposals import Proposals
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track
+from posefuse.tracking.reidentification import Reidentification
+from posefuse.tracking.settings import TrackerSettings
+
+Propose = Callable[[Frame, np.ndarray], Proposals]
+"""Function from a frame and a mask of its unassigned rows, shape (row,), to people whom several views show."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatchScores:
+    """Scores of assigning detections to tracks.
+
+    Attributes:
+        gain: shape (track, row): gain of a match; -inf where none is possible.
+        min_gain: Gain that a match needs.
+        swapped: shape (track, row, group), int8: whether left and right of a limb are swapped.
+        swap_odds: shape (track, row, group): log odds of the swap.
+        explained: shape (row,), bool: detections of tracked people, whether assigned or not.
+    """
+
+    gain: np.ndarray
+    min_gain: float
+    swapped: np.ndarray
+    swap_odds: np.ndarray
+    explained: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class UpdateNoise:
+    """Noise model of the keypoints of one update.
+
+    Attributes:
+        law: Noise model in the form that kernels take.
+        confidence: shape (row, keypoint): confidences that this model takes.
+        temper: shape (track,): number of correlated frames that count as one independent frame.
+    """
+
+    law: ErrorModel
+    confidence: np.ndarray
+    temper: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FrameOutcome:
+    """Result of association and update for all tracks.
+
+    Attributes:
+        frame: The detections.
+        time_s: Time of the frame, in seconds.
+        dt_s: Time since the last frame, in seconds.
+        rows: shape (track, view), int64: assigned detections, -1 for none.
+        labels: shape (track, view, keypoint), int64: which of a detection's keypoints is the body's.
+        used: shape (track, view, keypoint), bool: keypoints that the update used.
+        supported: shape (track, view), bool: views that support each track.
+        expected: shape (track, view), bool: views that should show each track.
+    """
+
+    frame: Frame
+    time_s: float
+    dt_s: float
+    rows: np.ndarray
+    labels: np.ndarray
+    used: np.ndarray
+    supported: np.ndarray
+    expected: np.ndarray
+
+    def select(self, tracks: list[int]) -> "FrameOutcome":
+        """Return the outcome of some tracks, copied."""
+        return FrameOutcome(
+            self.frame, self.time_s, self.dt_s, self.rows[tracks], self.labels[tracks], self.used[tracks],
+            self.supported[tracks], self.expected[tracks],
+        )  # fmt: skip
+
+
+class Prior(Protocol):
+    """Prior covariance of the prediction."""
+
+    @property
+    def smoothable(self) -> bool:
+        """Whether the covariances allow a smoother to use later frames."""
+        ...
+
+    def prepare(self, state: State, recent: RecentHistory) -> None:
+        """Change the states after the last frame, in place, to those from which the prediction starts."""
+        ...
+
+
+class Noise(Protocol):
+    """Noise model of keypoints."""
+
+    def variance_px2(
+        self, projected: ProjectedBodies, frame: Frame, recent: RecentHistory, settings: TrackerSettings
+    ) -> np.ndarray:
+        """Return the noise variances of each detection's keypoints for each track, shape (track, row, keypoint)."""
+        ...
+
+    def update_noise(
+        self,
+        frame: Frame,
+        rows: np.ndarray,
+        labels: np.ndarray,
+        recent: RecentHistory,
+        dt_s: float,
+        settings: TrackerSettings,
+    ) -> UpdateNoise:
+        """Return the noise model for the update by the assigned detections."""
+        ...
+
+    def adapt(self, outcome: FrameOutcome, recent: RecentHistory, state: State, settings: TrackerSettings) -> None:
+        """Adapt the noise estimates to the residuals of the updated states."""
+        ...
+
+
+class Score(Protocol):
+    """Scores of matches and of tracks."""
+
+    def match(
+        self, projected: ProjectedBodies, frame: Frame, recent: RecentHistory, noise: Noise, settings: TrackerSettings
+    ) -> MatchScores:
+        """Score every pair of a detection and a track."""
+        ...
+
+    def tentative_score(self, track: TentativeTrack, time_s: float, dt_s: float, settings: TrackerSettings) -> float:
+        """Return the score of a tentative track after a frame."""
+        ...
+
+    def promotion_score(self, settings: TrackerSettings) -> float:
+        """Return the score that a tentative track needs to be confirmed."""
+        ...
+
+    def min_age_s(self, track: TentativeTrack, settings: TrackerSettings) -> float:
+        """Return the age that a tentative track needs to be confirmed, in seconds."""
+        ...
+
+    def track_scores(
+        self, outcome: FrameOutcome, tracks: Sequence[Track], state: State, settings: TrackerSettings
+    ) -> np.ndarray:
+        """Return the scores of the confirmed tracks after a frame, shape (track,)."""
+        ...
+
+    def initial_score(self, settings: TrackerSettings) -> float:
+        """Return the score of a track that was just confirmed; a re-acquired track has at least this score."""
+        ...
+
+    def lost_score(self, settings: TrackerSettings) -> float:
+        """Return the score below which a track is lost."""
+        ...
+
+    def established_score(self, settings: TrackerSettings) -> float:
+        """Return the score from which a track is never again taken for a coincidence; -inf if no track ever is."""
+        ...
+
+
+class Distance(Protocol):
+    """Distances between proposals, and between proposals and tracks."""
+
+    def merge(self, observations: list[Observation], settings: TrackerSettings) -> list[Observation]:
+        """Merge the proposals of one frame that show the same person."""
+        ...
+
+    def distance(self, last: Observation, new: Observation, settings: TrackerSettings) -> float:
+        """Return the distance of a proposal from a tentative track's last observation; inf beyond the gate."""
+        ...
+
+    def find_lost(
+        self,
+        tracks: list[Track],
+        state: State,
+        fitted: State,
+        observation: Observation,
+        since_s: float,
+        time_s: float,
+        settings: TrackerSettings,
+    ) -> Reidentification | None:
+        """Find the lost track that a proposal continues.
+
+        Args:
+            tracks: Confirmed tracks.
+            state: States of the tracks.
+            fitted: State of the body fitted to the proposal.
+            observation: The proposal.
+            since_s: Time at which the proposed person was first seen, in seconds.
+            time_s: Time of the frame, in seconds.
+            settings: Settings of the tracker.
+
+        Returns:
+            The track, or None if the person is new.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """The components in which the tracker's strategies differ."""
+
+    prior: Prior
+    noise: Noise
+    score: Score
+    distance: Distance
+
+
+@dataclass(frozen=True)
+class TrackerSetup:
+    """Everything that stays the same while a tracker runs.
+
+    Attributes:
+        settings: Cameras, skeleton, noise model and options.
+        strategy: Exchangeable components.
+        propose: Function that proposes people from unassigned detections.
+    """
+
+    settings: TrackerSettings
+    strategy: Strategy
+    propose: Propose

@@ -1,0 +1,49 @@
+"""Initial paths: measured points that are consistent with their neighbors in time, interpolated in between."""
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from posefuse.trajectory.observations import PersonObservations
+
+_WINDOW_S = 0.2
+_MIN_WINDOW = 5
+_MAX_DEVIATION = 6.0
+"""In median deviations from the median of the neighbors; no point of a smooth path deviates more."""
+
+
+def initial_paths(observed: PersonObservations) -> tuple[np.ndarray, np.ndarray]:
+    """Return the initial paths, shape (keypoint, frame, 3), and view weights, (keypoint, frame, view)."""
+    paths = interpolate_missing(observed.points_m, observed.time_s)
+    window = max(_MIN_WINDOW, 2 * round(0.5 * _WINDOW_S / observed.step_s) + 1)
+    median = median_filter(paths, size=(1, window, 1), mode="mirror")
+    deviation = np.linalg.norm(observed.points_m - median, axis=-1)
+    valid_frames = np.isfinite(deviation)
+    typical = np.array(
+        [
+            np.median(own[own_there]) if own_there.any() else 0.0
+            for own, own_there in zip(deviation, valid_frames, strict=True)
+        ]
+    )
+    # At the ends the median lags behind by the motion in half a window.
+    steps = np.linalg.norm(np.diff(median, axis=1), axis=-1)
+    motion = np.median(steps, axis=1) * (window // 2) if steps.shape[1] else np.zeros(len(deviation))
+    consistent = valid_frames & (deviation <= (_MAX_DEVIATION * typical + 2.0 * motion)[:, None])
+    paths = interpolate_missing(np.where(consistent[..., None], observed.points_m, np.nan), observed.time_s)
+    return paths, np.where(observed.agreed & consistent[..., None] & np.isfinite(observed.sigma_px), 1.0, 0.0)
+
+
+def interpolate_missing(points_m: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Interpolate missing points (keypoint, frame, 3) linearly in time, or extend the nearest one.
+
+    A keypoint without any point starts at the median of all others.
+    """
+    out = points_m.copy()
+    valid = np.asarray(np.isfinite(points_m).all(axis=-1))
+    median = np.median(points_m[valid], axis=0) if valid.any() else np.zeros(3)
+    for k, valid_frames in enumerate(valid):
+        if not valid_frames.any():
+            out[k] = median
+        elif not valid_frames.all():
+            for i in range(3):
+                out[k, :, i] = np.interp(time_s, time_s[valid_frames], points_m[k, valid_frames, i])
+    return out

@@ -1,0 +1,360 @@
+"""Paths of one person's keypoints: alternating rounds of view weighting, linearization and solution.
+
+Every round is one Gauss-Newton step on all paths together. The first rounds keep the views that the measured points
+use, so that the density adapts to the motion before any view is rejected for lack of smoothness.
+"""
+
+import sys
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import binary_opening, uniform_filter1d
+
+from posefuse.kernels.trajectory.band import REACH, factor_paths, invert_paths
+from posefuse.kernels.trajectory.bone_terms import (
+    BoneTerms,
+    PathFactor,
+    add_bone_gradient,
+    add_to_diagonal,
+    bone_directions,
+    propagate_bone_information,
+    solve_with_bones,
+)
+from posefuse.kernels.trajectory.observation_terms import (
+    PathSystem,
+    SmoothnessTerms,
+    ViewTerms,
+    assemble_system,
+    squared_differences,
+    weigh_observations,
+)
+from posefuse.model.options.trajectory import TrajectoryOptions
+from posefuse.trajectory.bones import Bones
+from posefuse.trajectory.error_level import ErrorLevel, error_correlation
+from posefuse.trajectory.observations import PersonObservations
+from posefuse.trajectory.paths import Paths, PersonPriors
+from posefuse.trajectory.roughness import Roughness
+from posefuse.trajectory.smoothness import Smoothness, alive_frames
+
+_RIDGE = 1e-5
+"""Regularization as a fraction of the information of a frame; it fixes otherwise undetermined points."""
+
+
+_MAX_CG_ITERATIONS = 30
+
+
+_TOLERANCE = 1e-3
+
+
+_FIXED_WEIGHT_ROUNDS = 2
+"""Number of initial rounds with the view weights of the measured points."""
+
+
+_MIN_AGREEING, _MIN_CONSECUTIVE = 3, 3
+"""This many views that agree on a point, for this many consecutive frames, force the path to follow."""
+
+
+_PERSISTENT_LIMIT_FACTOR = 0.65
+"""Factor on the rejection limits if errors are persistent, because errors of successive frames do not cancel."""
+
+
+_BONE_REACH = 3.0
+"""Distance, in standard deviations of length and views, at which a bone holds a quarter as tightly."""
+
+
+_MAX_RELATIVE_STIFFNESS = 10.0
+"""Upper bound of the stiffness of bones, relative to the information of the views along them. Stiffer bones would add
+hardly any information but slow down the solve.
+"""
+
+
+_BONE_CORRELATION_S = 0.05
+"""Correlation time of the length error of a bone, in seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathSolver:
+    """Solver of the paths of one person.
+
+    Attributes:
+        observed: observations of the views.
+        smoothness: smoothness prior.
+        bones: of the skeleton.
+        options: of the solve.
+    """
+
+    observed: PersonObservations
+    smoothness: Smoothness
+    bones: Bones
+    options: TrajectoryOptions
+
+    def solve(self, person_priors: PersonPriors) -> Paths:
+        """Run all rounds and add the roughness of the motion to the covariance."""
+        paths = self.smooth(person_priors)
+        if not self.can_estimate_roughness(person_priors):
+            return paths
+        rough = (
+            self.roughness(paths, person_priors).variance_m2
+            if person_priors.roughness_m2 is None
+            else person_priors.roughness_m2
+        )
+        return replace(paths, covariance_m2=paths.covariance_m2 + rough[:, None, None, None] * np.eye(3))
+
+    def can_estimate_roughness(self, person_priors: PersonPriors) -> bool:
+        """Return whether deviations from a path can be motion: persistent or correlated errors look the same."""
+        return person_priors.correlation_s == 0.0 and person_priors.persistent_ratio == 0.0
+
+    def roughness(self, paths: Paths, person_priors: PersonPriors) -> Roughness:
+        """Return the roughness of the motion around its paths, estimated from these frames."""
+        return Roughness.of(self.observed, paths.paths_m, paths.covariance_m2, paths.weights, person_priors.spread)
+
+    def smooth(self, person_priors: PersonPriors) -> Paths:
+        """Run all rounds."""
+        paths = Paths.initial(self.observed, self.smoothness, self.options)
+        scale = self.error_level.scale(person_priors)
+        for number in range(_FIXED_WEIGHT_ROUNDS + self.options.iterations):
+            paths = self.perform_round(
+                paths,
+                person_priors,
+                scale,
+                keep_weights=number < _FIXED_WEIGHT_ROUNDS,
+                min_agreeing=self._min_agreeing_views(person_priors),
+            )
+        return paths
+
+    def first_variance(self, paths: Paths, person_priors: PersonPriors) -> np.ndarray:
+        """Return the typical variance of a point from a single frame at the initial paths, shape (keypoint,), m^2."""
+        residuals, jacobians = self.observed.linear(paths.paths_m)
+        rows = np.zeros(paths.density_factor.shape)
+        sigma = person_priors.spread * self.observed.sigma_px
+        _, _, information = self._terms(residuals, jacobians, sigma, paths.weights, person_priors, rows, paths)
+        return typical_variance(information, paths.weights)
+
+    def perform_round(
+        self,
+        paths: Paths,
+        person_priors: PersonPriors,
+        scale: np.ndarray,
+        *,
+        keep_weights: bool,
+        min_agreeing: int = sys.maxsize,
+    ) -> Paths:
+        """Perform one round.
+
+        Args:
+            paths: current paths.
+            person_priors: of the person.
+            scale: shape (keypoint, frame, view): error level of each view relative to its usual one.
+            keep_weights: whether views keep their weights.
+            min_agreeing: this many views that measured a point together are not rejected together.
+        """
+        observed, options = self.observed, self.options
+        residuals, jacobians = observed.linear(paths.paths_m)
+        weights = paths.weights
+        if not keep_weights:
+            weights = self._restore_agreed_views(
+                self._weights(residuals, jacobians, paths.covariance_m2, person_priors), min_agreeing
+            )
+        weights = np.where(np.isfinite(residuals[..., 0]), weights, 0.0)
+        alive = alive_frames(np.asarray(weights.any(axis=-1)), observed.time_s, options.max_gap_s)
+        density = person_priors.density[:, None] * paths.density_factor
+        stiffness = self.smoothness.stiffness(density, alive)
+        sigma = person_priors.spread * observed.sigma_px * scale
+        band, rhs, information = self._terms(residuals, jacobians, sigma, weights, person_priors, stiffness, paths)
+        variance = typical_variance(information, weights)
+        steps, covariance = self._step(
+            paths.paths_m,
+            band,
+            rhs,
+            information,
+            self._bone_stiffness(paths.paths_m, person_priors, alive, variance),
+            person_priors.length_m,
+        )
+        moved = paths.paths_m + self._limit_steps(steps)
+        squares, determined = np.empty(stiffness.shape), np.empty(stiffness.shape)
+        squared_differences(self.smoothness.differences, stiffness, moved, covariance, squares, determined)
+        density_factor = self._local_density_factor(squares * paths.density_factor, determined)
+        own_covariance = covariance[:, :, 0].copy()
+        persistent_ratio = self._persistent_covariance(own_covariance, information, person_priors)
+        return Paths(
+            moved,
+            own_covariance,
+            persistent_ratio,
+            weights,
+            alive,
+            variance,
+            density_factor,
+            squares * paths.density_factor,
+            determined,
+        )
+
+    def _persistent_covariance(
+        self, covariance_m2: np.ndarray, information: np.ndarray, person_priors: PersonPriors
+    ) -> np.ndarray:
+        """Return the covariance of the points due to persistent errors, shape (keypoint, frame, 3, 3).
+
+        With the information ``I`` of one frame and the covariance ``P`` of the path as if from ``n`` such frames, an
+        error that is equal in all of them moves the point by ``n P J^T e``; ``n`` is chosen such that ``n I`` does not
+        exceed the inverse of ``P`` in any direction. Directions determined by time or bones rather than views do not
+        move.
+        """
+        if person_priors.persistent_ratio == 0.0:
+            return np.zeros_like(covariance_m2)
+        window = 2 * round(0.5 * self.options.max_gap_s / self.observed.step_s) + 1
+        correlation = error_correlation(self.observed.time_s, person_priors.correlation_s)[-1]
+        typical = (
+            uniform_filter1d(information, window, axis=1, mode="nearest") * (1.0 + correlation) / (1.0 - correlation)
+        )
+        gain = covariance_m2 @ typical
+        # The root mean square of the eigenvalues approximates the largest one.
+        most = np.sqrt(np.maximum(np.einsum("kfij,kfji->kf", gain, gain), 1e-300) / 3.0)[..., None, None]
+        return person_priors.persistent_ratio * (gain @ covariance_m2) / np.square(most)
+
+    def _min_agreeing_views(self, person_priors: PersonPriors) -> int:
+        """Return the number of agreeing views that overrule the path."""
+        return 2 if person_priors.persistent_ratio > 0.0 else _MIN_AGREEING
+
+    def _restore_agreed_views(self, weights: np.ndarray, min_agreeing: int) -> np.ndarray:
+        """Return the weights, with those of the measured point where the path was too smooth to keep two views."""
+        agreed = self.observed.agreed & np.isfinite(self.observed.sigma_px)
+        too_few = ((weights > 0.5).sum(axis=-1) < 2) & (agreed.sum(axis=-1) >= min_agreeing)
+        # Require consecutive frames: in a single frame, three views may err alike by chance.
+        too_few = binary_opening(too_few, np.ones((1, _MIN_CONSECUTIVE), dtype=bool))
+        return np.where(too_few[..., None], agreed, weights)
+
+    def _weights(
+        self, residuals: np.ndarray, jacobians: np.ndarray, covariance_m2: np.ndarray, person_priors: PersonPriors
+    ) -> np.ndarray:
+        """Return the weights of observations by their distance from the path, given its uncertainty."""
+        observed, options = self.observed, self.options
+        strict = _PERSISTENT_LIMIT_FACTOR if person_priors.persistent_ratio > 0.0 else 1.0
+        weights = np.empty(observed.sigma_px.shape)
+        keypoints, frames, views = observed.sigma_px.shape
+        n = keypoints * frames
+        weigh_observations(
+            residuals.reshape(n, views, 2),
+            jacobians.reshape(n, views, 2, 3),
+            observed.sigma_px.reshape(n, views),
+            covariance_m2.reshape(n, 3, 3),
+            strict * options.full_weight_sigma,
+            strict * options.zero_weight_sigma,
+            weights.reshape(n, views),
+        )
+        return weights
+
+    def _terms(
+        self,
+        residuals: np.ndarray,
+        jacobians: np.ndarray,
+        sigma_px: np.ndarray,
+        weights: np.ndarray,
+        person_priors: PersonPriors,
+        stiffness: np.ndarray,
+        paths: Paths,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the band, the right-hand side, and the information of single frames."""
+        keypoints, frames, _ = paths.paths_m.shape
+        band, rhs = np.empty((keypoints, frames, REACH + 1, 3, 3)), np.empty((keypoints, frames, 3))
+        information = np.empty((keypoints, frames, 3, 3))
+        variance_m2 = np.where(np.isfinite(paths.variance_m2), paths.variance_m2, np.inf)
+        ridge = _RIDGE / variance_m2 + 1e-12
+        correlation = error_correlation(self.observed.time_s, person_priors.correlation_s)
+        assemble_system(
+            ViewTerms(residuals, jacobians, sigma_px, weights, correlation),
+            SmoothnessTerms(self.smoothness.differences, stiffness, ridge),
+            paths.paths_m,
+            PathSystem(band, rhs, information),
+        )
+        return band, rhs, information
+
+    @cached_property
+    def error_level(self) -> ErrorLevel:
+        """Estimator of the error level of each view."""
+        return ErrorLevel(self.observed)
+
+    def _bone_stiffness(
+        self, paths_m: np.ndarray, person_priors: PersonPriors, alive: np.ndarray, variance_m2: np.ndarray
+    ) -> np.ndarray:
+        """Return the stiffness of bones, shape (bone, frame): inverse variance of each length per independent frame.
+
+        A bone far from its length, relative to its own variation and the uncertainty of the views, is down-weighted
+        (Geman and McClure).
+        """
+        one, other = self.bones.ends.T
+        share = min(self.observed.step_s / (2.0 * _BONE_CORRELATION_S), 1.0)
+        seen_m2 = np.nan_to_num(variance_m2[one] + variance_m2[other], nan=np.inf)
+        give_m2 = np.square(person_priors.length_sd_m)
+        with np.errstate(divide="ignore"):
+            stiffness = np.minimum(share / give_m2, _MAX_RELATIVE_STIFFNESS / seen_m2)
+        length_error_m = np.linalg.norm(paths_m[one] - paths_m[other], axis=-1) - person_priors.length_m[:, None]
+        reach_m2 = _BONE_REACH**2 * (give_m2 + seen_m2)[:, None]
+        with np.errstate(invalid="ignore"):
+            weight = np.square(1.0 / (1.0 + np.nan_to_num(np.square(length_error_m) / reach_m2)))
+        return np.where(alive[one] & alive[other], stiffness[:, None] * weight, 0.0)
+
+    def _step(
+        self,
+        paths_m: np.ndarray,
+        band: np.ndarray,
+        rhs: np.ndarray,
+        information: np.ndarray,
+        stiffness: np.ndarray,
+        length_m: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the steps of the paths and the covariance within the band."""
+        ends, order = self.bones.ends, self.bones.order
+        keypoints, frames, _ = paths_m.shape
+        directions, length_error = np.empty((len(ends), frames, 3)), np.empty((len(ends), frames))
+        # A bone of unknown length has stiffness 0, but a NaN length would spread to all keypoints.
+        bone_directions(ends, np.nan_to_num(length_m), paths_m, directions, length_error)
+        bone_information = np.empty_like(information)
+        propagate_bone_information(
+            ends, order, directions, stiffness, information, bone_information, np.empty((len(order), 3, 3))
+        )
+        add_to_diagonal(bone_information, band)
+        add_bone_gradient(ends, directions, stiffness, length_error, rhs)
+        lower, inverse = np.empty((keypoints, frames, REACH, 3, 3)), np.empty((keypoints, frames, 3, 3))
+        factor_paths(band, lower, inverse, np.empty(keypoints))
+        steps, covariance = np.empty_like(rhs), np.empty_like(band)
+        solve_with_bones(
+            PathFactor(band, lower, inverse),
+            BoneTerms(ends, directions, stiffness, bone_information),
+            rhs,
+            _MAX_CG_ITERATIONS,
+            _TOLERANCE,
+            steps,
+        )
+        invert_paths(lower, inverse, covariance)
+        return steps, covariance
+
+    @cached_property
+    def max_step_m(self) -> float:
+        """Maximum step length: half the measured size of the subject; inf if it is unknown."""
+        points = self.observed.points_m
+        with np.errstate(invalid="ignore"):
+            extent = np.linalg.norm(np.fmax.reduce(points, axis=0) - np.fmin.reduce(points, axis=0), axis=-1)
+        extent = extent[extent > 0.0]
+        return 0.5 * float(np.median(extent)) if extent.size else np.inf
+
+    def _limit_steps(self, steps_m: np.ndarray) -> np.ndarray:
+        """Return steps limited to the linear range, because a diverging point would corrupt the following rounds."""
+        length = np.linalg.norm(steps_m, axis=-1, keepdims=True)
+        return steps_m * np.minimum(1.0, self.max_step_m / np.maximum(length, 1e-300))
+
+    def _local_density_factor(self, squares: np.ndarray, determined: np.ndarray) -> np.ndarray:
+        """Return the local density factors."""
+        if self.options.density_window_s <= 0.0 or not squares.shape[1]:
+            return np.ones_like(squares)
+        step_s = self.observed.step_s
+        window = 2 * round(0.5 * self.options.density_window_s / step_s) + 1
+        return self.smoothness.local_density_factor(squares, determined, window, self.options.density_prior_s / step_s)
+
+
+def typical_variance(information: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the median variance of a point from a single frame, shape (keypoint,), m^2; NaN if never observed."""
+    trace = np.trace(information, axis1=-2, axis2=-1) / 3.0
+    there = np.asarray(weights.any(axis=-1))
+    return np.array(
+        [1.0 / np.median(own[seen]) if seen.any() else np.nan for own, seen in zip(trace, there, strict=True)]
+    )

@@ -1,0 +1,59 @@
+"""Association scores on frames worked out by hand."""
+
+import numpy as np
+import pytest
+from benchmarks.association_scores import score_association
+
+from posefuse.errors import ResultError
+
+PERSON = np.array([[0.0, 0, 0], [0, 0, 0.5]])
+
+
+def at(*x: float) -> np.ndarray:
+    return np.array([PERSON + np.array([each, 0, 0]) for each in x]).reshape(-1, 2, 3)
+
+
+def views(*n: int) -> np.ndarray:
+    return np.repeat(np.array(n, dtype=int)[:, None], 2, axis=1)
+
+
+def test_two_frames_by_hand():
+    """Of four people the oracle finds three and the proposals two of these; one proposal of four is nobody."""
+    truth = [at(0.0, 2.0), at(0.0, 2.0)]
+    oracle = [at(0.06, 2.08), at(0.06, np.nan)]
+    proposals = [at(0.05, 9.0), at(0.1, 2.2)]
+    found = score_association(proposals, truth, oracle, [views(3, 2), views(3, 1)])
+    assert (found.n_true, found.n_oracle, found.n_proposals) == (4, 3, 4)
+    assert (found.recall, found.oracle_recall) == (3 / 4, 3 / 4)
+    assert found.relative_recall == pytest.approx(2 / 3)
+    assert found.false_share == 1 / 4
+    assert found.error_mm == pytest.approx(75)
+    assert found.error_mm_by_views == {2: pytest.approx(np.nan, nan_ok=True), 3: pytest.approx(75)}
+    assert found.oracle_error_mm_by_views == {2: pytest.approx(80), 3: pytest.approx(60)}
+
+
+def test_somebody_the_truth_leaves_out_is_not_false():
+    truth, oracle = [at(0.0)], [at(0.0)]
+    given = score_association([at(0.0, 5.0)], truth, oracle, [views(3)], [np.array([True, False])])
+    assert given.false_share == 0
+
+
+def test_keypoints_that_do_not_count():
+    truth, oracle = [at(0.0)], [at(0.0)]
+    proposal = at(0.0)
+    proposal[0, 1, 0] = 0.3
+    found = score_association([proposal], truth, oracle, [views(2)], compared=[0])
+    assert (found.error_mm, found.recall) == (0, 1)
+
+
+def test_one_proposal_finds_one_person():
+    found = score_association([at(0.1)], [at(0.0, 0.2)], [at(0.0, 0.2)], [views(2, 2)])
+    assert found.recall == 1 / 2
+
+
+def test_frames_without_anybody():
+    nobody = np.empty((0, 2, 3))
+    found = score_association([nobody, at(1.0)], [at(0.0), nobody], [at(0.0), nobody], [views(2), views()])
+    assert (found.recall, found.false_share) == (0, 1)
+    with pytest.raises(ResultError, match="one entry a frame"):
+        score_association([nobody], [at(0.0), nobody], [at(0.0), nobody], [views(2), views()])

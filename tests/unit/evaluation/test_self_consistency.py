@@ -1,0 +1,61 @@
+"""What a result says of itself: by hand, and of a real run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.evaluation.self_consistency import self_consistency
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.pipeline.reconstruct import reconstruct
+from posefuse.synthetic.crowd_options import CrowdOptions
+from posefuse.synthetic.crowds import simulate_crowd
+from tests.people import crowd, followed
+
+
+@pytest.fixture(scope="module")
+def result():
+    return followed(crowd())
+
+
+def test_innovations_by_hand(result):
+    shape = (result.n_frames, len(result.person_ids))
+    nis, dof = np.full(shape, np.nan), np.zeros(shape, dtype=np.int32)
+    nis[:3, 0], dof[:3, 0] = (10.0, 20.0, 90.0), (20, 20, 20)
+    nis[0, 1], dof[0, 1] = 80.0, 40
+    told = self_consistency(replace(result, poses=replace(result.poses, nis=nis, nis_dof=dof)))
+    assert (told.innovations.n_keypoints, told.innovations.mean) == (50, 2.0)
+    assert told.innovations.median == 1.5
+    first, second, third = (person.innovations for person in told.people[:3])
+    assert (first.mean, first.median) == (2.0, 1.0)
+    assert second.median == 2.0
+    assert third is None
+
+
+def test_people_one_by_one(result):
+    told = self_consistency(result)
+    points = np.asarray(result.layers["model"].points_m)
+    assert told.layer == "model"
+    for p, person in enumerate(told.people):
+        assert person.n_frames == np.isfinite(points[:, p]).any(axis=(1, 2)).sum()
+        assert person.missing_share == 0.0
+        assert 0.0 < person.bone_variation < 0.2
+    assert told.acceleration_m_s2 > 1.0
+
+
+def test_nothing_is_said_where_nobody_was_followed(result):
+    assert self_consistency(replace(result, poses=None)).innovations is None
+
+
+def test_noise_that_is_taken_for_smaller_surprises():
+    scene = simulate_crowd(CrowdOptions(people=1, duration_s=3.0, seed=0, skeleton="body_20"))
+    said = {}
+    for scale_px in (9.0, 18.0):
+        options = Options(people="many", noise_scale_px=scale_px, tracker=TrackerOptions(smoother="none"))
+        found = reconstruct(scene.rig, scene.detections, options)
+        dof = np.asarray(found.poses.nis_dof)
+        assert (np.isfinite(np.asarray(found.poses.nis)) == (dof > 0)).all()
+        assert dof.max() <= 2 * len(scene.rig) * len(found.skeleton)
+        said[scale_px] = self_consistency(found).innovations.median
+    assert 2.0 < said[9.0] / said[18.0] < 4.5

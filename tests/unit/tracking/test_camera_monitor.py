@@ -1,0 +1,78 @@
+"""Cameras that fall silent, frame by frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.options.tracking_stages import CameraMonitorOptions
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.camera_monitor import CameraMonitor
+from posefuse.tracking.settings import TrackerSettings
+
+VIEWS = 3
+ALL = np.ones(VIEWS, dtype=bool)
+
+
+@pytest.fixture(scope="module")
+def settings() -> TrackerSettings:
+    rig = build_rig("ring", VIEWS)
+    return TrackerSettings.of(rig, shipped_skeleton("body_20"), NoiseModel(np.full(VIEWS, 4.5), 1.0), TrackerOptions())
+
+
+def run(settings: TrackerSettings, seconds, dt_s: float = 0.04) -> list[tuple[float, int, bool, str]]:
+    """What is said, and when, of frames given by (for how long, recorded, shown, due)."""
+    monitor, changes, time_s = CameraMonitor.new(VIEWS), [], 0.0
+    for length_s, recorded, shown, due in seconds:
+        for _ in range(round(length_s / dt_s)):
+            time_s += dt_s
+            monitor.n_due[:] = due
+            options = settings.options.camera_monitor
+            found = monitor.update_silence(np.array(recorded), np.array(shown), dt_s, options)
+            changes.extend((round(time_s, 3), view, kind == "camera_silent", reason) for view, kind, reason in found)
+    return changes
+
+
+@pytest.mark.parametrize("dt_s", [0.01, 0.04])
+def test_a_camera_without_frames(settings, dt_s):
+    gone = np.array([True, False, True])
+    said = run(settings, [(1.0, ALL, [1, 1, 1], [1, 1, 1]), (5.0, gone, [1, 0, 1], [1, 0, 1]),
+                          (1.0, ALL, [1, 1, 1], [1, 1, 1])], dt_s)  # fmt: skip
+    assert [(view, silent) for _, view, silent, _ in said] == [(1, True), (1, False)]
+    assert [when for when, *_ in said] == pytest.approx([3.0, 6.2], abs=dt_s + 1e-9)
+    assert said[0][3] == "no usable frame for 2.0 s"
+
+
+def test_a_camera_that_shows_nobody_where_others_do(settings):
+    said = run(settings, [(1.0, ALL, [2, 2, 2], [2, 2, 2]), (4.0, ALL, [2, 2, 0], [2, 2, 2]),
+                          (1.0, ALL, [2, 2, 2], [2, 2, 2])])  # fmt: skip
+    assert [(view, silent) for _, view, silent, _ in said] == [(2, True), (2, False)]
+    assert "other cameras show people in its image" in said[0][3]
+
+
+def test_an_empty_room_is_no_silence(settings):
+    assert run(settings, [(10.0, ALL, [0, 0, 0], [0, 0, 0])]) == []
+    assert run(settings, [(10.0, ALL, [2, 2, 0], [2, 2, 0])]) == []
+
+
+def test_gaps_shorter_than_the_option_are_no_silence(settings):
+    pieces = [(1.9, [True, False, True], [1, 0, 1], [1, 0, 1]), (0.04, ALL, [1, 1, 1], [1, 1, 1])]
+    assert run(settings, pieces * 4) == []
+    short = replace(
+        settings, options=replace(settings.options, camera_monitor=CameraMonitorOptions(silent_after_s=0.5))
+    )
+    assert run(short, pieces[:1])[0][:3] == (0.52, 1, True)
+
+
+def test_one_stray_detection_does_not_break_a_silence(settings):
+    dark = (2.0, ALL, [1, 1, 0], [1, 1, 1])
+    said = run(settings, [dark, (0.04, ALL, [1, 1, 1], [1, 1, 1]), dark, dark])
+    assert [(view, silent) for _, view, silent, _ in said] == [(2, True)]
+
+
+def test_views_that_take_turns_are_not_silent(settings):
+    turns = [(0.01, np.arange(VIEWS) == v, np.arange(VIEWS) == v, [0, 0, 0]) for _ in range(200) for v in range(VIEWS)]
+    assert run(settings, turns, 0.01) == []

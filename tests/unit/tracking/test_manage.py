@@ -1,0 +1,127 @@
+"""Two views that happen to fit are nobody while the others show an empty place; who is hidden lives on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kinematics.initial_pose import newborn
+from posefuse.model.frames import Frame
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.tracks import TrackState
+from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.camera_monitor import is_occluded
+from posefuse.tracking.records import People
+from posefuse.tracking.tracker import ArticulatedTracker
+
+SKELETON = shipped_skeleton("body_20")
+RIG = build_rig("ring", 5)
+EVERY = tuple(range(5))
+DT_S = 0.04
+FIRM_S = 0.6
+
+
+def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
+    options = Options(tracker=TrackerOptions(strategy=preset))  # pyright: ignore[reportArgumentType]
+    return tracker_of(RIG, SKELETON, default_noise(RIG, options), options)
+
+
+def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
+    """Shape (view, keypoint, 2): somebody trunk_axis in the middle."""
+    tree = tracker.settings.tree
+    points = np.full((len(SKELETON), 3), np.nan)
+    points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
+    body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
+    projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
+    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    return projected.pixels[0]
+
+
+def frame_of(number: int, shown: np.ndarray, views: tuple[int, ...], rng: np.random.Generator) -> Frame:
+    """One detection, 1 px off, in each of the views, ascending."""
+    pixels = shown[list(views)] + rng.normal(0.0, 1.0, (len(views), *shown.shape[1:]))
+    return Frame(
+        pixels,
+        np.ones(pixels.shape[:2]),
+        np.array(views, dtype=np.int64),
+        np.full(len(views), -1),
+        np.full(len(RIG), number * DT_S),
+        np.ones(len(RIG), dtype=bool),
+        number,
+    )
+
+
+def watched(tracker: ArticulatedTracker, spells: list[tuple[float, tuple[int, ...]]]) -> list[People]:
+    """What it says while so many seconds each show somebody in such views."""
+    rng, shown, told = np.random.default_rng(0), standing_px(tracker), []
+    for seconds, views in spells:
+        told += [tracker.update(frame_of(len(told) + i, shown, views, rng)) for i in range(round(seconds / DT_S))]
+    return told
+
+
+def active_s(told: list[People]) -> float:
+    return DT_S * sum(any(p.state == TrackState.ACTIVE for p in people.people) for people in told)
+
+
+def test_two_views_of_five_alone_are_nobody():
+    assert active_s(watched(tracker_with(), [(3.0, (0, 2))])) == 0.0
+
+
+def test_three_views_are_somebody_soon():
+    assert active_s(watched(tracker_with(), [(1.0, (0, 2, 3))])) > 0.8
+
+
+def test_two_views_that_see_alone_are_somebody_after_a_second():
+    tracker = tracker_with()
+    others = np.array([False, True, False, True, True])
+    rng, shown = np.random.default_rng(0), standing_px(tracker)
+    began = None
+    for i in range(50):
+        frame = frame_of(i, shown, (0, 2), rng)
+        told = tracker.update(replace(frame, recorded=~others))
+        if began is None and any(p.state == TrackState.ACTIVE for p in told.people):
+            began = i * DT_S
+    assert began == pytest.approx(1.0, abs=0.1)
+
+
+def test_who_was_seen_firmly_lives_on_in_one_view():
+    told = watched(tracker_with(), [(FIRM_S, EVERY), (2.0, (1,)), (0.4, EVERY)])
+    assert active_s(told) > FIRM_S + 2.0
+    assert {p.name for people in told for p in people.people if p.state == TrackState.ACTIVE} == {"person_1"}
+
+
+def test_who_was_hardly_seen_is_forgotten_in_one_view():
+    """Three views for as long as it takes to be believed, then one: no longer than ten frames."""
+    tracker = tracker_with()
+    rng, shown, i = np.random.default_rng(0), standing_px(tracker), 0
+    while not tracker.tracks:
+        tracker.update(frame_of(i, shown, (0, 2, 3), rng))
+        i += 1
+    left = [tracker.update(frame_of(i + j, shown, (2,), rng)) for j in range(20)]
+    assert active_s(left) <= 10 * DT_S
+    assert not tracker.tracks
+    assert "coincidence" in " ".join(event.why for people in left for event in people.events)
+
+
+def test_the_specification_is_not_asked():
+    tracker = tracker_with("specification")
+    watched(tracker, [(0.4, EVERY)])
+    assert all(track.established for track in tracker.tracks)
+    assert tracker.tracks
+
+
+def test_somebody_else_hides_and_oneself_does_not():
+    rng, shown = np.random.default_rng(0), standing_px(tracker_with())
+    frame = frame_of(0, shown, EVERY, rng)
+    core = shown[:, [SKELETON.index(name) for name in SKELETON.core]]
+    nobody, rows = np.full(5, -1), np.array([0, -1, 2, -1, -1])
+    np.testing.assert_array_equal(is_occluded(core, nobody, frame, 0.5), np.ones(5, dtype=bool))
+    np.testing.assert_array_equal(is_occluded(core, rows, frame, 0.5), rows < 0)
+    aside = core + np.array([400.0, 0.0])
+    assert not is_occluded(aside, nobody, frame, 0.5).any()
+    assert not is_occluded(core, nobody, frame_of(0, np.full_like(shown, np.nan), EVERY, rng), 0.5).any()

@@ -1,0 +1,129 @@
+"""What one view alone tells of how far away somebody is, is believed no more than errors that last allow."""
+
+import numpy as np
+import pytest
+
+from posefuse.kernels.tracking.projection import project_people
+from posefuse.kinematics.initial_pose import newborn
+from posefuse.model.frames import Frame
+from posefuse.model.options.options import Options
+from posefuse.model.options.tracker import TrackerOptions
+from posefuse.model.reconstruction import unpack_covariance
+from posefuse.pipeline.people import default_noise, tracker_of
+from posefuse.skeleton.skeletons import shipped_skeleton
+from posefuse.synthetic.rigs import build_rig
+from posefuse.tracking.body_states import ProjectedBodies
+from posefuse.tracking.records import Person
+from posefuse.tracking.settings import filter_memory_s, tempering_factor
+from posefuse.tracking.tracker import ArticulatedTracker
+
+SKELETON = shipped_skeleton("body_20")
+RIG = build_rig("ring", 5)
+DT_S, FIRM_S, ALONE_S, LASTS_S = 0.04, 1.0, 1.6, 0.25
+
+
+def tracker_of_ring() -> ArticulatedTracker:
+    return tracker_of(RIG, SKELETON, default_noise(RIG, Options()), Options())
+
+
+def standing(tracker: ArticulatedTracker) -> ProjectedBodies:
+    tree = tracker.settings.tree
+    points = np.full((len(SKELETON), 3), np.nan)
+    points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
+    body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
+    projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
+    project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
+    return projected
+
+
+def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Errors of one sigma that last, the frames first."""
+    keep = np.exp(-DT_S / LASTS_S)
+    errors = rng.normal(size=shape)
+    for i in range(1, shape[0]):
+        errors[i] = keep * errors[i - 1] + np.sqrt(1.0 - keep**2) * errors[i]
+    return errors
+
+
+def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
+    """Points of somebody who stands, and what is said of them while view 0 alone shows them."""
+    tracker = tracker_of_ring()
+    projected, rng = standing(tracker), np.random.default_rng(seed)
+    frames = round((FIRM_S + ALONE_S) / DT_S)
+    pixels = projected.pixels[0] + 4.5 * lasting((frames, *projected.pixels[0].shape), rng)
+    told = []
+    for i in range(frames):
+        views = np.arange(1 if i * DT_S >= FIRM_S else len(RIG))
+        frame = Frame(
+            pixels[i, views],
+            np.ones((len(views), len(SKELETON))),
+            views,
+            np.full(len(views), -1),
+            np.full(len(RIG), i * DT_S),
+            np.ones(len(RIG), dtype=bool),
+            i,
+        )
+        people = tracker.update(frame).people
+        if i * DT_S >= FIRM_S:
+            told += people[:1]
+    return projected.points_m[0], told
+
+
+def memory_of(n_views: list[int], single_view_s: float = 0.0, dt_s: float = DT_S, **options: float) -> list[float]:
+    n = len(n_views)
+    return filter_memory_s(
+        np.array(n_views), np.full(n, single_view_s), np.full(n, dt_s), TrackerOptions(**options)
+    ).tolist()
+
+
+def test_memory_is_longer_for_whom_one_view_alone_has_shown_for_some_time():
+    assert memory_of([1], 0.3, smoother_error_memory_s=0.25) == [0.25]
+    assert memory_of([1], 0.1, smoother_error_memory_s=0.25)[0] < 0.25
+    longer = memory_of([1], 0.3, error_memory_s=0.5, smoother_error_memory_s=0.25)
+    assert longer == memory_of([1], 0.1, error_memory_s=0.5)
+
+
+def test_memory_is_longer_the_fewer_views_and_frames_there_are():
+    assert memory_of([5], dt_s=0.05) == pytest.approx([0.06], rel=0.1)
+    assert sorted(memory_of([2, 3, 5, 8]), reverse=True) == memory_of([2, 3, 5, 8])
+    assert memory_of([2])[0] < 2.0 * memory_of([5])[0]
+    rates = [memory_of([5], dt_s=dt_s)[0] for dt_s in (0.01, 0.02, 0.04, 0.1)]
+    assert rates == sorted(rates)
+    assert memory_of([5], dt_s=np.inf)[0] < 3.0 * rates[0] + 0.1
+    assert memory_of([3], error_memory_s=0.0) == [0.0]
+
+
+def test_so_many_frames_count_as_one_whatever_their_rate():
+    """Of one view alone, whose frames are averaged for longer than there is between them."""
+    rates_hz = np.array([50.0, 100.0])
+    a_second = [rate / tempering_factor(np.array(1.0 / rate), memory_of([1], 1.0, 1.0 / rate)[0]) for rate in rates_hz]
+    assert a_second[0] == pytest.approx(a_second[1], rel=0.01)
+
+
+def test_how_far_away_is_as_sure_as_it_is_right():
+    """Along the view's ray: one standard deviation holds what it should, or more, and two hold nearly all."""
+    squared = []
+    for seed in range(4):
+        truth, told = seen_by_one(seed)
+        ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+        ray /= np.linalg.norm(ray)
+        assert len(told) == round(ALONE_S / DT_S)
+        for person in told:
+            off = (person.points_m - truth) @ ray
+            squared.append(off**2 / (ray @ unpack_covariance(person.covariance_m2) @ ray))
+    assert np.mean(np.array(squared) < 1.0) > 0.68
+    assert np.mean(np.array(squared) < 4.0) > 0.95
+
+
+def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkeypatch: pytest.MonkeyPatch):
+    """Errors that make bones longer cannot be turned away: who may hold themselves anyhow comes nearer."""
+    off_m = []
+    for _ in range(2):
+        off_m.append([])
+        for seed in range(4, 8):
+            truth, told = seen_by_one(seed)
+            ray = truth.mean(axis=0) - RIG.cameras[0].centre_m
+            off_m[-1] += [((person.points_m - truth) @ ray / np.linalg.norm(ray)).mean() for person in told]
+        monkeypatch.setattr("posefuse.tracking.update.apply_posture_prior", lambda *_: None)
+    told, untold = np.abs(np.mean(off_m, axis=1))
+    assert told < 0.8 * untold
