@@ -1,4 +1,4 @@
-"""Figures for animation from fitted bodies: see docs/methods.md, "Figures for animation"."""
+"""Figures for animation from fitted bodies: see docs/methods/angles.md."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How well joint angles are known, to first order, from the covariance of a pose. See docs/methods.md, "Joint angles".
+"""How well joint angles are known, to first order, from the covariance of a pose. See docs/methods/angles.md.
 
 The derivative of angles by the numbers of the pose is taken by finite differences, of many numbers at once where no
 angle depends on two of them (Curtis, Powell & Reid 1974).

@@ -1,8 +1,8 @@
-"""How limbs are turned about themselves, for animation: without jumps where a limb is straight and nothing tells it.
+"""Axial rotation (twist) of limbs for animation, continuous in time even while a limb is straight.
 
-:func:`posefuse.kinematics.twist.full_rotations` says what a frame shows by itself. When an elbow stretches, the plane in
-which it bends is lost in a few frames, and found again somewhere else; a character whose skin follows would flap. Here
-the frames around tell too: see docs/methods.md, "Figures for animation".
+:func:`posefuse.kinematics.twist.full_rotations` estimates the twist from a single frame. While an elbow is straight,
+its bending plane is undefined, and it may reappear in another direction; the skin of an animated character would flip.
+This module also uses neighboring frames: see docs/methods/angles.md.
 """
 
 import numpy as np
@@ -11,58 +11,58 @@ from posefuse.kinematics.twist import about_third_axis, bending_axis, carrier, i
 from posefuse.skeleton.trees import Tree
 
 SMOOTH_S = 0.15
-"""Standard deviation of the weights, in time, with which frames tell a twist."""
+"""Standard deviation, in seconds, of the Gaussian weights of neighboring frames."""
 _REACH = 3.0
 _REST_WEIGHT = np.sin(np.radians(5.0)) ** 2
-"""What the least rotation counts beside a plane seen with the squared sine of the bend."""
+"""Weight of the least rotation, compared with a bending plane that is weighted by the squared sine of the bend."""
 
 
 def reach_frames(tree: Tree, step_s: float) -> int:
-    """How many frames before and after one have a bearing on it.
+    """Return the number of frames before and after a frame that influence its twist.
 
     Args:
-        tree: of the body; where bones carry bones, the frames around those that count for one count for the next.
-        step_s: between frames.
+        tree: tree of the body; the reach adds up along chains of bones.
+        step_s: time between frames.
     """
-    carrying = _carrying(tree)
-    deep = np.zeros(len(tree.bones), dtype=np.int64)
+    parents = _parent_bones(tree)
+    depth = np.zeros(len(tree.bones), dtype=np.int64)
     for bone in in_order(tree):
         before = carrier(tree, bone)[0]
-        deep[bone] = (deep[before] if before >= 0 else 0) + (bone in carrying)
-    return 2 * int(deep.max(initial=0)) * _half(step_s)
+        depth[bone] = (depth[before] if before >= 0 else 0) + (bone in parents)
+    return 2 * int(depth.max(initial=0)) * _half(step_s)
 
 
 def _half(step_s: float) -> int:
     return int(np.ceil(_REACH * SMOOTH_S / step_s))
 
 
-def _carrying(tree: Tree) -> set[int]:
-    """The bones on which others hang."""
+def _parent_bones(tree: Tree) -> set[int]:
+    """Return the bones that have child bones."""
     return {carrier(tree, bone)[0] for bone in range(len(tree.bones))}
 
 
 def steady_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step_s: float) -> np.ndarray:
-    """Rotations of bones with a twist that changes smoothly: world from bone, shape (frame, bone, 3, 3).
+    """Return rotations of bones with smoothly varying twist: world from bone, shape (frame, bone, 3, 3).
 
-    The axes are those of :func:`posefuse.kinematics.twist.full_rotations`. A bone's twist from the least rotation is the
-    mean, on the circle, of those that the plane of the bend shows in the frames around, each weighed by the squared
-    sine of the bend (the twist's error goes with its inverse) and by a Gaussian of ``SMOOTH_S``; the course of that
-    mean is smoothed by the same Gaussian once more. The last bone of a chain follows from the one before by the least
+    The axes are those of :func:`posefuse.kinematics.twist.full_rotations`. The twist of a bone, relative to the
+    least rotation, is the circular mean of the twists given by the bending planes of the neighboring frames. Weights
+    are the squared sine of the bend (the error of the twist grows with its inverse) times a Gaussian of ``SMOOTH_S``.
+    The mean is smoothed by the same Gaussian once more. The last bone of a chain follows from its parent by the least
     rotation.
 
     Args:
-        tree: of the body.
+        tree: tree of the body.
         turns: shape (frame, segment, 3, 3): world from segment.
         directions: shape (frame, bone, 3): unit vectors, NaN where unknown.
-        step_s: between frames.
+        step_s: time between frames.
     """
     rest = rest_frames(tree)
     out = np.empty((*directions.shape, 3))
     weights = _gaussian(step_s)
-    carrying = _carrying(tree)
+    parents = _parent_bones(tree)
     for bone in in_order(tree):
         out[:, bone] = least_rotation(tree, bone, turns, directions, out, rest)
-        if bone in carrying:
+        if bone in parents:
             axis, bend = bending_axis(tree, bone, directions, out[:, bone, :, 1])
             out[:, bone] = out[:, bone] @ about_third_axis(_twist(out[:, bone], axis, bend, weights))
     return out
@@ -75,16 +75,16 @@ def _gaussian(step_s: float) -> np.ndarray:
 
 
 def _twist(least: np.ndarray, axis: np.ndarray, bend: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Shape (frame,), radians."""
-    across = np.einsum("fi,fi->f", axis, least[..., 1]) - 1j * np.einsum("fi,fi->f", axis, least[..., 0])
-    shown = np.nan_to_num(np.sin(bend) ** 2 * across)
-    mean = _smooth(shown, weights) + _REST_WEIGHT
-    # Weights so unlike pass from one side of a straight limb to the other at once: the mean's course is smoothed too.
-    known = np.isfinite(bend)
-    return np.angle(_smooth(np.where(known, mean / np.abs(mean), 0.0), weights))
+    """Return the twist relative to the least rotation, shape (frame,), radians."""
+    twist = np.einsum("fi,fi->f", axis, least[..., 1]) - 1j * np.einsum("fi,fi->f", axis, least[..., 0])
+    observed = np.nan_to_num(np.sin(bend) ** 2 * twist)
+    mean = _smooth(observed, weights) + _REST_WEIGHT
+    # Strongly unequal weights make the mean jump from one side of a straight limb to the other, so it is smoothed too.
+    has_bend = np.isfinite(bend)
+    return np.angle(_smooth(np.where(has_bend, mean / np.abs(mean), 0.0), weights))
 
 
 def _smooth(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    # Whole, then cut: "same" is as long as the weights where these are longer.
+    # mode="same" returns the length of the weights if they are longer than the values.
     half = len(weights) // 2
     return np.convolve(values, weights)[half : half + len(values)]

@@ -1,4 +1,4 @@
-"""Joint angles in degrees from how segments and bones stand. See docs/methods.md, "Joint angles"."""
+"""Joint angles in degrees from how segments and bones stand. See docs/methods/angles.md."""
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache

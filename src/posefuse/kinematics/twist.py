@@ -1,6 +1,6 @@
 """How limbs are turned about themselves, which keypoints do not show: told by the plane in which the next bone bends.
 
-See docs/methods.md, "Joint angles".
+See docs/methods/angles.md.
 """
 
 from functools import lru_cache

@@ -1,8 +1,7 @@
 """Filters over time: each keypoint by itself, and of it each unbroken stretch by itself.
 
 What a fixed filter makes of errors depends on how long they last, which it does not know; detectors' errors last longer
-than a filter's window. So covariances stay those of the points that were filtered. See docs/methods.md,
-"Gaps and filters".
+than a filter's window. So covariances stay those of the points that were filtered. See docs/methods/postprocess.md.
 """
 
 from collections.abc import Callable, Mapping
