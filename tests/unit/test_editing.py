@@ -212,13 +212,13 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("text", "words"),
         [
-            ("", "holds no [[edit]]. Each has do = one of merge, split"),
-            ("[edit]\ndo = 'drop'\n", "written [[edit]], with two brackets"),
+            ("", "contains no [[edit]]. Each needs do = one of merge, split"),
+            ("[edit]\ndo = 'drop'\n", "write each edit as its own table [[edit]], with two brackets"),
             ("[[merge]]\n", "unknown key 'merge'. Edits are tables [[edit]]"),
             ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: do is missing. It is one of merge"),
-            ("[[edit]]\ndo = 'merg'\n", "edit 1: do cannot be 'merg'. Did you mean 'merge'?"),
-            ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. It needs person, into."),
-            ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. It has person, from_frame, to_frame."),
+            ("[[edit]]\ndo = 'merg'\n", "edit 1: unknown operation do = 'merg'. Did you mean 'merge'?"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. Required keys: person, into."),
+            ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. Keys: person, from_frame, to_frame."),
             ("[[edit]]\ndo = 'drop'\n", "drop needs at least one of person, from_frame and to_frame"),
             ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) is before from_frame (5)"),
             ("[[edit]]\ndo = 'drop'\nperson = 3\n", "person cannot be 3. Expected `str | null`, got `int`."),
