@@ -276,12 +276,12 @@ def write_beside(result: Reconstruction, folder: Path, progress: Bars) -> tuple[
     Returns:
         The names of what was written, and the layer that TRC and C3D hold.
     """
-    from posefuse.biomechanics.tables import angles_of, tables_of
+    from posefuse.biomechanics.tables import angle_table, body_tables
     from posefuse.io.results.figures import write_figures
     from posefuse.io.results.write import people_with_frames, write_folder
     from posefuse.report.html import render_report
 
-    files, layer = write_folder(result, folder, progress, angles_of, tables_of(result))
+    files, layer = write_folder(result, folder, progress, angle_table, body_tables(result))
     figures, remarks = write_figures(result, people_with_frames(result), folder, progress)
     (folder / "report.html").write_text(render_report(result, progress=progress), "utf-8")
     describe(result)

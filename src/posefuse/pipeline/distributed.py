@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from posefuse.alignment.apply import laid
+from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
 from posefuse.io.checkpoints import CheckpointFolder
@@ -136,7 +136,7 @@ def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[
         pieces = (partial(solver.alone, window) for window in windows(parts, n_frames, solver.margin, size))
         parts = (team.parts.load(name).of_result(head) for name in team.round(solve_piece, "solved", pieces))
     if plan.alignment is not None:
-        parts = laid(parts, plan.alignment)
+        parts = align_parts(parts, plan.alignment)
     yield from watched(parts, n_frames, "putting together", progress)
 
 

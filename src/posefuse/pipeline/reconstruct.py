@@ -8,9 +8,9 @@ from platform import python_version
 
 import numpy as np
 
-from posefuse.alignment.apply import after_scaling, scaled_layer, scaled_rig, unchanged
-from posefuse.alignment.lay import lay
-from posefuse.alignment.size import scale_of
+from posefuse.alignment.apply import combine_with_scale, scaled_layer, scaled_rig, identity_alignment
+from posefuse.alignment.world_axes import find_alignment
+from posefuse.alignment.size import scale_factor
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import SingleSubject
@@ -41,7 +41,7 @@ from posefuse.pipeline.defaults import (
 from posefuse.pipeline.measured_layer import Plan, measure, partial_note, reconstruct_chunks
 from posefuse.pipeline.people import TrackedPeople
 from posefuse.pipeline.solved_layer import Postprocess, Solver, Step
-from posefuse.postprocess.bones import usual_bones
+from posefuse.postprocess.bones import median_bones
 from posefuse.preprocess import time_offsets
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.preprocess.timeline import align_views
@@ -112,7 +112,7 @@ def prepare(
     examined, sample = look(rig, detections, options, progress, who or partial(who_is_followed, checkpoint=checkpoint))
     plan, scale = settle(examined), None
     if options.align.scales:
-        scale = scale_of(points_of(sampled(plan)), detections.skeleton, options.align)
+        scale = scale_factor(points_of(sampled(plan)), detections.skeleton, options.align)
         again = checkpoint.child(f"resized_{examined.detections.n_frames}")
         who = who or partial(who_is_followed, checkpoint=again)
         plan, sample = resized(examined, plan, sample, scale, progress, who)
@@ -170,11 +170,11 @@ def settle_world(plan: Plan, scale: float | None) -> Plan:
         return plan
     if len(plan.rig) == 1:
         raise OptionsError("align: one camera shows its image plane, which is no place in the world to align.")
-    alignment = unchanged(plan.rig.up_axis)
+    alignment = identity_alignment(plan.rig.up_axis)
     if wanted.turns:
-        alignment = lay(points_of(sampled(plan)), plan.detections.skeleton, plan.rig, wanted)
+        alignment = find_alignment(points_of(sampled(plan)), plan.detections.skeleton, plan.rig, wanted)
     if scale is not None:
-        alignment = after_scaling(alignment, scale, wanted)
+        alignment = combine_with_scale(alignment, scale, wanted)
     return replace(plan, alignment=alignment, provenance=plan.provenance.with_notes(alignment.steps))
 
 
@@ -323,7 +323,7 @@ def settle_solver(plan: Plan) -> Plan:
             solved_layer.learned(plan.rig, plan.detections, plan.noise, spans, measured, plan.options.trajectory)
         )
     if not wanted.does_nothing:
-        bones = usual_bones(points_of(sampled(plan)), plan.detections.skeleton) if wanted.rigid_bones else None
+        bones = median_bones(points_of(sampled(plan)), plan.detections.skeleton) if wanted.rigid_bones else None
         steps.append(Postprocess.of(plan.rig, plan.detections, plan.options, bones))
     if not steps:
         return plan

@@ -18,7 +18,7 @@ from posefuse.model.status import Source, ViewStatus, is_used
 from posefuse.model.tracks import TrackState
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
-from posefuse.postprocess.recipe import margin_s, postprocess
+from posefuse.postprocess.steps import margin_s, postprocess
 from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.observations import MeasuredRange
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors
@@ -65,7 +65,7 @@ class Step(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Postprocess:
-    """Gaps, filters and rigid bones; see :mod:`posefuse.postprocess.recipe`.
+    """Gaps, filters and rigid bones; see :mod:`posefuse.postprocess.steps`.
 
     Attributes:
         rig: the cameras.
