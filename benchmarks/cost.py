@@ -82,11 +82,11 @@ def recording(scene: CrowdScene, folder: Path) -> Path:
 
 def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
     """CPU time of following and measuring, and of writing, in a warm process."""
-    from posefuse.cli.console import Bars
-    from posefuse.cli.reading import read_inputs
-    from posefuse.cli.reconstruct import write_beside
+    from posefuse.io.open_recording import open_recording
     from posefuse.io.results import netcdf
-    from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
+    from posefuse.pipeline.measured_layer import reconstruct_chunks
+    from posefuse.pipeline.reconstruct import prepare
+    from posefuse.pipeline.write_outputs import write_outputs
     from posefuse.progress import Silent
 
     options, spent, there = Options(people="many"), (0.0, 0.0), 0.0
@@ -96,13 +96,13 @@ def timed(people: int, cameras: int, keypoints: int, seconds: float) -> Case:
             folder, out = recording(scene, Path(place) / "in"), Path(place) / "out"
             out.mkdir()
             start_s = time.process_time()
-            inputs = read_inputs(folder, None, None, options, Silent())
+            inputs = open_recording(folder, None, options)
             plan = prepare(inputs.rig, inputs.detections, options, Silent())
             parts = list(reconstruct_chunks(plan, Silent()))
             middle_s = time.process_time()
             netcdf.write(iter(parts), out / "reconstruction.nc")
             with contextlib.redirect_stdout(None), contextlib.redirect_stderr(None):
-                write_beside(netcdf.read_reconstruction(out / "reconstruction.nc"), out, Bars())
+                write_outputs(netcdf.read_reconstruction(out / "reconstruction.nc"), out, Silent())
             spent = middle_s - start_s, time.process_time() - middle_s
             state = np.asarray(plan.subjects.tracks(0, scene.detections.n_frames).state)
             there = float((state != TrackState.ABSENT).sum(axis=1).mean())

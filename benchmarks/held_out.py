@@ -21,7 +21,7 @@ from posefuse.evaluation.accuracy import bone_variation
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Layer
-from posefuse.pipeline.reconstruct import match_views
+from posefuse.preprocess.match_cameras import match_views
 
 MIN_CONFIDENCE = 0.2
 FLY_RATE_HZ, MOUSE_RATE_HZ, POSE2SIM_RATE_HZ = 300.0, 30.0, 60.0

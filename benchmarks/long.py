@@ -26,7 +26,8 @@ from posefuse.io.keypoints import native
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
+from posefuse.pipeline.measured_layer import reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 
 LENGTHS = (1_000, 10_000, 100_000)

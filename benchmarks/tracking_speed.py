@@ -24,7 +24,8 @@ from benchmarks.people import scene_of, tracker_for
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
-from posefuse.pipeline.reconstruct import measure, prepare
+from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene
@@ -169,7 +170,8 @@ def memory(minutes: float) -> None:
             gc.collect()
             kb = len(pickle.dumps(tracker)) / 1e3
             print(
-                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.confirmed.n_created} |", flush=True
+                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.confirmed.n_created} |",
+                flush=True,
             )
 
 

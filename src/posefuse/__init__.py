@@ -1,4 +1,4 @@
-"""posefuse: 3D people and animals from several calibrated cameras' 2D keypoints.
+"""posefuse: 3D people and animals from 2D keypoints of several calibrated cameras.
 
 >>> import posefuse
 >>> rig = posefuse.read_cameras("calibration.toml")                      # doctest: +SKIP
@@ -6,7 +6,11 @@
 >>> result = posefuse.reconstruct(rig, detections.with_rate(60))         # doctest: +SKIP
 >>> posefuse.write(result, "person.trc")                                 # doctest: +SKIP
 
-Names are loaded when first used, so that importing the package starts no compiler.
+A recording in a folder takes one call:
+
+>>> outcome = posefuse.reconstruct_recording("recording", "result")      # doctest: +SKIP
+
+Names are imported when they are first used, so that importing the package does not load the compiler.
 """
 
 from importlib import import_module
@@ -24,8 +28,10 @@ if TYPE_CHECKING:
     from posefuse.evaluation.people import score_people as score_people
     from posefuse.evaluation.self_consistency import self_consistency as self_consistency
     from posefuse.io.calibration.read import read_cameras as read_cameras
+    from posefuse.io.checkpoints import CheckpointFolder as CheckpointFolder
     from posefuse.io.edits import read_edits as read_edits
     from posefuse.io.keypoints.read import read_detections as read_detections
+    from posefuse.io.open_recording import RecordingInputs as RecordingInputs
     from posefuse.io.options import read_options as read_options
     from posefuse.io.results.netcdf import read_reconstruction as read_reconstruction
     from posefuse.io.results.read import read_points as read_points
@@ -35,17 +41,47 @@ if TYPE_CHECKING:
     from posefuse.model.cameras import CameraRig as CameraRig
     from posefuse.model.cameras import LensModel as LensModel
     from posefuse.model.detections import Detections as Detections
+    from posefuse.model.findings import Finding as Finding
     from posefuse.model.frames import Frame as Frame
     from posefuse.model.noise import NoiseModel as NoiseModel
     from posefuse.model.options.alignment import AlignOptions as AlignOptions
+    from posefuse.model.options.association import AssociationOptions as AssociationOptions
+    from posefuse.model.options.association import RptOptions as RptOptions
+    from posefuse.model.options.left_right import SideOptions as SideOptions
     from posefuse.model.options.noise import NoiseOptions as NoiseOptions
     from posefuse.model.options.options import Options as Options
+    from posefuse.model.options.pairs import PairOptions as PairOptions
+    from posefuse.model.options.pairs import SdsOptions as SdsOptions
+    from posefuse.model.options.postprocess import ButterworthOptions as ButterworthOptions
+    from posefuse.model.options.postprocess import HampelOptions as HampelOptions
+    from posefuse.model.options.postprocess import KalmanOptions as KalmanOptions
+    from posefuse.model.options.postprocess import MedianOptions as MedianOptions
+    from posefuse.model.options.postprocess import OneEuroOptions as OneEuroOptions
     from posefuse.model.options.postprocess import PostprocessOptions as PostprocessOptions
+    from posefuse.model.options.postprocess import SavgolOptions as SavgolOptions
     from posefuse.model.options.refinement import RefineOptions as RefineOptions
+    from posefuse.model.options.specification import SpecificationOptions as SpecificationOptions
+    from posefuse.model.options.stream import StreamOptions as StreamOptions
     from posefuse.model.options.subject import SubjectOptions as SubjectOptions
+    from posefuse.model.options.sync import SyncOptions as SyncOptions
     from posefuse.model.options.tracker import TrackerOptions as TrackerOptions
+    from posefuse.model.options.tracking_motion import MotionOptions as MotionOptions
+    from posefuse.model.options.tracking_motion import PartOptions as PartOptions
+    from posefuse.model.options.tracking_stages import CameraMonitorOptions as CameraMonitorOptions
+    from posefuse.model.options.tracking_stages import FastMotionOptions as FastMotionOptions
+    from posefuse.model.options.tracking_stages import IdentityAuditOptions as IdentityAuditOptions
+    from posefuse.model.options.tracking_stages import InitiationOptions as InitiationOptions
+    from posefuse.model.options.tracking_stages import LifecycleOptions as LifecycleOptions
+    from posefuse.model.options.tracking_stages import PartialDetectionOptions as PartialDetectionOptions
+    from posefuse.model.options.tracking_stages import ReidentificationOptions as ReidentificationOptions
+    from posefuse.model.options.tracking_stages import ReinitializationOptions as ReinitializationOptions
+    from posefuse.model.options.tracking_stages import SingleViewOptions as SingleViewOptions
     from posefuse.model.options.trajectory import TrajectoryOptions as TrajectoryOptions
+    from posefuse.model.options.triangulation import ConsensusOptions as ConsensusOptions
+    from posefuse.model.options.triangulation import PercentileFilterOptions as PercentileFilterOptions
+    from posefuse.model.options.triangulation import RansacOptions as RansacOptions
     from posefuse.model.options.triangulation import TriangulationOptions as TriangulationOptions
+    from posefuse.model.options.triangulation import WeightedSubsetsOptions as WeightedSubsetsOptions
     from posefuse.model.reconstruction import Layer as Layer
     from posefuse.model.reconstruction import Reconstruction as Reconstruction
     from posefuse.model.status import PointStatus as PointStatus
@@ -54,11 +90,16 @@ if TYPE_CHECKING:
     from posefuse.model.stored_points import StoredPoints as StoredPoints
     from posefuse.model.tracks import Tracks as Tracks
     from posefuse.model.tracks import TrackState as TrackState
-    from posefuse.pipeline.reconstruct import Tracker as Tracker
-    from posefuse.pipeline.reconstruct import calibrate_noise as calibrate_noise
+    from posefuse.pipeline.calibrate_noise import calibrate_noise as calibrate_noise
+    from posefuse.pipeline.compare_methods import compare_methods as compare_methods
+    from posefuse.pipeline.diagnose import inspect_health as inspect_health
+    from posefuse.pipeline.diagnose import measure_sync as measure_sync
     from posefuse.pipeline.reconstruct import reconstruct as reconstruct
     from posefuse.pipeline.reconstruct import triangulate as triangulate
+    from posefuse.pipeline.reconstruct_recording import Outcome as Outcome
+    from posefuse.pipeline.reconstruct_recording import reconstruct_recording as reconstruct_recording
     from posefuse.pipeline.refine_calibration import refine_calibration as refine_calibration
+    from posefuse.pipeline.track_live import Tracker as Tracker
     from posefuse.preprocess.timeline import align_views as align_views
     from posefuse.skeleton.skeletons import Skeleton as Skeleton
     from posefuse.skeleton.skeletons import find_skeleton as find_skeleton
@@ -71,48 +112,93 @@ if TYPE_CHECKING:
     from posefuse.tracking.records import People as People
     from posefuse.tracking.records import Person as Person
 
-_PLACES = {
+_PUBLIC = {
+    "calibration.outcome": ("Refinement",),
     "editing": ("apply_edits",),
     "errors": ("PosefuseError", "PosefuseWarning"),
     "evaluation.accuracy": ("evaluate",),
+    "evaluation.paired_results": ("people_points", "PeoplePoints"),
+    "evaluation.people": ("score_people", "ScoringOptions"),
     "evaluation.self_consistency": ("self_consistency",),
-    "evaluation.people": ("ScoringOptions", "score_people"),
-    "evaluation.paired_results": ("PeoplePoints", "people_points"),
     "io.calibration.read": ("read_cameras",),
+    "io.checkpoints": ("CheckpointFolder",),
     "io.edits": ("read_edits",),
     "io.keypoints.read": ("read_detections",),
+    "io.open_recording": ("RecordingInputs",),
     "io.options": ("read_options",),
     "io.results.netcdf": ("read_reconstruction",),
     "io.results.read": ("read_points",),
     "io.results.write": ("write",),
-    "model.options.alignment": ("AlignOptions",),
     "model.alignment": ("Alignment",),
     "model.cameras": ("Camera", "CameraRig", "LensModel"),
     "model.detections": ("Detections",),
+    "model.findings": ("Finding",),
     "model.frames": ("Frame",),
     "model.noise": ("NoiseModel",),
-    "model.options.options": ("NoiseOptions", "Options", "TriangulationOptions"),
-    "model.options.postprocess": ("PostprocessOptions",),
+    "model.options.alignment": ("AlignOptions",),
+    "model.options.association": ("AssociationOptions", "RptOptions"),
+    "model.options.left_right": ("SideOptions",),
+    "model.options.noise": ("NoiseOptions",),
+    "model.options.options": ("Options",),
+    "model.options.pairs": ("PairOptions", "SdsOptions"),
+    "model.options.postprocess": (
+        "ButterworthOptions",
+        "HampelOptions",
+        "KalmanOptions",
+        "MedianOptions",
+        "OneEuroOptions",
+        "PostprocessOptions",
+        "SavgolOptions",
+    ),
+    "model.options.refinement": ("RefineOptions",),
+    "model.options.specification": ("SpecificationOptions",),
+    "model.options.stream": ("StreamOptions",),
+    "model.options.subject": ("SubjectOptions",),
+    "model.options.sync": ("SyncOptions",),
+    "model.options.tracker": ("TrackerOptions",),
+    "model.options.tracking_motion": ("MotionOptions", "PartOptions"),
+    "model.options.tracking_stages": (
+        "CameraMonitorOptions",
+        "FastMotionOptions",
+        "IdentityAuditOptions",
+        "InitiationOptions",
+        "LifecycleOptions",
+        "PartialDetectionOptions",
+        "ReidentificationOptions",
+        "ReinitializationOptions",
+        "SingleViewOptions",
+    ),
+    "model.options.trajectory": ("TrajectoryOptions",),
+    "model.options.triangulation": (
+        "ConsensusOptions",
+        "PercentileFilterOptions",
+        "RansacOptions",
+        "TriangulationOptions",
+        "WeightedSubsetsOptions",
+    ),
     "model.reconstruction": ("Layer", "Reconstruction"),
-    "skeleton.skeletons": ("Skeleton", "find_skeleton"),
     "model.status": ("PointStatus", "Source", "ViewStatus"),
     "model.stored_points": ("StoredPoints",),
-    "model.options.subject": ("SubjectOptions",),
-    "preprocess.timeline": ("align_views",),
-    "model.options.tracker": ("TrackerOptions",),
-    "model.tracks": ("TrackState", "Tracks"),
-    "model.options.trajectory": ("TrajectoryOptions",),
-    "model.options.refinement": ("RefineOptions",),
-    "calibration.outcome": ("Refinement",),
-    "pipeline.reconstruct": ("Tracker", "calibrate_noise", "reconstruct", "triangulate"),
+    "model.tracks": ("Tracks", "TrackState"),
+    "pipeline.calibrate_noise": ("calibrate_noise",),
+    "pipeline.compare_methods": ("compare_methods",),
+    "pipeline.diagnose": ("inspect_health", "measure_sync"),
+    "pipeline.reconstruct": ("reconstruct", "triangulate"),
+    "pipeline.reconstruct_recording": ("Outcome", "reconstruct_recording"),
     "pipeline.refine_calibration": ("refine_calibration",),
+    "pipeline.track_live": ("Tracker",),
+    "preprocess.timeline": ("align_views",),
+    "skeleton.skeletons": ("find_skeleton", "Skeleton"),
     "synthetic.crowd_options": ("CrowdFaults", "CrowdOptions"),
     "synthetic.crowds": ("crowd_of_points", "simulate_crowd"),
     "synthetic.options": ("SceneOptions",),
     "synthetic.scenes": ("simulate",),
     "tracking.records": ("People", "Person"),
 }
-_MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
+"""Module to its public names."""
+_MODULE_OF = {name: module for module, names in _PUBLIC.items() for name in names}
+
+__all__ = sorted(_MODULE_OF)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,8 +18,11 @@
 Every message states what is wrong, where, what was expected, what was found, and what to do about it.
 """
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
+from typing import Any
 
 
 class PosefuseError(Exception):
@@ -72,6 +75,29 @@ class ResultError(PosefuseError):
 
 class PosefuseWarning(UserWarning):
     """Something happened that the user may not expect; issued once, never once per frame."""
+
+
+@contextmanager
+def handle_warnings(handle: Callable[[str], None]) -> Iterator[None]:
+    """Pass each distinct :class:`PosefuseWarning` to a function, once; show all other warnings as usual.
+
+    Args:
+        handle: receives the text of a warning.
+    """
+    seen: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PosefuseWarning)
+        default = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+            if not issubclass(category, PosefuseWarning):
+                default(message, category, *rest, **named)
+            elif str(message) not in seen:
+                seen.add(str(message))
+                handle(str(message))
+
+        warnings.showwarning = show
+        yield
 
 
 def choices(names: Iterable[str], most: int = 12) -> str:

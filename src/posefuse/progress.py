@@ -1,15 +1,15 @@
-"""How long calls say how far they are, without knowing who listens."""
+"""The protocol by which long calls report their progress."""
 
 from collections.abc import Iterable, Iterator
 from typing import Protocol, TypeVar
 
 
 class HasFrames(Protocol):
-    """A range of frames of something."""
+    """A range of frames."""
 
     @property
     def n_frames(self) -> int:
-        """How many."""
+        """Number of frames."""
         ...
 
 
@@ -17,20 +17,23 @@ Part = TypeVar("Part", bound=HasFrames)
 
 
 class Progress(Protocol):
-    """Receives the progress of one long call; only the command line shows it."""
+    """Receives the progress of one long call; the command line shows it."""
 
     def start(self, what: str, total: int) -> None:
-        """A stage begins that has ``total`` units of work."""
+        """Start a stage with ``total`` units of work."""
 
     def advance(self, done: int) -> None:
-        """``done`` more units are finished."""
+        """Add ``done`` finished units."""
 
     def finish(self) -> None:
-        """The stage has ended."""
+        """End the stage."""
+
+    def note(self, text: str) -> None:
+        """Receive a remark that is not a warning, such as that work is resumed."""
 
 
 class Silent:
-    """Nobody listens."""
+    """Ignores all progress."""
 
     def start(self, what: str, total: int) -> None:
         """Ignore."""
@@ -41,9 +44,19 @@ class Silent:
     def finish(self) -> None:
         """Ignore."""
 
+    def note(self, text: str) -> None:
+        """Ignore."""
 
-def watched(parts: Iterable[Part], n_frames: int, what: str, progress: Progress) -> Iterator[Part]:
-    """The same ranges of frames, each told to ``progress`` once whoever asked for it is done with it."""
+
+def report_ranges(parts: Iterable[Part], n_frames: int, what: str, progress: Progress) -> Iterator[Part]:
+    """Yield ranges of frames, and report each as done when the consumer asks for the next.
+
+    Args:
+        parts: consecutive ranges of frames.
+        n_frames: number of frames of all ranges.
+        what: name of the stage.
+        progress: receives the progress.
+    """
     progress.start(what, n_frames)
     for part in parts:
         yield part

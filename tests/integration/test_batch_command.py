@@ -6,6 +6,7 @@ import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,18 @@ import numpy as np
 import pytest
 
 import posefuse
+from posefuse.batch import work
 from posefuse.batch.jobs import jobs_of
-from posefuse.cli import batch_work
-from posefuse.cli.batch_work import do_job
+from posefuse.batch.work import run_job
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
 from posefuse.io.files import PARTS, exclusive_folder
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
-from posefuse.model.batch import Job, Outcome
+from posefuse.model.batch import Job, JobResult
 from posefuse.model.options.options import Options
+from posefuse.model.reconstruction import Reconstruction
+from posefuse.pipeline.reconstruct_recording import Delivery
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
 from posefuse.synthetic.options import CLEAN, SceneOptions
@@ -109,14 +112,14 @@ def test_eight_recordings_of_which_three_are_broken(run, tmp_path):
     assert (output / "batch.csv").read_bytes() != table
 
 
-def test_a_batch_that_was_ended_goes_on_within_a_recording(tmp_path, monkeypatch):
+def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
     """Of 30 frames in chunks of 10, the third is not finished."""
     (folder,) = recordings(tmp_path / "recs", 1, {}, 1.0)
     options = Options(chunk_frames=10, solve="frame", pairs="labels")
     put = CheckpointFolder.save
     made: list[str] = []
 
-    def work(name: str, ends: bool) -> str:
+    def state_of(name: str, ends: bool) -> str:
         def noted(parts: CheckpointFolder, part: str, value: object) -> object:
             if ends and part == "measured_000002":
                 raise OSError(28, "No space left on device", str(parts.folder / part))
@@ -125,13 +128,13 @@ def test_a_batch_that_was_ended_goes_on_within_a_recording(tmp_path, monkeypatch
 
         monkeypatch.setattr(CheckpointFolder, "save", noted)
         (job,) = jobs_of([folder], tmp_path / name, None, options)
-        return do_job(job).state
+        return run_job(job).state
 
-    assert work("whole", ends=False) == "done"
-    assert work("out", ends=True) == "failed"
+    assert state_of("whole", ends=False) == "done"
+    assert state_of("out", ends=True) == "failed"
     assert (tmp_path / "out" / "rec_000" / PARTS).is_dir()
     made.clear()
-    assert work("out", ends=False) == "done"
+    assert state_of("out", ends=False) == "done"
     # And once all is done, what the result is in, instead of them.
     assert made == ["measured_000002", "whole"]
     whole, out = (
@@ -166,36 +169,38 @@ def test_a_result_is_made_anew_when_timestamps_change(run, tmp_path):
 def test_what_changes_while_it_is_read_is_done_anew(tmp_path, monkeypatch):
     (folder,) = recordings(tmp_path / "recs", 1, {}, 0.5)
     (job,) = jobs_of([folder], tmp_path / "out", None, Options(people="one"))
-    calibration, usual = folder / "calibration.toml", batch_work._whole
+    calibration, reconstruct = folder / "calibration.toml", work.reconstruct_recording
 
-    def whole(*given: Any) -> object:
-        made = usual(*given)
-        calibration.write_text(calibration.read_text() + "\n")
-        return made
+    def changing(*args: Any, delivery: Delivery, **named: Any) -> object:
+        def verify(result: Reconstruction) -> None:
+            calibration.write_text(calibration.read_text() + "\n")
+            delivery.verify(result)
+
+        return reconstruct(*args, delivery=replace(delivery, verify=verify), **named)
 
     with monkeypatch.context() as patched:
-        patched.setattr(batch_work, "_whole", whole)
-        outcome = do_job(job)
+        patched.setattr(work, "reconstruct_recording", changing)
+        outcome = run_job(job)
     assert (outcome.state, "changed while" in outcome.why) == ("failed", True)
     assert not (job.output / "batch.json").exists()
-    assert do_job(job).state == "done"
-    assert do_job(job).state == "kept"
+    assert run_job(job).state == "done"
+    assert run_job(job).state == "kept"
 
 
 def test_an_interrupted_batch_says_what_is_done(run, tmp_path, monkeypatch):
     folders = recordings(tmp_path / "recs", 2, {}, 0.5)
 
-    def outcomes(todo: list[Job], *_: object) -> Iterator[Outcome]:
-        yield do_job(todo[0])
+    def outcomes(todo: list[Job], *_: object) -> Iterator[JobResult]:
+        yield run_job(todo[0])
         raise KeyboardInterrupt
 
     command = ("batch", *folders, "--output", tmp_path / "out", "--people", "one", "--jobs", 1)
     with monkeypatch.context() as patched:
-        patched.setattr("posefuse.cli.batch._outcomes", outcomes)
+        patched.setattr("posefuse.cli.batch._run", outcomes)
         code, said, wrong = run(*command)
     assert code == 130
     assert "2 recordings: 1 done, 0 kept (nothing changed), 0 failed, 1 not done" in said
-    assert "the same command does the rest" in " ".join(wrong.split())
+    assert "run the same command again for the rest" in " ".join(wrong.split())
     assert "rec_001,not done" in (tmp_path / "out" / "batch.csv").read_text()
     assert "1 done, 1 kept" in run(*command)[1]
 
@@ -273,7 +278,7 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
             def killing(work, jobs, address, divided, cluster=cluster, dies=dies):
                 def kills(job, do):
                     def rounds(piece_work, pieces):
-                        if dies and piece_work.__name__ == "follow_piece":
+                        if dies and piece_work.__name__ == "track_piece":
                             pid = next(iter(cluster.workers.values())).pid
                             threading.Timer(1.0, os.kill, (pid, signal.SIGKILL)).start()
                         do(piece_work, pieces)

@@ -228,7 +228,9 @@ class TestBadInput:
 
     def test_no_calibration(self, refused, recording, tmp_path):
         (recording / "calibration.toml").unlink()
-        refused("reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"])
+        refused(
+            "reconstruct", recording, "-o", tmp_path / "o", words=["No calibrations found in", "--calibration PATH"]
+        )
 
     def test_no_keypoints(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()
@@ -260,9 +262,7 @@ class TestBadInput:
     def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
-        refused(
-            "reconstruct", recording, "-o", tmp_path / "o", words=["do not say how many frames a second", "--rate-hz"]
-        )
+        refused("reconstruct", recording, "-o", tmp_path / "o", words=["do not state their frame rate", "--rate-hz"])
 
     def test_empty_recording(self, refused, recording, tmp_path):
         (recording / "keypoints.nc").unlink()

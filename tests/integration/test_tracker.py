@@ -16,7 +16,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.reconstruct import Tracker
+from posefuse.pipeline.track_live import Tracker
 from posefuse.synthetic.crowd_options import NO_FAULTS, CrowdOptions
 from posefuse.synthetic.crowds import CrowdScene, simulate_crowd
 from posefuse.synthetic.options import CLEAN

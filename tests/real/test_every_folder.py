@@ -11,7 +11,7 @@ from benchmarks import mvor
 from posefuse import Options, read_cameras, read_detections
 from posefuse.cli.main import main
 from posefuse.model.cameras import CameraRig
-from posefuse.pipeline.reconstruct import match_views
+from posefuse.preprocess.match_cameras import match_views
 
 INSPECTED = {
     "caliscope_webcams": ("(caliscope)", "mediapipe_33", "30.37 Hz as cam_0", "4 views match 4 cameras"),

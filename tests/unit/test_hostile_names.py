@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import posefuse
-from posefuse.cli.batch_work import do_job
+from posefuse.batch.work import run_job
 from posefuse.errors import FileError, PosefuseError
 from posefuse.io.files import checked_file_name
 from posefuse.io.keypoints import detection_tables, native, openpose, replay, tidy
 from posefuse.io.results.names import safe_names
 from posefuse.io.results.registry import RESULTS
 from posefuse.io.results.write import write_folder
-from posefuse.model.batch import Job, Outcome
+from posefuse.model.batch import Job, JobResult
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Provenance, Reconstruction
@@ -153,9 +153,7 @@ class Shape(HTMLParser):
 @cache
 def report_of() -> Reconstruction:
     result = replace(followed(crowd(people=2, seconds=0.6)), swaps=None, poses=None)
-    return replace(
-        result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Recording check: a finding.", "a note"))
-    )
+    return replace(result, provenance=Provenance({"posefuse": "1"}, {"a": "0" * 64}, ("Health: a finding.", "a note")))
 
 
 @given(st.lists(evil, min_size=8, max_size=8, unique=True))
@@ -167,7 +165,7 @@ def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
         result = renamed(told, words[:2], distinct(words[2:4], len(told.rig)))
         names = (*words[5:7], *result.skeleton.keypoints[2:])
         skeleton = Skeleton(words[4], names, ((names[0], names[1]),), description=words[7])
-        notes = ("Recording check: " + words[7], words[7])
+        notes = ("Health: " + words[7], words[7])
         provenance = Provenance({"posefuse": words[7]}, {words[6]: "0" * 64}, notes)
         events = (Event(3, 0.12, words[0], "lost", words[7]), Event(4, 0.16, words[2], "camera_silent", words[7]))
         return Shape(render_report(replace(result, skeleton=skeleton, provenance=provenance, events=events)))
@@ -181,7 +179,7 @@ def test_a_report_is_made_of_the_same_whatever_anybody_is_called(names):
 @examples(30)
 def test_so_is_the_page_over_many(names):
     def page(words: list[str]) -> Shape:
-        return Shape(batch_page([Outcome(words[0], "failed", words[1]), Outcome(words[2], "failed", words[0])]))
+        return Shape(batch_page([JobResult(words[0], "failed", words[1]), JobResult(words[2], "failed", words[0])]))
 
     assert page(names).found == page(["a", "b", "c"]).found
 
@@ -189,6 +187,6 @@ def test_so_is_the_page_over_many(names):
 def test_recordings_with_names_that_are_too_long_fail_alone(tmp_path):
     folder = tmp_path / ("r" * 250)
     folder.mkdir()
-    outcome = do_job(Job(folder.name, folder, tmp_path / "out" / folder.name, None, Options()))
+    outcome = run_job(Job(folder.name, folder, tmp_path / "out" / folder.name, None, Options()))
     assert outcome.state == "failed"
     assert np.all([entry.name in (folder.name, "out") for entry in tmp_path.iterdir()])

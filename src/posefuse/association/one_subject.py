@@ -119,9 +119,14 @@ def _areas(keypoints_px: np.ndarray) -> np.ndarray:
     return sides[:, 0] * sides[:, 1]
 
 
-def remarks(detections: Detections, pick: Pick | None) -> tuple[str, ...]:
-    """What is worth saying of the choice: by size it may fall on another person in another view."""
-    if pick != "largest" or not (detections.people_counts > 1).any():
+def remarks(several_people: bool, pick: Pick | None) -> tuple[str, ...]:
+    """Return a note on ``pick = "largest"``, which may select different people in different views.
+
+    Args:
+        several_people: whether a view shows several people.
+        pick: which of several people is the subject.
+    """
+    if pick != "largest" or not several_people:
         return ()
     return (
         "--pick largest takes the largest person of each view and frame by itself; in another view that may be another "

@@ -1,1 +1,1 @@
-"""Many recordings side by side: what is to be done, who does it, what came of it."""
+"""Reconstruct many recordings side by side: jobs, worker processes, clusters and fingerprints of results."""

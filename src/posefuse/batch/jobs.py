@@ -1,4 +1,4 @@
-"""Which recordings a batch is of, and what their results are called."""
+"""The jobs of a batch: its recordings and the names of their results."""
 
 import os
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from posefuse.model.options.options import Options
 
 TABLE, PAGE = "batch.csv", "batch.html"
 RESERVED = (TABLE, PAGE)
-"""Of the batch, beside the folders of results."""
+"""Files of the batch, beside the folders of results."""
 
 
 def jobs_of(
@@ -24,22 +24,32 @@ def jobs_of(
     again: bool = False,
     window_s: float | None = None,
 ) -> list[Job]:
-    """A job for each recording, named after its folder; after the folder above too where names are not unique.
+    """Return one job per recording, named after its folder, and after the folder above where names are not unique.
 
-    Folders are taken once. The batch's own output is no recording, should a pattern name it too, nor are results in it.
+    Repeated folders count once. The batch's output folder and results in it are skipped if a pattern matches them.
+
+    Args:
+        folders: folders of the recordings.
+        output: folder of the batch.
+        calibration: calibration of all recordings, or None.
+        options: options of the reconstruction.
+        again: whether to reconstruct even if nothing has changed.
+        window_s: length of the windows into which long recordings are divided, or None.
 
     Raises:
-        OptionsError: if there is no recording, one lies in the output, or names cannot be told apart.
+        OptionsError: if there is no recording, one is inside the output folder, or names are not unique.
     """
     if not folders:
-        raise OptionsError("No recording is given: posefuse batch FOLDER... --output DIR.")
+        raise OptionsError("No recording given. Usage: posefuse batch FOLDER... --output DIR.")
     place = output.resolve()
     chosen = [folder for folder in dict.fromkeys(f.resolve() for f in folders) if not _is_result(folder, place)]
     inside = [str(folder) for folder in chosen if place in folder.parents]
     if inside:
-        raise OptionsError(f"--output {output} holds recordings of the batch ({choices(inside, 4)}). Choose another.")
+        raise OptionsError(
+            f"--output {output} contains recordings of the batch ({choices(inside, 4)}). Choose another."
+        )
     if not chosen:
-        raise OptionsError(f"All that is given is the output itself or a result in it: {output}. Give recordings.")
+        raise OptionsError(f"All folders are the output or results in it: {output}. Give folders of recordings.")
     calibration = None if calibration is None else calibration.resolve()
     names = _names(chosen)
     return [
@@ -49,7 +59,7 @@ def jobs_of(
 
 
 def _is_result(folder: Path, output: Path) -> bool:
-    """Whether a folder is the batch's output, or what a batch made or was about to make there."""
+    """Return whether a folder is the batch's output, or a finished or unfinished result in it."""
     if folder == output:
         return True
     made = any((folder / name).exists() for name in (RESULT, MARK, PARTS)) or folder.name.endswith(".partial")
@@ -57,7 +67,7 @@ def _is_result(folder: Path, output: Path) -> bool:
 
 
 def _name_of(folder: Path) -> str:
-    """A folder's name as text: bytes that are none are spelled out."""
+    """Return a folder's name as text, with undecodable bytes escaped."""
     return os.fsencode(folder.name).decode("utf-8", "backslashreplace")
 
 
@@ -71,9 +81,9 @@ def _names(folders: Sequence[Path]) -> list[str]:
         if names.count(name) > 1 or not folder.name:
             alike = [str(f) for n, f in zip(names, folders, strict=True) if n == name]
             raise OptionsError(
-                f"Results are called after their folders, and these cannot be told apart: {choices(alike, 4)}. Rename "
-                "one, or do them in another batch."
+                f"Results are named after their folders, and these have the same name: {choices(alike, 4)}. Rename "
+                "one, or process it in another batch."
             )
         if name in RESERVED or name.startswith("."):
-            raise OptionsError(f"{folder}: its result would be called {name}, which is not for a recording. Rename it.")
+            raise OptionsError(f"{folder}: its result would be named {name}, which is reserved. Rename the folder.")
     return names

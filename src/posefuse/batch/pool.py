@@ -1,4 +1,4 @@
-"""Jobs side by side in processes, of which one may die without taking the others along."""
+"""Run jobs side by side in processes; the death of one does not affect the others."""
 
 import contextlib
 import multiprocessing
@@ -11,15 +11,15 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
-from posefuse.model.batch import Job, Outcome
+from posefuse.model.batch import Job, JobResult
 
-Work = Callable[[Job], Outcome]
+Work = Callable[[Job], JobResult]
 _TRIES = 2
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -30,15 +30,15 @@ class _Worker:
     job: Job | None = None
 
 
-def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[Outcome]:
-    """Do all jobs, ``n`` at a time; what came of each, in the order in which they end.
+def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[JobResult]:
+    """Run all jobs, ``n`` at a time, and return their results in the order in which they finish.
 
-    A job whose process dies is tried once more, in a new one.
+    A job whose process dies is tried once more, in a new process.
 
     Args:
-        work: does a job in another process; importable by name.
-        jobs: to do.
-        n: how many processes.
+        work: runs a job in another process; importable by name.
+        jobs: jobs to run.
+        n: number of processes.
     """
     waiting = deque(jobs)
     tries = {job.name: 0 for job in jobs}
@@ -52,16 +52,16 @@ def in_processes(work: Work, jobs: Sequence[Job], n: int) -> Iterator[Outcome]:
             ended = wait([each for worker in busy for each in (worker.pipe, worker.process.sentinel)])
             for worker in busy:
                 if worker.pipe in ended or worker.process.sentinel in ended:
-                    job, outcome = worker.job, _heard(worker)
+                    job, result = worker.job, _receive(worker)
                     assert job is not None
                     tries[job.name] += 1
                     worker.job = None
-                    if outcome is not None:
-                        yield outcome
+                    if result is not None:
+                        yield result
                     elif tries[job.name] < _TRIES:
                         waiting.append(job)
                     else:
-                        yield Outcome(job.name, "failed", _death(worker.process))
+                        yield JobResult(job.name, "failed", _death(worker.process))
     finally:
         _stop(workers)
 
@@ -78,7 +78,7 @@ def _start(work: Work) -> _Worker:
 
 @contextlib.contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Processes that start within have one thread for their sums, unless the user said otherwise."""
+    """Limit numerical libraries of processes started within to one thread, unless the user sets another number."""
     ours = [name for name in _THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(ours, "1"))
     try:
@@ -89,7 +89,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 def _give(worker: _Worker, job: Job, work: Work) -> _Worker:
-    """Hand a job over; to a new worker if this one is dead."""
+    """Send a job to a worker, or to a new one if it is dead."""
     if not worker.process.is_alive():
         worker.pipe.close()
         worker = _start(work)
@@ -99,8 +99,8 @@ def _give(worker: _Worker, job: Job, work: Work) -> _Worker:
     return worker
 
 
-def _heard(worker: _Worker) -> Outcome | None:
-    """What a worker says; None if it died, and then it is over."""
+def _receive(worker: _Worker) -> JobResult | None:
+    """Return the result that a worker sends; None if it died."""
     with contextlib.suppress(EOFError, OSError):
         if worker.pipe.poll():
             return worker.pipe.recv()
@@ -112,7 +112,7 @@ def _heard(worker: _Worker) -> Outcome | None:
 def _death(process: SpawnProcess) -> str:
     code = process.exitcode or 0
     how = f"by {signal.Signals(-code).name}" if code < 0 else f"with code {code}"
-    hint = " Was memory short? --jobs 1 leaves it to one recording." if code == -signal.SIGKILL else ""
+    hint = " It may have run out of memory; --jobs 1 runs one recording at a time." if code == -signal.SIGKILL else ""
     return f"Its process ended {how}, {_TRIES} times.{hint}"
 
 
@@ -129,8 +129,8 @@ def _stop(workers: list[_Worker]) -> None:
 
 
 def _serve(pipe: Connection, work: Work) -> None:
-    """A worker's life: jobs in, outcomes out, until nobody is at the other end."""
-    # Ctrl-C is the parent's; who is asked to end leaves no half results behind.
+    """Receive jobs and send results until the parent closes the pipe."""
+    # The parent handles Ctrl-C. On SIGTERM, cleanup code must run so that no partial results remain.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     while True:

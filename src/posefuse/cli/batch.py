@@ -11,33 +11,38 @@ from cyclopts import Parameter
 from posefuse.cli.console import Bars, count, percent, print_problem, say, table, warn
 from posefuse.cli.types import OptionFlags, Output
 from posefuse.errors import OptionsError
-from posefuse.model.batch import Job, Outcome
+from posefuse.model.batch import Job, JobResult
 from posefuse.model.options.options import Options
 
-_ENDED = "The batch was interrupted before it was done."
+_INTERRUPTED = "The batch was interrupted before this recording."
 
 
 def batch(
-    *folders: Annotated[Path, Parameter(help="The recordings' folders.")],
+    *folders: Annotated[Path, Parameter(help="Folders of the recordings.")],
     output: Output,
-    calibration: Annotated[Path | None, Parameter(help="For all; by default the one in each recording.")] = None,
-    jobs: Annotated[int | None, Parameter(help="So many at a time; by default one a processor.")] = None,
+    calibration: Annotated[
+        Path | None, Parameter(help="Calibration of all recordings; by default the one in each recording.")
+    ] = None,
+    jobs: Annotated[int | None, Parameter(help="Number of processes; by default one per processor.")] = None,
     scheduler: Annotated[
-        str | None, Parameter(help="Do it on the Dask cluster of this scheduler, such as tcp://host:8786.")
+        str | None, Parameter(help="Run on the Dask cluster of this scheduler, such as tcp://host:8786.")
     ] = None,
     window_s: Annotated[
-        float, Parameter(help="On a cluster, divide recordings that hold two such windows, in seconds.")
+        float,
+        Parameter(help="On a cluster, divide recordings of at least two windows of this length, in seconds."),
     ] = 300.0,
-    again: Annotated[bool, Parameter(negative=(), help="Do all, whether anything has changed or not.")] = False,
+    again: Annotated[
+        bool, Parameter(negative=(), help="Reconstruct all recordings, even those that have not changed.")
+    ] = False,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Reconstruct many recordings side by side, each as posefuse reconstruct does, into a folder of its own.
 
-    One that fails stops no other. Called again, it does what is missing or has changed: contents, options or version.
-    Writes batch.csv and batch.html over all. Exit code 1 if any recording failed.
+    A failed recording does not stop the others. The same command run again reconstructs only what is missing or has
+    changed: inputs, options or version. Writes batch.csv and batch.html. The exit code is 1 if a recording failed.
     """
     from posefuse.batch.jobs import jobs_of
-    from posefuse.cli.batch_work import as_before
+    from posefuse.batch.work import with_earlier_result
     from posefuse.io.files import exclusive_folder, must_exist
 
     if jobs is not None and jobs < 1:
@@ -52,26 +57,26 @@ def batch(
     todo = jobs_of(folders, output, calibration, options, again=again, window_s=window)
     output.mkdir(parents=True, exist_ok=True)
     with exclusive_folder(output, output):
-        found, ended = _done(todo, _outcomes(todo, jobs, scheduler))
-        missing = [Outcome(job.name, "not done", _ENDED) for job in todo if job.name not in found]
-        by_name = found | {each.name: each for each in missing}
-        outcomes = [as_before(job, by_name[job.name]) for job in todo]
-        _write(outcomes, output)
-    _tell(outcomes, output)
-    if ended:
-        warn("Interrupted. What is done stays, and the same command does the rest.")
+        found, interrupted = _collect(todo, _run(todo, jobs, scheduler))
+        missing = {job.name: JobResult(job.name, "not done", _INTERRUPTED) for job in todo if job.name not in found}
+        by_name = found | missing
+        results = [with_earlier_result(job, by_name[job.name]) for job in todo]
+        _write(results, output)
+    _report(results, output)
+    if interrupted:
+        warn("Interrupted. Finished results are kept; run the same command again for the rest.")
         sys.exit(130)
-    if any(outcome.state == "failed" for outcome in outcomes):
+    if any(each.state == "failed" for each in results):
         sys.exit(1)
 
 
-def _done(todo: Sequence[Job], outcomes: Iterator[Outcome]) -> tuple[dict[str, Outcome], bool]:
-    """What came of jobs, by name, and whether that was interrupted."""
+def _collect(todo: Sequence[Job], results: Iterator[JobResult]) -> tuple[dict[str, JobResult], bool]:
+    """Return the results of jobs by name, and whether the batch was interrupted."""
     progress, found = Bars(), {}
     progress.start("recordings", len(todo))
     try:
-        for outcome in outcomes:
-            found[outcome.name] = outcome
+        for result in results:
+            found[result.name] = result
             progress.advance(1)
     except KeyboardInterrupt:
         return found, True
@@ -80,48 +85,48 @@ def _done(todo: Sequence[Job], outcomes: Iterator[Outcome]) -> tuple[dict[str, O
     return found, False
 
 
-def _outcomes(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterator[Outcome]:
+def _run(todo: Sequence[Job], jobs: int | None, scheduler: str | None) -> Iterator[JobResult]:
     from posefuse.batch.cluster import on_cluster
     from posefuse.batch.pool import in_processes, processors
-    from posefuse.cli.batch_work import do_divided, do_job, do_unless_long
+    from posefuse.batch.work import run_divided_job, run_job, run_job_unless_long
 
     if scheduler is not None:
         if jobs is not None:
-            raise OptionsError("--jobs is for this machine; on a cluster (--scheduler) its workers say how many.")
-        return on_cluster(do_unless_long, todo, scheduler, do_divided)
-    return in_processes(do_job, todo, jobs or processors())
+            raise OptionsError("--jobs is for this machine; on a cluster (--scheduler) its workers set the number.")
+        return on_cluster(run_job_unless_long, todo, scheduler, run_divided_job)
+    return in_processes(run_job, todo, jobs or processors())
 
 
-def _write(outcomes: Sequence[Outcome], output: Path) -> None:
+def _write(results: Sequence[JobResult], output: Path) -> None:
     from posefuse.batch.jobs import PAGE, TABLE
     from posefuse.io.files import replacing
     from posefuse.report.batch import batch_csv, batch_page
 
-    for name, text in ((TABLE, batch_csv(outcomes)), (PAGE, batch_page(outcomes))):
+    for name, text in ((TABLE, batch_csv(results)), (PAGE, batch_page(results))):
         with replacing(output / name) as temporary:
             temporary.write_text(text, "utf-8")
 
 
-def _tell(outcomes: Sequence[Outcome], output: Path) -> None:
+def _report(results: Sequence[JobResult], output: Path) -> None:
     from posefuse.batch.jobs import PAGE, TABLE
 
-    table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in outcomes])
-    for each in outcomes:
+    table(None, ["recording", "outcome", "frames", "people", "points", "median px"], [_row(each) for each in results])
+    for each in results:
         for warning in each.warnings:
             print_problem("warning: ", "yellow", f"{each.name}: {warning}")
-    for each in outcomes:
+    for each in results:
         if each.state == "failed":
             print_problem("failed: ", "bold red", f"{each.name}: {each.why}")
-    states = Counter(each.state for each in outcomes)
+    states = Counter(each.state for each in results)
     say(
-        f"{count(len(outcomes), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "
+        f"{count(len(results), 'recording')}: {states['done']} done, {states['kept']} kept (nothing changed), "
         f"{states['failed']} failed" + (f", {states['not done']} not done" if states["not done"] else "")
     )
     say(f"Wrote {TABLE} and {PAGE} to {output}")
 
 
-def _row(each: Outcome) -> list[str]:
-    n = each.numbers
+def _row(each: JobResult) -> list[str]:
+    n = each.statistics
     if n is None:
         return [each.name, each.state, "-", "-", "-", "-"]
     share = "-" if n.points_share is None else percent(n.points_share)

@@ -7,7 +7,6 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, wrote
-from posefuse.cli.reading import read_inputs
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.options.options import Options
@@ -24,34 +23,35 @@ def compare(
     *,
     output: Output,
     methods: Annotated[
-        tuple[str, ...], Parameter(help="Names with commas between, of those `posefuse methods` lists; by default all.")
+        tuple[str, ...], Parameter(help="Comma-separated names that `posefuse methods` lists; by default all.")
     ] = (),
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
     timestamps: TimestampsPath = None,
     truth: Annotated[
-        Path | None, Parameter(help="Known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
+        Path | None, Parameter(help="File of known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
     ] = None,
     timing: Annotated[
         bool, Parameter(help="Measure CPU time, the only number that differs from run to run.", negative="--no-timing")
     ] = True,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Triangulate a recording by several methods, all else alike: a table, comparison.csv, and a figure.
+    """Triangulate a recording by several methods with otherwise equal options; write comparison.csv and a figure.
 
-    --triangulation.method is not looked at; every other option holds for all methods.
+    --triangulation.method is ignored; every other option applies to all methods.
     """
     chosen = chosen_methods(methods)
 
     from posefuse.cli.evaluate import known_of
     from posefuse.io.files import must_exist, replacing_folder
+    from posefuse.io.open_recording import RecordingInputs, open_recording
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
     from posefuse.report.comparison import comparison_figure
 
     truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()
-    inputs = read_inputs(recording, calibration, keypoints, options, progress, timestamps)
+    inputs = open_recording(recording, RecordingInputs(calibration, keypoints, timestamps), options, progress)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
         found = compare_methods(
             inputs.rig, inputs.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
@@ -65,10 +65,10 @@ def compare(
 
 
 def chosen_methods(given: tuple[str, ...]) -> tuple[str, ...]:
-    """The methods to compare, each once: names as given, together or apart; without any, all there are.
+    """Return the methods to compare, each once; all methods if none is given.
 
     Raises:
-        OptionsError: if there is no such method.
+        OptionsError: if a method does not exist.
     """
     names = [name.strip() for part in given for name in part.split(",")]
     for name in names:
@@ -87,9 +87,7 @@ def show(found: "Comparison") -> None:
         f"{count(found.n_frames, 'frame')}{rate}, {count(found.n_views, 'camera')}, "
         f"{count(found.n_keypoints, 'keypoint')}"
     )
-    note(
-        f"The same for all methods: views, frames, and the noise of a detection, {scale:.1f} px ({found.noise.origin})."
-    )
+    note(f"All methods use the same views, frames and detection noise, {scale:.1f} px ({found.noise.origin}).")
     for remark in found.notes:
         note(f"note: {remark}")
     say("")
@@ -103,10 +101,10 @@ def show(found: "Comparison") -> None:
 
 
 def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of what needs no truth."""
+    """Return headings and rows of the columns that need no truth."""
     from posefuse.report.numbers import format_three_digits
 
-    heads = ["\n\nmethod", "used\nmedian\npx", "used\n95 %\npx", "all\nmedian\npx", "views\na\npoint",
+    heads = ["\n\nmethod", "used\nmedian\npx", "used\n95 %\npx", "all\nmedian\npx", "views\nper\npoint",
              "points\nmissing\n%", "views\nleft\nout, %"]  # fmt: skip
     rows = [
         [row.method, *map(format_three_digits, (
@@ -117,7 +115,7 @@ def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
     ]  # fmt: skip
     optional = {
         "jitter\nmedian\nm/s²": [row.acceleration_m_s2 for row in found.methods],
-        "CPU\nms a\nframe": [row.cpu_ms_per_frame for row in found.methods],
+        "CPU\nms per\nframe": [row.cpu_ms_per_frame for row in found.methods],
     }
     for head, values in optional.items():
         if values[0] is not None:
@@ -128,7 +126,7 @@ def agreement_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
 
 
 def truth_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the errors in 3D."""
+    """Return headings and rows of the errors in 3D."""
     from posefuse.report.numbers import format_three_digits
 
     def shown(value: float | None) -> str:
@@ -139,20 +137,22 @@ def truth_columns(found: "Comparison") -> tuple[list[str], list[list[str]]]:
 
 
 def explanations(found: "Comparison") -> list[str]:
-    """What the columns mean, and what they hide."""
+    """Return what the columns mean, and their limits."""
     by_need: dict[int, list[str]] = {}
     for row in found.methods:
         by_need.setdefault(row.min_views, []).append(row.method)
     needs = "; ".join(f"{n} views for {', '.join(names)}" for n, names in sorted(by_need.items()))
     lines = [
-        "used: reprojection error over the views a method used. It flatters a method that drops views.",
-        "all: over every detection; those of a point that a method leaves out count as infinitely far off.",
-        f"missing: no coordinates. A point needs {needs}; --triangulation.min-views sets it.",
+        "used: reprojection error over the views that a method used; it favors methods that reject views.",
+        "all: reprojection error over all detections; detections of a missing point count as infinitely large.",
+        f"missing: points without coordinates. A point needs {needs}; --triangulation.min-views sets the number.",
     ]
     if found.rate_hz is not None:
-        lines.append("jitter: acceleration from frame to frame; the movement itself is in it, alike for all.")
+        lines.append(
+            "jitter: acceleration from frame to frame; it includes the motion itself, equally for all methods."
+        )
     if found.methods[0].truth_median_mm is not None:
-        lines.append("Against the truth: over the points a method has; what it leaves out costs it nothing there.")
+        lines.append("Against the truth: over the points that a method has; missing points are not counted.")
     if found.methods[0].cpu_ms_per_frame is not None:
-        lines.append("CPU: triangulation alone, compiled and warmed up; without reading, noise survey and writing.")
+        lines.append("CPU: triangulation only, after compilation; without reading, noise estimation and writing.")
     return lines

@@ -3,17 +3,15 @@
 import math
 import os
 import textwrap
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from posefuse.errors import PosefuseWarning
+from posefuse.errors import handle_warnings
 
 _WIDTH = 80
 
@@ -72,29 +70,14 @@ class Bars:
         if self._progress.live.is_started:
             self._progress.stop()
 
+    def note(self, text: str) -> None:
+        """Print a remark."""
+        note(f"note: {text}")
+
 
 def print_warnings() -> AbstractContextManager[None]:
     """Print posefuse's warnings on stderr, each once."""
     return handle_warnings(warn)
-
-
-@contextmanager
-def handle_warnings(handler: Callable[[str], None]) -> Iterator[None]:
-    """Pass posefuse's warnings to a handler, each once; other warnings are shown by default."""
-    handled: set[str] = set()
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", PosefuseWarning)
-        default = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
-            if not issubclass(category, PosefuseWarning):
-                default(message, category, *rest, **named)
-            elif str(message) not in handled:
-                handled.add(str(message))
-                handler(str(message))
-
-        warnings.showwarning = show
-        yield
 
 
 def table(title: str | None, columns: list[str], rows: list[list[str]], *, words: bool = False) -> None:

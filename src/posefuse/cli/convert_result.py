@@ -1,6 +1,5 @@
-"""``posefuse convert`` for a stored result, and the additional formats of ``--also``."""
+"""``posefuse convert`` for a stored result."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,8 +21,8 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
         FileError: if the result does not exist, or the output cannot be written.
         ResultError: if the format or layer does not exist, or the format cannot hold the result.
     """
-    from posefuse.cli.results import open_result
     from posefuse.errors import ResultError
+    from posefuse.io.results.open_result import open_result
     from posefuse.io.results.write import write
 
     source, result = open_result(path)
@@ -34,34 +33,3 @@ def convert_result(path: Path, to: str | None, output: Path, layer: LayerName | 
     wrote([file.name for file in done.files], output.parent)
     for remark in done.notes:
         note(f"note: {remark}")
-
-
-def must_be_written(also: Sequence[str]) -> None:
-    """Check the names of additional formats before any work is done.
-
-    Raises:
-        OptionsError: if a name is not an additional format.
-    """
-    from posefuse.errors import OptionsError, suggestion
-    from posefuse.io.results.write import additional_names
-
-    offered = additional_names() if also else {}
-    for name in also:
-        if name not in offered:
-            raise OptionsError(
-                f"--also {name}: there is no additional format of this name. {suggestion(name, offered)}"
-            )
-
-
-def also_into(folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Write the result in a folder in additional formats.
-
-    Returns:
-        Names of the written files, and notes on what they cannot hold.
-    """
-    if not also:
-        return [], ()
-    from posefuse.cli.results import open_result
-    from posefuse.io.results.write import write_also
-
-    return write_also(open_result(folder)[1], folder, also)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table
+from posefuse.cli.types import Result
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
 from posefuse.evaluation.head_points import HeadRule
@@ -31,7 +32,7 @@ UNDEFINED = "-"
 
 
 def evaluate(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     truth: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -70,9 +71,9 @@ def evaluate(
     Several people are matched in every frame, and by name over the whole recording.
     """
     from posefuse.alignment.apply import in_calibration_world
-    from posefuse.cli.results import open_result
     from posefuse.evaluation.self_consistency import SelfConsistency, self_consistency
     from posefuse.io.files import must_exist, replacing
+    from posefuse.io.results.open_result import open_result
 
     path, reconstruction = open_result(result)
     reconstruction = replace(reconstruction, options=replace(reconstruction.options, layer=layer))

@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, warn
-from posefuse.cli.types import TimestampsPath
+from posefuse.cli.types import Result, TimestampsPath
 from posefuse.errors import MatchError, choices
 from posefuse.explain import AROUND_S
 from posefuse.model.detections import Detections
@@ -21,7 +21,7 @@ _MOST_NAMED = 12
 
 
 def explain(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     frame: Annotated[int, Parameter(help="Frame number, as in keypoints.csv.")],
     person: Annotated[
@@ -38,7 +38,7 @@ def explain(
     Unassigned detections are listed only with the 2D keypoints: --recording or --keypoints.
     """
     from posefuse import explain as explaining
-    from posefuse.cli.results import open_result
+    from posefuse.io.results.open_result import open_result
 
     _, opened = open_result(result)
     detections = None
@@ -63,8 +63,8 @@ def detections_for(
     result: Reconstruction, recording: Path | None, keypoints: Path | None, timestamps: Path | None
 ) -> Detections:
     """Return the 2D keypoints of a result, with views in the order of the result's cameras."""
-    from posefuse.cli.reading import digest, request_of
     from posefuse.io.keypoints.read import read_keypoints
+    from posefuse.io.open_recording import digest_path, keypoint_request
     from posefuse.io.recording import choose_keypoints, find_recording
 
     if keypoints is None:
@@ -72,10 +72,10 @@ def detections_for(
         keypoints = choose_keypoints(find_recording(recording))
     # The result holds the skeleton; the path of its file is not stored.
     options = replace(result.options, skeleton=None)
-    request = request_of(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
+    request = keypoint_request(recording or keypoints.parent, keypoints, options, Bars(), timestamps)
     detections = read_keypoints(keypoints, replace(request, skeleton=result.skeleton))
     known = result.provenance.inputs.get(keypoints.name)
-    if known is not None and known != digest(keypoints):
+    if known is not None and known != digest_path(keypoints):
         warn(f"{keypoints.name} has changed since the result was written; its detections may not match the result.")
     return detections.views(_views_of(result, detections))
 

@@ -8,9 +8,9 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, percent, say, table, warn
-from posefuse.cli.reading import request_of
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.errors import PosefuseError, RecordingError, choices
+from posefuse.io.open_recording import keypoint_request
 from posefuse.io.recording import Found, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -128,7 +128,7 @@ def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: O
     if item.recognized_by:
         note(f"  recognized by: {item.recognized_by}")
     try:
-        request = request_of(recording, item.path, options, Bars(), timestamps)
+        request = keypoint_request(recording, item.path, options, Bars(), timestamps)
         detections = read_keypoints(item.path, request)
     except PosefuseError as error:
         note(f"  cannot be read: {error}")

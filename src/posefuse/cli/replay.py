@@ -16,23 +16,22 @@ def replay(
     *,
     calibration: CalibrationPath = None,
     keypoints: KeypointsPath = None,
-    pace: Annotated[float, Parameter(help="Times real time; 0 as fast as the reader takes them.")] = 0.0,
+    pace: Annotated[float, Parameter(help="Speed relative to real time; 0 writes as fast as the reader reads.")] = 0.0,
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Write a recording's 2D keypoints as the lines that posefuse stream reads.
 
-    Cameras are called as the calibration calls them.
+    Cameras have the names of the calibration.
     """
-    from posefuse.cli.reading import must_have_rate, read_inputs
     from posefuse.errors import OptionsError
+    from posefuse.io.open_recording import RecordingInputs, open_recording
     from posefuse.io.stream import lines_of
     from posefuse.pipeline.defaults import cut_time
     from posefuse.preprocess.match_cameras import match_views
 
     if not 0.0 <= pace < float("inf"):
-        raise OptionsError(f"--pace is 0 or more, got {pace}.")
-    inputs = read_inputs(recording, calibration, keypoints, options, Bars())
-    must_have_rate(inputs.detections)
+        raise OptionsError(f"--pace must be 0 or more, got {pace}.")
+    inputs = open_recording(recording, RecordingInputs(calibration, keypoints), options, Bars(), timed=True)
     rig, detections, _ = match_views(inputs.rig, inputs.detections, options)
     start_s = first_s = None
     for time_s, line in lines_of(cut_time(detections, options), rig.names):

@@ -6,10 +6,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note
+from posefuse.cli.types import Result
 
 
 def report(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     truth: Annotated[Path | None, Parameter(help="Ground truth to compare with, such as a truth.nc.")] = None,
     output: Annotated[
@@ -19,9 +20,9 @@ def report(
     """Write a result's report as one HTML page that needs no network."""
     from posefuse.alignment.apply import in_calibration_world, in_world_of
     from posefuse.cli.evaluate import compare
-    from posefuse.cli.results import open_result
     from posefuse.io.files import must_exist, replacing
     from posefuse.io.results import netcdf
+    from posefuse.io.results.open_result import open_result
     from posefuse.report.html import render_report
 
     path, reconstruction = open_result(result)

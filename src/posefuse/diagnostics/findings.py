@@ -6,9 +6,6 @@ import numpy as np
 
 from posefuse.model.findings import Finding
 
-NOTE_PREFIX = "Recording check: "
-"""Prefix of the notes of a result that are findings of the recording check."""
-
 
 def rank_findings(findings: list[Finding]) -> tuple[Finding, ...]:
     """Return findings in order of decreasing gain."""

@@ -107,7 +107,7 @@ def method_numbers(
     has_point = layer.has_point
     usable = int((~np.isin(views, _NEVER_USED)).sum())
     errors = (None, None) if truth is None else _errors_mm(result, truth)
-    min_views = result.options.triangulation.min_views
+    min_views = result.resolved.triangulation.min_views
     assert min_views is not None
     return MethodNumbers(
         method=result.options.triangulation.method,

@@ -1,4 +1,4 @@
-"""Keypoints of who is followed, each triangulated from the detections of its own frame."""
+"""Triangulate the keypoints of tracked people, each frame from its own detections."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.defaults import settle_min_views
+from posefuse.pipeline.defaults import resolve_min_views
 from posefuse.pipeline.people import default_noise
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.records import People
@@ -20,8 +20,8 @@ from posefuse.triangulation.registry import find_method
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """Keypoints of the people of one frame.
+class MeasuredPoints:
+    """Triangulated keypoints of the people in one frame.
 
     Attributes:
         points_m: shape (person, keypoint, 3), NaN where not measured.
@@ -35,15 +35,15 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Measuring:
-    """How keypoints are measured: as ``reconstruct --pairs labels`` does, labels of left and right believed.
+class PointTriangulator:
+    """Triangulates as ``reconstruct --pairs labels`` does, with left and right labels as they are.
 
     Attributes:
-        rig: the cameras.
-        skeleton: of the keypoints.
-        noise: of the detections.
-        options: of the method, settled.
-        method: that measures.
+        rig: calibrated cameras.
+        skeleton: skeleton of the keypoints.
+        noise: noise of the detections.
+        options: options with ``min_views`` resolved.
+        method: triangulation method.
     """
 
     rig: CameraRig
@@ -53,26 +53,28 @@ class Measuring:
     method: Method
 
     @classmethod
-    def of(cls, rig: CameraRig, skeleton: Skeleton, options: Options) -> "Measuring":
-        """With what is known before the first frame.
+    def of(cls, rig: CameraRig, skeleton: Skeleton, options: Options) -> "PointTriangulator":
+        """Return a triangulator for a stream.
 
         Raises:
-            OptionsError: if the options fix the noise for other cameras, or the method has to see the whole recording.
+            OptionsError: if the options fix the noise of other cameras, or the method needs the whole recording.
         """
-        settled, _ = settle_min_views(options, len(rig))
+        resolved, _ = resolve_min_views(options, len(rig))
         method = find_method(options.triangulation.method)
         if method.prepare is not None:
             raise OptionsError(
-                f"triangulation.method {options.triangulation.method!r} looks at the whole recording first, and a "
-                "stream has none. Choose another: posefuse methods lists them."
+                f"triangulation.method {options.triangulation.method!r} needs the whole recording, which a "
+                "stream does not have. Choose another method; posefuse methods lists them."
             )
-        return cls(rig, skeleton, default_noise(rig, options), settled, method)
+        return cls(rig, skeleton, default_noise(rig, options), resolved, method)
 
-    def points(self, frame: Frame, people: People) -> Measured:
-        """Of everybody in a frame, in the order they are told in."""
+    def points(self, frame: Frame, people: People) -> MeasuredPoints:
+        """Return the points of all people in a frame, in the order of ``people``."""
         n_people, keypoints = len(people.people), len(self.skeleton)
         if not n_people:
-            return Measured(np.empty((0, keypoints, 3)), np.empty((0, keypoints, 6)), np.empty((0, keypoints), int))
+            return MeasuredPoints(
+                np.empty((0, keypoints, 3)), np.empty((0, keypoints, 6)), np.empty((0, keypoints), int)
+            )
         detections = self._detections(frame)
         rows = np.stack([person.rows for person in people.people])[None]
         index = np.where(rows >= 0, rows - detections.offsets[:-1], -1).astype(np.int32)
@@ -80,7 +82,9 @@ class Measuring:
         tracks = Tracks(names, index, np.array([[person.state for person in people.people]], dtype=np.int8))
         layer = self.method.solve(self.rig, detections, tracks, self.noise, self.options.triangulation)
         layer = replace(layer, covariance_m2=np.asarray(layer.covariance_m2) * self.noise.spread**2)
-        return Measured(np.asarray(layer.points_m)[0], np.asarray(layer.covariance_m2)[0], np.asarray(layer.status)[0])
+        return MeasuredPoints(
+            np.asarray(layer.points_m)[0], np.asarray(layer.covariance_m2)[0], np.asarray(layer.status)[0]
+        )
 
     def _detections(self, frame: Frame) -> Detections:
         counts = np.bincount(frame.view, minlength=len(self.rig))

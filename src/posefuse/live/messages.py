@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.io.stream import numbers_or_null
-from posefuse.live.measured_points import Measured
+from posefuse.live.measured_points import MeasuredPoints
 from posefuse.model.status import PointStatus
 from posefuse.model.track_events import Event
 from posefuse.tracking.records import Person
@@ -13,7 +13,7 @@ from posefuse.tracking.records import Person
 _LABELS = {int(code): code.label for code in PointStatus}
 
 
-def told_person(person: Person, place: int, measured: Measured, cameras: Sequence[str]) -> dict[str, object]:
+def told_person(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
     """One person, by name of what is told.
 
     Args:

@@ -11,14 +11,14 @@ from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, LineReader, RejectedLine, encoded
 from posefuse.live.alarms import Alarms
 from posefuse.live.grouping import Group, Grouper
-from posefuse.live.measured_points import Measuring
+from posefuse.live.measured_points import PointTriangulator
 from posefuse.live.messages import told_events, told_person
 from posefuse.live.statistics import Latencies, StreamCounts, ViewCounts
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.stream import StreamOptions
-from posefuse.pipeline.reconstruct import Tracker
+from posefuse.pipeline.track_live import Tracker
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.tracking.records import People
 
@@ -66,7 +66,7 @@ class Session:
         self._alarms = Alarms(rig.names)
         self._reader = LineReader(rig.names, len(self.skeleton), stream.max_view_people)
         self._tracker = Tracker(rig, self.skeleton, options)
-        self._measuring = Measuring.of(rig, self.skeleton, options)
+        self._measuring = PointTriangulator.of(rig, self.skeleton, options)
         self._queue: deque[Group] = deque()
         self._frames = 0
         self.drops = stream.when_behind == "drop"
@@ -98,7 +98,11 @@ class Session:
         times = self.counts.malformed[found.fault]
         if times > _TOLD_FAULTS:
             return None
-        return found.reason if times < _TOLD_FAULTS else f"{found.reason} More like this ({found.fault}) are counted alone."
+        return (
+            found.reason
+            if times < _TOLD_FAULTS
+            else f"{found.reason} More like this ({found.fault}) are counted alone."
+        )
 
     def tick(self, now_s: float) -> None:
         """Time goes on without a line."""

@@ -1,4 +1,4 @@
-"""One recording of many: what is to be done, and what came of it."""
+"""Jobs of a batch, one per recording, and their results."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import Literal
 
 from posefuse.model.options.options import Options
 
-State = Literal["done", "kept", "failed", "not done"]
-"""Reconstructed now; as it was, for nothing has changed; not reconstructed; not come to before the batch was ended."""
+JobState = Literal["done", "kept", "failed", "not done"]
+"""Reconstructed in this run; unchanged since an earlier run; failed; not reached before the batch was interrupted."""
 
 
 @dataclass(frozen=True)
@@ -15,13 +15,14 @@ class Job:
     """One recording to reconstruct.
 
     Attributes:
-        name: of its result; unlike all others of the batch.
-        folder: the recording, absolute.
-        output: where its result goes, absolute.
-        calibration: for all recordings, or None where each has its own.
-        options: of the reconstruction.
-        again: whether it is done even where nothing has changed.
-        window_s: on a cluster, recordings that hold two such windows are divided among its workers; None for none.
+        name: name of the result, unique in the batch.
+        folder: absolute path of the recording.
+        output: absolute path of the result's folder.
+        calibration: calibration of all recordings, or None where each has its own.
+        options: options of the reconstruction.
+        again: whether to reconstruct even if nothing has changed.
+        window_s: on a cluster, length of the windows into which a recording of at least two windows is divided; None
+            to divide no recording.
     """
 
     name: str
@@ -34,18 +35,18 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """What a result is like, in a few numbers; None where there is none.
+class ResultStatistics:
+    """Statistics of a result; None where a value does not exist.
 
     Attributes:
-        frames: how many.
-        seconds: how long, None without a frame rate.
-        cameras: how many.
-        people: how many.
-        points_share: of the points of people who are there, the share that has coordinates.
-        median_px: of the reprojection errors.
-        p90_px: of them, nine in ten are smaller.
-        sd_mm: how well a typical point is known, by its own account.
+        frames: number of frames.
+        seconds: length of the recording, None without a frame rate.
+        cameras: number of cameras.
+        people: number of people.
+        points_share: fraction of the points of present people that have coordinates.
+        median_px: median reprojection error.
+        p90_px: 90th percentile of the reprojection errors.
+        sd_mm: standard deviation of a typical point, as the result states it.
     """
 
     frames: int
@@ -59,19 +60,19 @@ class Numbers:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of a recording.
+class JobResult:
+    """The result of a job.
 
     Attributes:
-        name: of the result.
-        state: whether there is one.
+        name: name of the job.
+        state: whether there is a result.
         why: what went wrong, in a sentence; empty where nothing did.
-        numbers: of the result, None where there is none.
-        warnings: that were given.
+        statistics: statistics of the result, None where there is none.
+        warnings: warnings given while the recording was reconstructed.
     """
 
     name: str
-    state: State
+    state: JobState
     why: str = ""
-    numbers: Numbers | None = None
+    statistics: ResultStatistics | None = None
     warnings: tuple[str, ...] = ()

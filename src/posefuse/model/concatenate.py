@@ -1,4 +1,4 @@
-"""One reconstruction in memory from ranges of it, each put in its place as it comes: none is held twice."""
+"""Concatenate ranges of a reconstruction in memory, holding no range twice."""
 
 from collections.abc import Iterable
 from dataclasses import fields, replace
@@ -14,15 +14,15 @@ from posefuse.model.tracks import Tracks
 _LAYER = tuple(field.name for field in fields(Layer))
 
 
-def gathered(parts: Iterable[Reconstruction], n_frames: int) -> Reconstruction:
-    """Consecutive ranges of frames as one.
+def concatenate_ranges(parts: Iterable[Reconstruction], n_frames: int) -> Reconstruction:
+    """Return consecutive ranges of frames as one reconstruction.
 
     Args:
-        parts: at least one; what does not depend on the frame is taken from the first.
-        n_frames: of all of them.
+        parts: at least one range; fields that do not depend on the frame are taken from the first.
+        n_frames: number of frames of all ranges.
 
     Raises:
-        ResultError: if they have more frames or fewer.
+        ResultError: if the ranges have another number of frames.
     """
     first: Reconstruction | None = None
     whole: dict[str, np.ndarray] = {}
@@ -36,16 +36,16 @@ def gathered(parts: Iterable[Reconstruction], n_frames: int) -> Reconstruction:
                 whole[name] = np.empty((n_frames, *piece.shape[1:]), piece.dtype)
             if stop <= n_frames:
                 whole[name][at:stop] = piece
-        # A maker of ranges may know of events before it comes to them, and say them twice.
+        # A producer of ranges may repeat events.
         events |= dict.fromkeys(part.events)
         at = stop
     if first is None or at != n_frames:
-        raise ResultError(f"A reconstruction of {n_frames} frames came in ranges of {at} in all.")
-    return _made(first, whole, tuple(events))
+        raise ResultError(f"The ranges of a reconstruction of {n_frames} frames have {at} frames in all.")
+    return _concatenated(first, whole, tuple(events))
 
 
 def _over_time(part: Reconstruction) -> dict[str, np.ndarray]:
-    """Every array whose first axis is the frame, by a name of its own."""
+    """Return every array whose first axis is the frame, by a unique name."""
     found = {"frame_numbers": part.frame_numbers, "time_s": part.time_s}
     for layer, arrays in part.layers.items():
         found |= {f"{layer}.{name}": getattr(arrays, name)[:] for name in _LAYER}
@@ -58,7 +58,7 @@ def _over_time(part: Reconstruction) -> dict[str, np.ndarray]:
     return {name: np.asarray(array) for name, array in found.items()}
 
 
-def _made(first: Reconstruction, whole: dict[str, np.ndarray], events: tuple) -> Reconstruction:
+def _concatenated(first: Reconstruction, whole: dict[str, np.ndarray], events: tuple) -> Reconstruction:
     layers = {layer: Layer(*(whole[f"{layer}.{name}"] for name in _LAYER)) for layer in first.layers}
     poses = first.poses
     if poses is not None:

@@ -11,6 +11,7 @@ from posefuse.errors import ResultError, choices
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES
+from posefuse.model.findings import Finding
 from posefuse.model.label_swaps import Swaps
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName, Options
@@ -135,7 +136,9 @@ class Reconstruction:
         rate_hz: nominal frame rate, or None where unknown.
         alignment: how the world follows from the calibration's, or None where it is the same.
         unit: ``m``; ``px`` for one flattened camera, whose image plane is no place in the world.
-        options: what the user chose.
+        options: options as the user requested them.
+        resolved: the same options with every default resolved for this recording; ``options`` where it is not given.
+        findings: problems that the recording check found, the most serious first.
         provenance: how it was made.
 
     Raises:
@@ -158,8 +161,12 @@ class Reconstruction:
     unit: str = "m"
     options: Options = field(default_factory=Options)
     provenance: Provenance = field(default_factory=Provenance)
+    resolved: Options = None  # type: ignore[assignment]
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "resolved", self.resolved or self.options)
+        object.__setattr__(self, "findings", tuple(self.findings))
         object.__setattr__(self, "person_ids", tuple(self.person_ids))
         object.__setattr__(self, "frame_numbers", frozen(self.frame_numbers, np.int64))
         object.__setattr__(self, "time_s", frozen(self.time_s))

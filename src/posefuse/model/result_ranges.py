@@ -1,4 +1,4 @@
-"""What is a range of frames' own in a result: what is kept of it while the rest of a long recording is made."""
+"""A range of frames of a result, without what all ranges share; the unit that checkpoints store."""
 
 from dataclasses import dataclass, replace
 
@@ -11,8 +11,8 @@ from posefuse.model.tracks import Tracks
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A range of frames of a result, without what all ranges share; fields are those of :class:`Reconstruction`."""
+class FrameRange:
+    """The per-frame fields of a :class:`Reconstruction`."""
 
     frame_numbers: np.ndarray
     time_s: np.ndarray
@@ -22,12 +22,12 @@ class Piece:
     poses: Poses | None
 
     @classmethod
-    def of(cls, part: Reconstruction) -> "Piece":
-        """A range of frames."""
+    def of(cls, part: Reconstruction) -> "FrameRange":
+        """Return the per-frame fields of a range of frames."""
         return cls(part.frame_numbers, part.time_s, dict(part.layers), part.tracks, part.swaps, part.poses)
 
-    def of_result(self, other: Reconstruction) -> Reconstruction:
-        """The range, with what it shares with another of the same result."""
+    def to_reconstruction(self, other: Reconstruction) -> Reconstruction:
+        """Return the range with the fields that it shares with another range of the same result."""
         return replace(
             other,
             frame_numbers=self.frame_numbers,

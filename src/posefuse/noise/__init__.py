@@ -1,1 +1,1 @@
-"""The error law of detections: scale, exponent and tails, estimated by leaving views out."""
+"""Estimation of the detector's error model: scale per camera, confidence exponent and tails."""

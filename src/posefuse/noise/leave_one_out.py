@@ -1,4 +1,4 @@
-"""Points of a recording whose views check each other: what there is to be learnt about its noise."""
+"""Points of a recording with redundant views, from which its noise is estimated by leaving views out."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -6,29 +6,28 @@ from itertools import pairwise
 import numpy as np
 
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import ViewStatus
-from posefuse.model.tracks import Tracks
+from posefuse.noise.samples import Sample
 from posefuse.triangulation.linearized import LinearPoints
 from posefuse.triangulation.observations import Observations
 
-_FREEDOM = 14_000
-"""So many degrees of freedom tell a scale to half a per cent."""
+_DEGREES_OF_FREEDOM = 14_000
+"""About 14,000 degrees of freedom determine a scale to half a percent."""
 
-_FEWEST_POINTS, _MOST_POINTS = 600, 2400
+_MIN_POINTS, _MAX_POINTS = 600, 2400
 
 
 @dataclass(frozen=True)
-class Told:
-    """Pairs of points: each followed by itself one frame later or, where that is lost, by itself at once.
+class LeaveOneOutPoints:
+    """Pairs of points: each point followed by itself one frame later, or by itself again where that is missing.
 
     Attributes:
-        points: linear where they were triangulated.
-        used: shape (point, view), bool: the observations they rest on.
-        sigma_px: shape (point, view): the standard deviation of each observation, as assumed; inf where none is.
-        confidence: shape (point, view): of each observation, 1 where the detector gives none.
+        points: observations, linearized at the triangulated points.
+        used: shape (point, view), bool: observations that determine the points.
+        sigma_px: shape (point, view): assumed standard deviation of each observation; inf where there is none.
+        confidence: shape (point, view): confidence of each observation, 1 where the detector gives none.
     """
 
     points: LinearPoints
@@ -37,33 +36,18 @@ class Told:
     confidence: np.ndarray
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Frames that represent a recording.
-
-    Attributes:
-        detections: of pieces of the recording, one after the other, in memory.
-        tracks: whose detection is whose, of the same frames.
-        starts: the first frame of each piece, counted in the sample.
-    """
-
-    detections: Detections
-    tracks: Tracks
-    starts: tuple[int, ...]
-
-
-def gather(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> Told:
-    """Points enough, spread evenly over the pieces of a recording.
+def leave_one_out_points(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> LeaveOneOutPoints:
+    """Return enough points, evenly spread over the pieces of a sample.
 
     Args:
-        rig: the cameras.
-        sample: of the recording.
+        rig: calibrated cameras.
+        sample: sample of the recording.
         layer: the sample as the method ``consensus`` triangulates it.
-        noise: it was triangulated with.
+        noise: the noise it was triangulated with.
     """
-    most = min(max(_FREEDOM // (2 * len(rig) - 3), _FEWEST_POINTS), _MOST_POINTS)
+    most = min(max(_DEGREES_OF_FREEDOM // (2 * len(rig) - 3), _MIN_POINTS), _MAX_POINTS)
     status = np.asarray(layer.view_status)
-    chosen = telling_pairs(checked(status), sample.starts, most // (2 * len(sample.starts)) + 1)
+    chosen = choose_pairs(has_redundant_views(status), sample.starts, most // (2 * len(sample.starts)) + 1)
     status = status.reshape(-1, status.shape[-1])[chosen]
     rows = sample.tracks.rows(sample.detections)
     observations = Observations.gather(rig, sample.detections, rows.reshape(-1, rows.shape[-1]), noise, chosen)
@@ -72,34 +56,39 @@ def gather(rig: CameraRig, sample: Sample, layer: Layer, noise: NoiseModel) -> T
     used = status == ViewStatus.USED
     with np.errstate(divide="ignore"):
         sigma = np.where(used | (status == ViewStatus.OUTLIER), noise.scale_px / confidence**noise.exponent, np.inf)
-    return Told(points, used, sigma, confidence)
+    return LeaveOneOutPoints(points, used, sigma, confidence)
 
 
-def telling_pairs(telling: np.ndarray, starts: tuple[int, ...], most: int) -> np.ndarray:
-    """Pairs of points that tell, at most so many from each piece, as one row of places.
+def choose_pairs(redundant: np.ndarray, starts: tuple[int, ...], most: int) -> np.ndarray:
+    """Choose pairs of points, a point and the same point one frame later, evenly spread over each piece.
 
     Args:
-        telling: shape (frame, person, keypoint), bool.
-        starts: the first frame of each piece.
-        most: pairs of a piece.
+        redundant: shape (frame, person, keypoint), bool: points with redundant views.
+        starts: first frame of each piece.
+        most: maximum number of pairs per piece.
+
+    Returns:
+        Shape (2 * pair,): flat indices of the points, one pair after the other.
     """
-    later = np.zeros_like(telling)
-    later[:-1] = telling[1:]
-    # What follows the last frame of a piece is not the next frame.
+    later = np.zeros_like(redundant)
+    later[:-1] = redundant[1:]
+    # The frame after the last one of a piece belongs to another piece.
     later[np.array(starts[1:], dtype=int) - 1] = False
-    found = np.flatnonzero(telling)
-    bounds = np.searchsorted(found, [*(start * telling[0].size for start in starts), telling.size])
+    found = np.flatnonzero(redundant)
+    bounds = np.searchsorted(found, [*(start * redundant[0].size for start in starts), redundant.size])
     first = np.concatenate([found[_evenly(begin, end, most)] for begin, end in pairwise(bounds)])
-    return np.stack([first, np.where(later.ravel()[first], first + telling[0].size, first)], axis=-1).ravel()
+    return np.stack([first, np.where(later.ravel()[first], first + redundant[0].size, first)], axis=-1).ravel()
 
 
 def _evenly(begin: int, end: int, most: int) -> np.ndarray:
-    """At most so many numbers from ``begin`` to before ``end``, evenly spread."""
+    """Return at most ``most`` integers from ``begin`` to ``end - 1``, evenly spread."""
     return begin + np.unique(np.linspace(0, end - begin - 1, min(most, end - begin)).astype(int))
 
 
-def checked(view_status: np.ndarray) -> np.ndarray:
-    """Which points have views that check each other: two that are left of more were chosen because they agree.
+def has_redundant_views(view_status: np.ndarray) -> np.ndarray:
+    """Return which points have views that check each other.
+
+    Two views that remain after others were rejected do not count: they were selected because they agree.
 
     Args:
         view_status: shape (..., view).

@@ -1,32 +1,70 @@
-"""Options settled from what a recording is: its length, its cameras, its people."""
+"""Resolve the options that depend on the recording: its length, its cameras and its people."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.arrays import ranges
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
-from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import CHUNK_FRAMES, Detections
-from posefuse.model.noise import NoiseModel
+from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
-from posefuse.model.options.triangulation import TriangulationOptions
-from posefuse.model.subjects import Subjects
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.triangulation.registry import find_method
 
-_TELLING_S = 10.0
-_CHUNK_BYTES, _DETECTED_BYTES, _LEAST_FRAMES = 600_000_000, 130, 256
-"""Of a chunk, about; of a detected keypoint in it, measured on eight cameras; and frames below which what is looked at
-around a chunk is most of the work."""
+_MIN_TRAJECTORY_S = 10.0
+_CHUNK_BYTES, _BYTES_PER_KEYPOINT, _MIN_CHUNK_FRAMES = 600_000_000, 130, 256
+"""Approximate memory of a chunk; memory per detected keypoint, measured with eight cameras; and the chunk length below
+which most of the work would be the context around a chunk."""
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """Facts about a recording that decide the defaults of options.
+
+    Attributes:
+        n_frames: number of frames.
+        n_views: number of views.
+        n_detections: number of detections of all frames and views.
+        several_people: whether a view ever shows several people.
+        timed: whether frame times or a frame rate are known.
+        duration_s: length of the recording; 0 where no times are known.
+        skeleton: skeleton of the detections.
+    """
+
+    n_frames: int
+    n_views: int
+    n_detections: int
+    several_people: bool
+    timed: bool
+    duration_s: float
+    skeleton: Skeleton
+
+    @classmethod
+    def of(cls, detections: Detections) -> "RecordingFacts":
+        """Collect the facts of a recording."""
+        return cls(
+            n_frames=detections.n_frames,
+            n_views=detections.n_views,
+            n_detections=int(detections.offsets[-1]),
+            several_people=bool((detections.people_counts > 1).any()),
+            timed=detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any()),
+            duration_s=_duration_s(detections),
+            skeleton=detections.skeleton,
+        )
+
+
+def _duration_s(detections: Detections) -> float:
+    if detections.rate_hz is not None:
+        return detections.n_frames / detections.rate_hz
+    times = np.asarray(detections.time_s)
+    return float(np.nanmax(times) - np.nanmin(times)) if np.isfinite(times).any() else 0.0
 
 
 def cut_time(detections: Detections, options: Options) -> Detections:
-    """The frames between ``start_s`` and ``end_s`` (exclusive); what is in a file stays there.
+    """Return the frames from ``start_s`` up to, but not including, ``end_s``; arrays in files stay there.
 
     Raises:
-        DetectionsError: if the times are unknown or nothing is left.
+        DetectionsError: if frame times are unknown or no frame is left.
     """
     if options.start_s is None and options.end_s is None:
         return detections
@@ -44,94 +82,88 @@ def cut_time(detections: Detections, options: Options) -> Detections:
     return detections.between(start, stop)
 
 
-def settle_chunks(options: Options, detections: Detections) -> Options:
-    """Lower ``chunk_frames`` where so many people have so many keypoints that a chunk would fill the memory."""
-    rows_of_frame = int(detections.offsets[-1]) / max(detections.n_frames, 1)
-    frame_bytes = max(rows_of_frame, 1.0) * len(detections.skeleton) * _DETECTED_BYTES
-    most = max(int(_CHUNK_BYTES / frame_bytes), _LEAST_FRAMES)
+def resolve_options(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
+    """Resolve the options that do not depend on the triangulation method: people and chunk length."""
+    return resolve_chunk_frames(resolve_people(options, facts, n_cameras), facts)
+
+
+def resolve_chunk_frames(options: Options, facts: RecordingFacts) -> Options:
+    """Lower ``chunk_frames`` where a chunk of many people with many keypoints would exhaust the memory."""
+    rows_per_frame = facts.n_detections / max(facts.n_frames, 1)
+    frame_bytes = max(rows_per_frame, 1.0) * len(facts.skeleton) * _BYTES_PER_KEYPOINT
+    most = max(int(_CHUNK_BYTES / frame_bytes), _MIN_CHUNK_FRAMES)
     return replace(options, chunk_frames=min(options.chunk_frames, most))
 
 
-def settle_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
-    """Fill in the method's own ``min_views``, and lower it to the cameras there are, saying so once."""
-    triangulation = options.triangulation
-    method = find_method(triangulation.method)
-    wanted = triangulation.min_views or method.default_min_views
-    settled = max(2, min(wanted, n_cameras))
-    notes: tuple[str, ...] = ()
-    if settled < wanted and n_cameras > 1:
-        notes = (f"min_views lowered from {wanted} to {settled}: the rig has {n_cameras} cameras.",)
-        warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
-    return replace(options, triangulation=replace(triangulation, min_views=settled)), notes
+def resolve_people(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
+    """Resolve ``people = "auto"``: many, if a view ever shows several people.
 
-
-def settle_people(options: Options, detections: Detections, n_cameras: int) -> Options:
-    """Decide how many people there are, where that is left open: many, if a view ever shows several.
-
-    One camera cannot tell where people are, and a skeleton without a tree not how they move.
+    One camera cannot locate people, and without a kinematic tree people cannot be tracked.
     """
     if options.people != "auto":
         return options
-    several = bool((detections.people_counts > 1).any())
-    can = n_cameras > 1 and detections.skeleton.tree is not None
-    return replace(options, people="many" if several and can and options.pick is None else "one")
+    trackable = n_cameras > 1 and facts.skeleton.tree is not None
+    return replace(options, people="many" if facts.several_people and trackable and options.pick is None else "one")
 
 
-def settle_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
-    """Fill in how keypoints that come in pairs are solved.
+def resolve_method(options: Options, facts: RecordingFacts, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
+    """Resolve the options that depend on the triangulation method: pairs, solve and minimum number of views.
 
-    Other methods than the default are asked for by name for what they do with the labels as they are. And who asks for
-    people as they are followed, without a smoother, asks for what a stream gives: sides are decided over time, by later
-    frames too, which a stream has not seen.
+    Returns:
+        The options, and notes for the result.
+
+    Raises:
+        DetectionsError: if a solve over time is requested and frame times are unknown.
+        OptionsError: if a solve over time is requested and there is one camera.
+    """
+    options = resolve_pairs(options, n_cameras, facts.skeleton)
+    return resolve_min_views(resolve_solve(options, facts, n_cameras), n_cameras)
+
+
+def resolve_min_views(options: Options, n_cameras: int) -> tuple[Options, tuple[str, ...]]:
+    """Fill in the method's own ``min_views``, and lower it, with a warning, to the number of cameras."""
+    triangulation = options.triangulation
+    requested = triangulation.min_views or find_method(triangulation.method).default_min_views
+    resolved = max(2, min(requested, n_cameras))
+    notes: tuple[str, ...] = ()
+    if resolved < requested and n_cameras > 1:
+        notes = (f"min_views lowered from {requested} to {resolved}: the rig has {n_cameras} cameras.",)
+        warnings.warn(notes[0], PosefuseWarning, stacklevel=5)
+    return replace(options, triangulation=replace(triangulation, min_views=resolved)), notes
+
+
+def resolve_pairs(options: Options, n_cameras: int, skeleton: Skeleton) -> Options:
+    """Fill in how left/right pairs of keypoints are solved.
+
+    Methods that do not support left/right pairs use the labels as they are. People tracked without a
+    smoother are what a live stream gives, while sides are decided with later frames, which a stream does not have.
     """
     causal = options.people == "many" and options.tracker.smoother == "none"
-    believed = causal or not find_method(options.triangulation.method).supports_left_right
-    pairs = options.pairs or ("labels" if believed else "enumerate")
+    as_labeled = causal or not find_method(options.triangulation.method).supports_left_right
+    pairs = options.pairs or ("labels" if as_labeled else "enumerate")
     return replace(options, pairs=pairs if n_cameras > 1 and skeleton.pairs else "labels")
 
 
-def settle_solve(options: Options, detections: Detections, n_cameras: int) -> Options:
-    """Decide whether frames are solved each by itself or all together, where that is left open.
+def resolve_solve(options: Options, facts: RecordingFacts, n_cameras: int) -> Options:
+    """Resolve ``solve = "auto"``: frame by frame, or all frames together.
 
-    Together for one subject, whose motion and bones ten seconds or more tell well enough; of many people bodies are
-    fitted, which are smooth already. Other methods than the default are asked for by name for what they make of each
-    frame.
+    All together for one subject and at least ten seconds, from which motion and bones can be estimated. Tracked people
+    have fitted bodies, which are smooth already. The triangulation method must support it.
 
     Raises:
-        DetectionsError: if all frames are to be solved together and have no times.
-        OptionsError: if they are and there is one camera.
+        DetectionsError: if a solve over time is requested and frame times are unknown.
+        OptionsError: if a solve over time is requested and there is one camera.
     """
-    timed = detections.rate_hz is not None or bool(np.isfinite(np.asarray(detections.time_s)).any())
     if options.solve == "trajectory" and n_cameras == 1:
         raise OptionsError("solve = 'trajectory' needs two cameras or more; this rig has one. Leave it out.")
-    if options.solve == "trajectory" and not timed:
+    if options.solve == "trajectory" and not facts.timed:
         raise DetectionsError(
             "solve = 'trajectory' needs times, and the files give no frame rate. Add --rate-hz, or in Python: "
             "detections.with_rate(60)."
         )
     if options.solve != "auto":
         return options
-    usual = find_method(options.triangulation.method).supports_trajectory
-    together = options.people == "one" and n_cameras > 1 and usual and _duration_s(detections) >= _TELLING_S
+    over_time = find_method(options.triangulation.method).supports_trajectory
+    long_enough = facts.duration_s >= _MIN_TRAJECTORY_S
+    together = options.people == "one" and n_cameras > 1 and over_time and long_enough
     return replace(options, solve="trajectory" if together else "frame")
-
-
-def _duration_s(detections: Detections) -> float:
-    """How long a recording is; 0 where it has no times."""
-    if detections.rate_hz is not None:
-        return detections.n_frames / detections.rate_hz
-    times = np.asarray(detections.time_s)
-    return float(np.nanmax(times) - np.nanmin(times)) if np.isfinite(times).any() else 0.0
-
-
-def settle_method(
-    rig: CameraRig, detections: Detections, options: Options, subjects: Subjects, noise: NoiseModel
-) -> tuple[Options, tuple[str, ...]]:
-    """Let a method that has to see the whole recording first do so."""
-    method = find_method(options.triangulation.method)
-    if method.prepare is None or len(rig) == 1:
-        return options, ()
-    spans = ranges(detections.n_frames, CHUNK_FRAMES)
-    pieces = ((detections.frames(*span), subjects.tracks(*span)) for span in spans)
-    settled, notes = method.prepare(rig, pieces, noise, options.triangulation)
-    return replace(options, triangulation=settled), notes

@@ -1,50 +1,64 @@
-"""What is wrong with a recording, and how late its views are: the recipe of ``inspect --deep`` and ``sync``."""
+"""Diagnose a recording: the recording check, and the time offsets of views."""
 
 from dataclasses import replace
+from pathlib import Path
 
 from posefuse.diagnostics import recording_check
 from posefuse.diagnostics.examine import DEEP, SHORT
-from posefuse.diagnostics.findings import NOTE_PREFIX
 from posefuse.diagnostics.time_offsets import ViewTiming
 from posefuse.errors import DetectionsError
+from posefuse.io.open_recording import RecordingInputs, open_recording
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.findings import Finding
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
 from posefuse.model.subjects import Subjects
-from posefuse.pipeline.defaults import cut_time, settle_people
-from posefuse.pipeline.measured_layer import Plan
-from posefuse.pipeline.reconstruct import who_is_followed
+from posefuse.pipeline.defaults import RecordingFacts, cut_time, resolve_people
+from posefuse.pipeline.people.find_subjects import find_subjects
+from posefuse.pipeline.plan import Plan
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
 
 
-def with_health(plan: Plan) -> Plan:
-    """The plan with what a short look says is wrong with the recording, in its notes."""
+def check_recording(plan: Plan) -> Plan:
+    """Return the plan with the findings of a short recording check; one camera cannot be checked."""
     if len(plan.rig) == 1:
         return plan
-    found = recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT)
-    said = tuple(f"{NOTE_PREFIX}{finding}" for finding in found)
-    return replace(plan, provenance=plan.provenance.with_notes(said))
+    return replace(plan, findings=recording_check.find_faults(plan.rig, plan.detections, plan.subjects, SHORT))
 
 
 def inspect_health(
-    rig: CameraRig, detections: Detections, options: Options | None = None, *, progress: Progress | None = None
+    rig: CameraRig | str | Path,
+    detections: Detections | None = None,
+    options: Options | None = None,
+    *,
+    inputs: RecordingInputs | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Finding, ...]:
-    """What is wrong with a recording, by its own detections, the worst first; see docs/health.md.
+    """Find the problems of a recording from its own detections, see docs/health.md.
 
     Args:
-        rig: calibrated cameras.
-        detections: 2D keypoints.
-        options: as of :func:`reconstruct`; those that say who is who count.
-        progress: told how far the work is.
+        rig: calibrated cameras, or the folder of a recording.
+        detections: 2D keypoints, unless a folder is given.
+        options: options as of :func:`reconstruct`; those that assign detections to people are used.
+        inputs: paths of inputs that are not found in the folder or are ambiguous there.
+        progress: receives the progress.
+
+    Returns:
+        Findings, the most serious first.
 
     Raises:
-        MatchError: if views and cameras do not belong together.
+        MatchError: if views and cameras do not match.
         DetectionsError: if the detections do not allow what the options ask for.
     """
-    return recording_check.find_faults(*_followed(rig, detections, options or Options(), progress or Silent()), DEEP)
+    options, progress = options or Options(), progress or Silent()
+    if not isinstance(rig, CameraRig):
+        opened = open_recording(Path(rig), inputs, options, progress)
+        rig, detections = opened.rig, opened.detections
+    elif detections is None:
+        raise DetectionsError("inspect_health needs detections beside the rig, or the folder of a recording.")
+    return recording_check.find_faults(*_with_subjects(rig, detections, options, progress), DEEP)
 
 
 def measure_sync(
@@ -56,26 +70,29 @@ def measure_sync(
     reach_s: float = DEEP.max_offset_s,
     progress: Progress | None = None,
 ) -> tuple[tuple[ViewTiming, ...], SyncOptions]:
-    """How late each view is, by its own detections, and what makes :func:`reconstruct` put views in step.
+    """Measure the time offset of each view from the detections.
 
     Args:
         rig: calibrated cameras.
         detections: 2D keypoints.
-        options: as of :func:`reconstruct`; those that say who is who count.
-        reference: the camera whose clock is right; by default that of most views.
-        reach_s: how late views may be.
-        progress: told how far the work is.
+        options: options as of :func:`reconstruct`; those that assign detections to people are used.
+        reference: camera whose clock is correct; by default that of most views.
+        reach_s: largest time offset to search, in seconds.
+        progress: receives the progress.
+
+    Returns:
+        The timing of each view, and the options with which :func:`reconstruct` corrects it.
 
     Raises:
-        MatchError: if views and cameras do not belong together, or there is no such reference.
-        DetectionsError: if the views agree too little to tell, or files say no frame rate.
+        MatchError: if views and cameras do not match, or the reference does not exist.
+        DetectionsError: if the views agree too little to measure offsets, or frame times are unknown.
     """
-    followed = _followed(rig, detections, options or Options(), progress or Silent())
+    subjects = _with_subjects(rig, detections, options or Options(), progress or Silent())
     effort = replace(DEEP, max_offset_s=reach_s)
-    examination, timings = recording_check.measure_timing(*followed, effort, reference)
+    examination, timings = recording_check.measure_timing(*subjects, effort, reference)
     if timings is None:
         raise DetectionsError(
-            "The views agree too little to tell how late they are. posefuse inspect RECORDING --deep says what is "
+            "The views agree too little to measure their time offsets. posefuse inspect RECORDING --deep shows what is "
             "wrong with them."
         )
     if not examination.observations.rate_known:
@@ -83,15 +100,15 @@ def measure_sync(
     return timings, recording_check.sync_options(timings)
 
 
-def _followed(
+def _with_subjects(
     rig: CameraRig, detections: Detections, options: Options, progress: Progress
 ) -> tuple[CameraRig, Detections, Subjects]:
-    """The matched cameras and views, and whose detections are whose."""
+    """Return the matched cameras and views, and the assignment of detections to people."""
     if options.rate_hz is not None and detections.rate_hz is None:
         detections = detections.with_rate(options.rate_hz)
     rig, detections, _ = match_views(rig, detections, options)
     detections = cut_time(detections, options)
     if detections.n_frames == 0:
         raise DetectionsError("The recording is empty: it has no frames.")
-    options = settle_people(replace(options, bodies="none"), detections, len(rig))
-    return rig, detections, who_is_followed(rig, detections, options, progress)[0]
+    options = resolve_people(replace(options, bodies="none"), RecordingFacts.of(detections), len(rig))
+    return rig, detections, find_subjects(rig, detections, options, progress)[0]

@@ -1,13 +1,12 @@
-"""A long recording reconstructed in pieces by whoever has time: the recipe of a cluster.
+"""Reconstruct a long recording in pieces that other processes or machines run.
 
-First everybody is followed once, by the caller (many people alone; of one subject that takes no time), and the tracker
-kept before each window. Then three rounds, each of pieces that know nothing of each other: windows are followed from
-there and bodies smoothed, points are measured range by range, and solved over time block by block. Between them the
-windows' people are made one, and everything that depends on the whole recording is settled. Measured points are those
-of a run in one go.
+For many people, the caller first tracks through the whole recording once and stores the tracker before each window.
+Three rounds of independent pieces follow: people are tracked and smoothed in windows from these trackers, ranges of
+frames are measured, and blocks of frames are solved over time. Between the rounds the caller stitches the people of all
+windows and determines everything that depends on the whole recording. Measured points equal those of an undivided run.
 
-Pieces are files of a folder that all can see: what is to be done, and beside it what came of it, a part as
-:mod:`posefuse.io.checkpoints` keeps it: work that was ended goes on from the pieces that are done.
+A piece is a file in a folder that all workers share, with its result beside it as a part of a
+:class:`posefuse.io.checkpoints.CheckpointFolder`. An interrupted run resumes from the finished pieces.
 """
 
 import pickle
@@ -25,218 +24,242 @@ from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.options.options import Options
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.model.result_ranges import Piece
+from posefuse.model.result_ranges import FrameRange
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.measured_layer import Plan, context_frames, head_of, measure
+from posefuse.pipeline.measured_layer import context_frames, measure
+from posefuse.pipeline.people.find_subjects import find_subjects
 from posefuse.pipeline.people.stitching import StitchedPeople, stitch
-from posefuse.pipeline.people.track_recording import keep_trackers
+from posefuse.pipeline.people.track_recording import save_trackers
 from posefuse.pipeline.people.tracked_people import TrackedPeople
-from posefuse.pipeline.people.windows import Bodies, Seen, Window, agreed, follow_window, windows_of
-from posefuse.pipeline.reconstruct import prepare, who_is_followed
-from posefuse.pipeline.solved_layer import BLOCK_FRAMES, Solver, clock_of, windows
-from posefuse.progress import Progress, watched
+from posefuse.pipeline.people.windows import (
+    TrackedWindow,
+    TrackingWindow,
+    WindowBodies,
+    shared_settings,
+    track_window,
+    tracking_windows,
+)
+from posefuse.pipeline.plan import Plan, empty_result
+from posefuse.pipeline.reconstruct import prepare
+from posefuse.pipeline.solved_layer import BLOCK_FRAMES, LayerSolver, clock_of, frame_windows
+from posefuse.progress import Progress, report_ranges
 
 
-class Do(Protocol):
-    """Does pieces side by side, in other processes or on other machines."""
+class RunPieces(Protocol):
+    """Runs pieces side by side, in other processes or on other machines."""
 
     def __call__(self, work: Callable[[Path], None], pieces: Sequence[Path], /) -> None:
-        """Have ``work`` done for each piece, until all are done."""
+        """Call ``work`` for each piece, and return when all are finished."""
         ...
 
 
 @dataclass(frozen=True)
-class Team:
-    """Whoever does the pieces, and where these lie.
+class Workers:
+    """Workers that run the pieces of a recording.
 
     Attributes:
-        parts: where pieces lie; whoever does them sees the folder under the same path.
-        do: has them done.
-        window_s: about how long a window is.
+        run: runs pieces.
+        window_s: approximate length of a tracking window, in seconds.
     """
 
-    parts: CheckpointFolder
-    do: Do
+    run: RunPieces
     window_s: float
 
-    def round(self, work: Callable[[Path], None], name: str, pieces: Iterable[Callable[[], Any]]) -> list[str]:
-        """Have pieces of one kind done, but for those that are; the names of the parts that come of each."""
+
+@dataclass(frozen=True)
+class PieceRunner:
+    """Runs rounds of pieces that are stored in a folder.
+
+    Attributes:
+        folder: stores pieces and their results; workers see it under the same path.
+        workers: run the pieces.
+    """
+
+    folder: CheckpointFolder
+    workers: Workers
+
+    def run(self, work: Callable[[Path], None], name: str, pieces: Iterable[Callable[[], Any]]) -> list[str]:
+        """Run the pieces of one round, except those that are finished, and return the names of their results."""
         names, todo = [], []
-        self.parts.begin()
+        self.folder.begin()
         for i, piece in enumerate(pieces):
             names.append(f"{name}_{i:05d}")
-            if self.parts.load(names[-1]) is None:
-                todo.append(self.parts.folder / f"{names[-1]}.todo")
-                todo[-1].write_bytes(pickle.dumps((self.parts.key, piece()), protocol=pickle.HIGHEST_PROTOCOL))
-        self.do(work, todo)
+            if self.folder.load(names[-1]) is None:
+                todo.append(self.folder.folder / f"{names[-1]}.todo")
+                todo[-1].write_bytes(pickle.dumps((self.folder.key, piece()), protocol=pickle.HIGHEST_PROTOCOL))
+        self.workers.run(work, todo)
         for path in todo:
             path.unlink()
         return names
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """Whose detections are whose, known."""
+class FixedSubjects:
+    """A known assignment of detections to people."""
 
     recording_tracks: Tracks
 
     def tracks(self, start: int, stop: int) -> Tracks:
-        """Who is whose in a range of frames."""
+        """Return the assignment in a range of frames."""
         return self.recording_tracks.frames(start, stop)
 
 
 def is_long(detections: Detections, options: Options, window_s: float) -> bool:
-    """Whether a recording has frames enough for two windows, and times."""
+    """Return whether a recording has times, and frames for two windows."""
     rate_hz = detections.rate_hz or options.rate_hz
     return rate_hz is not None and detections.n_frames >= 2.0 * window_s * rate_hz
 
 
-def prepare_divided(rig: CameraRig, detections: Detections, options: Options, team: Team, progress: Progress) -> Plan:
-    """As :func:`posefuse.pipeline.reconstruct.prepare`, with people followed window by window.
+def prepare_distributed(
+    rig: CameraRig, detections: Detections, options: Options, runner: PieceRunner, progress: Progress
+) -> Plan:
+    """Prepare a plan as :func:`posefuse.pipeline.reconstruct.prepare` does, with people tracked window by window.
 
     Raises:
-        MatchError: if views and cameras do not belong together.
+        MatchError: if views and cameras do not match.
         DetectionsError: if the detections do not allow what the options ask for.
     """
 
-    def who(
+    def find(
         rig: CameraRig, detections: Detections, options: Options, progress: Progress
     ) -> tuple[Subjects, TrackedPeople | None]:
         if options.people != "many":
-            return who_is_followed(rig, detections, options, progress)
-        return _followed(rig, detections, options, team, progress), None
+            return find_subjects(rig, detections, options, progress)
+        return _track_windows(rig, detections, options, runner, progress), None
 
-    plan = prepare(rig, detections, options, progress, who=who)
+    plan = prepare(rig, detections, options, progress, find=find)
     if not isinstance(plan.subjects, StitchedPeople):
         return plan
-    number, beside_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
+    number, overlap_s = len(plan.subjects.starts) - 1, options.tracker.terminate_after_s
     note = (
-        f"People were followed in {number} windows of about {team.window_s:g} s, each from where the tracker had come "
-        f"and to more than {beside_s:g} s after it, and made one by their detections there."
+        f"People were tracked in {number} windows of about {runner.workers.window_s:g} s, each starting from the state "
+        f"of a tracker that had run through all earlier frames and continuing more than {overlap_s:g} s beyond its "
+        "end; people of neighboring windows were matched by their shared detections."
     )
     return replace(plan, provenance=plan.provenance.with_notes((note,)))
 
 
-def reconstruct_divided(plan: Plan, team: Team, progress: Progress) -> Iterator[Reconstruction]:
-    """As :func:`posefuse.pipeline.measured_layer.reconstruct_chunks`, of a plan from :func:`prepare_divided`.
+def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress) -> Iterator[Reconstruction]:
+    """Carry out a plan from :func:`prepare_distributed`, in consecutive ranges of frames.
 
-    The one subject's body, if there is one, is given by its smoother, which goes through the recording once.
+    The body of a single subject is smoothed by the caller, since its smoother runs through the recording once.
     """
-    n_frames, head = plan.detections.n_frames, _head(plan)
+    n_frames, head = plan.detections.n_frames, _empty_result(plan)
     spans = list(ranges(n_frames, CHUNK_FRAMES))
-    done = team.round(measure_piece, "measured", (partial(_alone, plan, *span) for span in spans))
+    done = runner.run(measure_piece, "measured", (partial(_restricted, plan, *span) for span in spans))
     parts = (
-        _whole(plan, team.parts.load(name).of_result(head), span[0]) for name, span in zip(done, spans, strict=True)
+        _with_people_bodies(plan, runner.folder.load(name).to_reconstruction(head), span[0])
+        for name, span in zip(done, spans, strict=True)
     )
     if plan.bodies is not None:
-        parts = _with_body(plan, parts)
+        parts = _with_subject_body(plan, parts)
     if plan.solver is not None:
         solver, size = plan.solver, max(BLOCK_FRAMES, plan.solver.margin)
-        pieces = (partial(solver.alone, window) for window in windows(parts, n_frames, solver.margin, size))
-        parts = (team.parts.load(name).of_result(head) for name in team.round(solve_piece, "solved", pieces))
+        windows = frame_windows(parts, n_frames, solver.margin, size)
+        names = runner.run(solve_piece, "solved", (partial(solver.restricted_to, window) for window in windows))
+        parts = (runner.folder.load(name).to_reconstruction(head) for name in names)
     if plan.alignment is not None:
         parts = align_parts(parts, plan.alignment)
-    yield from watched(parts, n_frames, "putting together", progress)
+    yield from report_ranges(parts, n_frames, "assembling", progress)
 
 
-def follow_piece(path: Path) -> None:
-    """Follow everybody through a window."""
-    parts, piece = _read(path)
-    parts.save(path.stem, follow_window(*piece))
+def track_piece(path: Path) -> None:
+    """Track people through a window."""
+    folder, piece = _read(path)
+    folder.save(path.stem, track_window(*piece))
 
 
 def measure_piece(path: Path) -> None:
     """Measure a range of frames."""
-    parts, piece = _read(path)
-    parts.save(path.stem, Piece.of(measure(*piece)))
+    folder, piece = _read(path)
+    folder.save(path.stem, FrameRange.of(measure(*piece)))
 
 
 def solve_piece(path: Path) -> None:
     """Solve a block of frames over time."""
-    parts, (solver, window) = _read(path)
-    assert isinstance(solver, Solver)
-    parts.save(path.stem, Piece.of(solver.solved(window)))
+    folder, (solver, window) = _read(path)
+    assert isinstance(solver, LayerSolver)
+    folder.save(path.stem, FrameRange.of(solver.solve_window(window)))
 
 
 def _read(path: Path) -> tuple[CheckpointFolder, Any]:
-    """What is to be done, and where what comes of it is kept."""
+    """Return where the result of a piece is stored, and the piece."""
     key, piece = pickle.loads(path.read_bytes())
     return CheckpointFolder(path.parent, key), piece
 
 
-def _followed(
-    rig: CameraRig, detections: Detections, options: Options, team: Team, progress: Progress
+def _track_windows(
+    rig: CameraRig, detections: Detections, options: Options, runner: PieceRunner, progress: Progress
 ) -> StitchedPeople:
-    """Everybody, of all windows."""
-    skeleton, fixed = agreed(rig, detections, options)
+    """Track people in all windows and stitch them."""
+    skeleton, fixed = shared_settings(rig, detections, options)
     rate_hz = 1.0 / clock_of(detections).period_s
-    spans = windows_of(detections.n_frames, rate_hz, team.window_s, options.tracker.terminate_after_s)
+    windows = tracking_windows(detections.n_frames, rate_hz, runner.workers.window_s, options.tracker.terminate_after_s)
+    starts = [window.first for window in windows]
+    trackers = save_trackers(rig, replace(detections, skeleton=skeleton), fixed, starts, progress, runner.folder)
 
-    places = [window.first for window in spans]
-    trackers = keep_trackers(rig, replace(detections, skeleton=skeleton), fixed, places, progress, team.parts)
+    def piece(window: TrackingWindow, tracker: str) -> tuple[Any, ...]:
+        frames = replace(detections.frames(window.first, window.last), skeleton=skeleton)
+        return rig, frames, fixed, window, runner.folder.load(tracker)
 
-    def piece(window: Window, tracker: str) -> tuple[Any, ...]:
-        theirs = replace(detections.frames(window.first, window.last), skeleton=skeleton)
-        return rig, theirs, fixed, window, team.parts.load(tracker)
-
-    pieces = (partial(piece, *each) for each in zip(spans, trackers, strict=True))
-    done = team.round(follow_piece, "followed", pieces)
-    seen: list[Seen] = [team.parts.load(name)[0] for name in done]
-    found = stitch(seen, detections.frame_numbers, _Bodies(team.parts, done))
-    return found.only(options.person) if options.person else found
+    pieces = (partial(piece, *each) for each in zip(windows, trackers, strict=True))
+    done = runner.run(track_piece, "tracked", pieces)
+    tracked: list[TrackedWindow] = [runner.folder.load(name)[0] for name in done]
+    people = stitch(tracked, detections.frame_numbers, _LoadedBodies(runner.folder, done))
+    return people.only(options.person) if options.person else people
 
 
-class _Bodies:
-    """Reads the bodies of windows, which are wanted in order: the last is at hand."""
+class _LoadedBodies:
+    """Loads the bodies of windows in order; the last window stays in memory."""
 
-    def __init__(self, parts: CheckpointFolder, names: Sequence[str]) -> None:
-        self._parts, self._names = parts, names
-        self._last: tuple[int, Bodies] | None = None
+    def __init__(self, folder: CheckpointFolder, names: Sequence[str]) -> None:
+        self._folder, self._names = folder, names
+        self._last: tuple[int, WindowBodies] | None = None
 
-    def __call__(self, window: int) -> Bodies:
+    def __call__(self, window: int) -> WindowBodies:
         if self._last is None or self._last[0] != window:
-            self._last = window, self._parts.load(self._names[window])[1]
+            self._last = window, self._folder.load(self._names[window])[1]
         return self._last[1]
 
 
-def _alone(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
-    """A plan that knows a range of frames and what it looks at around it, and where the range is in that."""
-    around = context_frames(plan)
-    first, last = max(start - around, 0), min(stop + around, plan.detections.n_frames)
-    subjects = Given(plan.subjects.tracks(first, last))
+def _restricted(plan: Plan, start: int, stop: int) -> tuple[Plan, int, int]:
+    """Return a plan that holds a range of frames and its context only, and the range's indices in it."""
+    context = context_frames(plan)
+    first, last = max(start - context, 0), min(stop + context, plan.detections.n_frames)
+    subjects = FixedSubjects(plan.subjects.tracks(first, last))
     part = replace(
         plan, detections=plan.detections.frames(first, last), subjects=subjects, bodies=None, solver=None,
-        alignment=None,
+        alignment=None, agreement=None, sample_m=None,
     )  # fmt: skip
     return part, start - first, stop - first
 
 
-def _head(plan: Plan) -> Reconstruction:
-    """What all ranges of a result share, with no frames."""
-    head, subjects = head_of(plan), plan.subjects
+def _empty_result(plan: Plan) -> Reconstruction:
+    """Return the result without frames: what all its ranges share."""
+    head, subjects = empty_result(plan), plan.subjects
     if not isinstance(subjects, StitchedPeople):
         return head
     head = replace(head, events=subjects.events)
     return head if plan.options.bodies == "none" else replace(head, skeleton=subjects.skeleton)
 
 
-def _whole(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
-    """A measured range with the bodies of many."""
+def _with_people_bodies(plan: Plan, part: Reconstruction, start: int) -> Reconstruction:
+    """Return a measured range with the bodies of tracked people."""
     subjects = plan.subjects
     if isinstance(subjects, StitchedPeople) and plan.options.bodies != "none":
         return subjects.with_bodies(part, start)
     return part
 
 
-def _with_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:
-    """Ranges with the one subject's body."""
+def _with_subject_body(plan: Plan, parts: Iterator[Reconstruction]) -> Iterator[Reconstruction]:
+    """Return ranges with the body of a single subject."""
     assert plan.bodies is not None
     assert isinstance(plan.subjects, SingleSubject)
     smoother, start = plan.bodies.smoother(), 0
     for part in parts:
         stop = start + part.n_frames
-        seen = plan.detections.frames(start, stop)
-        layer, poses = plan.bodies.bodies(plan.rig, seen, start, smoother.take(stop))
+        frames = plan.detections.frames(start, stop)
+        layer, poses = plan.bodies.bodies(plan.rig, frames, start, smoother.take(stop))
         yield replace(part, poses=poses, layers={**part.layers, "model": layer})
         start = stop

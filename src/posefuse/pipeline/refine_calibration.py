@@ -22,7 +22,9 @@ from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.options.refinement import RefineOptions
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.defaults import cut_time
-from posefuse.pipeline.reconstruct import Plan, examine, measure, settle
+from posefuse.pipeline.measured_layer import measure
+from posefuse.pipeline.plan import Plan
+from posefuse.pipeline.reconstruct import examine
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
 
@@ -53,7 +55,7 @@ class Recorded:
         with warnings.catch_warnings():
             # That views do not agree is why we are here.
             warnings.simplefilter("ignore", PosefuseWarning)
-            plan = settle(examine(rig, self.detections.views(rig.names), options, Silent()))
+            plan = examine(rig, self.detections.views(rig.names), options, Silent())
             parts = [_gathered(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
         return _joined(parts)
 

@@ -1,7 +1,7 @@
-"""Views out of step brought into step: true times, frames put beside those of the same time, points in between.
+"""Correct the time offsets of views: true times, views matched by time, keypoints interpolated to frame times.
 
-What a view showed at a frame's time lies between two of its frames: a keypoint is put on the straight line between
-them, where the same person's is known in both and no more than two frames are between. What is not, is missing.
+At the time of a frame, a view's keypoint lies between two of the view's own frames. It is interpolated linearly between
+them if the person is known in both and they are at most two frames apart; otherwise it is missing.
 """
 
 from dataclasses import dataclass, replace
@@ -9,85 +9,93 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.errors import DetectionsError, MatchError, suggestion
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import Detections
 from posefuse.model.options.sync import NEAR_FRAMES, SyncOptions
-from posefuse.model.tracks import Tracks
+from posefuse.model.subjects import Subjects
+from posefuse.preprocess.timeline import fill_missing_times
 
-_MOST_FRAMES = 2.1
+_MAX_FRAMES_APART = 2.1
 
 
 @dataclass(frozen=True, eq=False)
-class InStep:
-    """Detections in step.
+class ShiftedViews:
+    """Detections with corrected times.
 
     Attributes:
-        detections: with true times, in memory.
-        time_s: shape (frame,): what each frame stands for.
-        notes: what was done.
+        detections: detections with true times, in memory.
+        time_s: shape (frame,): the time that each frame represents.
+        notes: what was corrected.
     """
 
     detections: Detections
     time_s: np.ndarray
     notes: tuple[str, ...]
 
+    def with_detections(self, detections: Detections) -> "ShiftedViews":
+        """Return the same for other detections of the leading frames."""
+        return replace(self, detections=detections, time_s=self.time_s[: detections.n_frames])
 
-def in_step(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions) -> InStep:
-    """The detections with true times, each view's frames beside those that the others took nearest to them.
+
+def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOptions) -> ShiftedViews:
+    """Correct the times of all views, and match each frame with the frame of every view nearest to it in time.
 
     Args:
-        detections: views in the cameras' order.
+        detections: detections, views in the order of the cameras.
         cameras: names of the cameras.
-        sync: how late views are.
+        sync: time offset of each view.
 
     Raises:
         DetectionsError: if frames have no times.
-        MatchError: if a camera is named that is not there.
+        MatchError: if ``sync`` names a camera without a view.
     """
     for name in sync.cameras:
         if name not in cameras:
             raise MatchError(f"sync.cameras names {name!r}, which has no view. {suggestion(name, cameras)}")
     everything = detections.frames(0, detections.n_frames)
-    said = np.array(everything.time_s)
-    if not np.isfinite(said).any():
+    stated = np.array(everything.time_s)
+    if not np.isfinite(stated).any():
         raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
-    for v in range(said.shape[1]):
-        said[:, v] = with_lacking_times(said[:, v], everything.frame_numbers)
-    common = np.nanmean(said, axis=1)
-    true = np.stack([said[:, v] + sync.offset_at(name, said[:, v]) for v, name in enumerate(cameras)], axis=1)
+    for v in range(stated.shape[1]):
+        stated[:, v] = fill_missing_times(stated[:, v], everything.frame_numbers)
+    common = np.nanmean(stated, axis=1)
+    true = np.stack([stated[:, v] + sync.offset_at(name, stated[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)
     notes = tuple(
-        _note(name, true[:, v] - said[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras
+        _note(name, true[:, v] - stated[:, v], common) for v, name in enumerate(cameras) if name in sync.cameras
     )
-    return InStep(_rearranged(everything, source, true), common, notes)
+    return ShiftedViews(_rearrange(everything, source, true), common, notes)
 
 
-def _note(name: str, late_s: np.ndarray, common: np.ndarray) -> str:
+def _note(name: str, offset_s: np.ndarray, common: np.ndarray) -> str:
     period = float(np.median(np.diff(common))) if len(common) > 1 else np.nan
-    first, last = late_s[0] / period, late_s[-1] / period
+    first, last = offset_s[0] / period, offset_s[-1] / period
     span = f"{first:+.2f}" if abs(first - last) < 0.005 else f"{first:+.2f} to {last:+.2f}"
-    return f"Sync: view {name} is {span} frames late; its keypoints are taken at the frames' times, between its frames."
+    return (
+        f"Sync: view {name} has a time offset of {span} frames; its keypoints are interpolated between its frames to "
+        "the frame times."
+    )
 
 
-def _nearest(wanted: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """For each frame the view's frame nearest in time, -1 where there is none within a frame or another has it."""
-    period = float(np.median(np.diff(wanted))) if len(wanted) > 1 else np.inf
-    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
+def _nearest(frame_s: np.ndarray, view_s: np.ndarray) -> np.ndarray:
+    """Return for each frame the view's nearest frame; -1 if it is too far away or nearer to another frame."""
+    period = float(np.median(np.diff(frame_s))) if len(frame_s) > 1 else np.inf
+    after = np.clip(np.searchsorted(view_s, frame_s), 0, len(view_s) - 1)
     before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(times[before] - wanted) <= np.abs(times[after] - wanted), before, after)
-    gap = np.abs(times[nearest] - wanted)
-    # Of two frames that one is nearest to, it is the nearer one's.
-    taken = np.lexsort((gap, nearest))
-    first = np.ones(len(taken), dtype=bool)
-    first[1:] = nearest[taken][1:] != nearest[taken][:-1]
-    own = np.zeros(len(wanted), dtype=bool)
-    own[taken[first]] = True
-    return np.where(own & (gap < 0.75 * period), nearest, -1)
+    nearest = np.where(np.abs(view_s[before] - frame_s) <= np.abs(view_s[after] - frame_s), before, after)
+    gap = np.abs(view_s[nearest] - frame_s)
+    # If two frames have the same nearest frame of the view, the nearer one gets it.
+    order = np.lexsort((gap, nearest))
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = nearest[order][1:] != nearest[order][:-1]
+    assigned = np.zeros(len(frame_s), dtype=bool)
+    assigned[order[first]] = True
+    return np.where(assigned & (gap < 0.75 * period), nearest, -1)
 
 
-def _rearranged(detections: Detections, source: np.ndarray, true_s: np.ndarray) -> Detections:
+def _rearrange(detections: Detections, source: np.ndarray, true_s: np.ndarray) -> Detections:
     views = np.arange(detections.n_views)
-    there = source >= 0
-    counts = np.where(there, detections.people_counts[source, views], 0)
+    present = source >= 0
+    counts = np.where(present, detections.people_counts[source, views], 0)
     starts = detections.offsets[:-1].reshape(detections.n_frames, detections.n_views)[source, views]
     offsets = np.concatenate([[0], np.cumsum(counts.ravel())])
     rows = np.repeat(starts.ravel() - offsets[:-1], counts.ravel()) + np.arange(offsets[-1])
@@ -99,47 +107,47 @@ def _rearranged(detections: Detections, source: np.ndarray, true_s: np.ndarray) 
         track_ids=np.asarray(detections.track_ids)[rows],
         depth=None if detections.depth is None else np.asarray(detections.depth)[rows],
         sigma_px=None if detections.sigma_px is None else np.asarray(detections.sigma_px)[rows],
-        recorded=there & detections.recorded[source, views],
-        time_s=np.where(there, true_s[source, views], np.nan),
+        recorded=present & detections.recorded[source, views],
+        time_s=np.where(present, true_s[source, views], np.nan),
     )
 
 
-def at_frame_times(step: InStep, tracks: Tracks) -> Detections:
-    """The detections of followed people as they were at the frames' times.
+def interpolate_to_frame_times(shifted: ShiftedViews, subjects: Subjects) -> Detections:
+    """Interpolate the detections of all people to the frame times.
 
-    Views that are within a tenth of a frame of the frame's time are left as they are.
+    Views within a tenth of a frame of the frame time are left as they are.
 
     Args:
-        step: what :func:`in_step` made.
-        tracks: whose detection is whose, of the same frames.
+        shifted: detections with corrected times.
+        subjects: assignment of these detections to people.
     """
-    detections, common = step.detections, step.time_s
+    detections, common = shifted.detections, shifted.time_s
     times = np.asarray(detections.time_s)
     period = float(np.median(np.diff(common))) if len(common) > 1 else np.inf
-    rows = tracks.rows(detections)
+    rows = subjects.tracks(0, detections.n_frames).rows(detections)
     pixels, confidence = np.array(detections.keypoints_px), np.array(detections.confidence)
-    was_pixels, was_confidence = pixels.copy(), confidence.copy()
+    old_pixels, old_confidence = pixels.copy(), confidence.copy()
     for v in range(detections.n_views):
         off = (common - times[:, v]) / period
         for p in range(rows.shape[1]):
             for f in np.flatnonzero((rows[:, p, v] >= 0) & (np.abs(off) > NEAR_FRAMES)):
-                row, other, share = _neighbour(rows[:, p, v], times[:, v], int(f), common[f], period)
+                row, other, share = _neighbor(rows[:, p, v], times[:, v], int(f), common[f], period)
                 if other < 0:
                     pixels[row], confidence[row] = np.nan, np.nan
                     continue
-                pixels[row] = (1.0 - share) * was_pixels[row] + share * was_pixels[other]
-                # Where a straight line stands in for a motion, less is known than where something was seen.
-                confidence[row] = np.minimum(was_confidence[row], was_confidence[other])
-    settled = np.where(np.isfinite(times), common[:, None], np.nan)
-    return replace(detections, keypoints_px=pixels, confidence=confidence, time_s=settled)
+                pixels[row] = (1.0 - share) * old_pixels[row] + share * old_pixels[other]
+                # An interpolated keypoint is no more certain than the worse of the two it comes from.
+                confidence[row] = np.minimum(old_confidence[row], old_confidence[other])
+    frame_times = np.where(np.isfinite(times), common[:, None], np.nan)
+    return replace(detections, keypoints_px=pixels, confidence=confidence, time_s=frame_times)
 
 
-def _neighbour(rows: np.ndarray, times: np.ndarray, f: int, wanted: float, period: float) -> tuple[int, int, float]:
-    """The row of a frame, the row on the other side of the wanted time (-1 if too far), and where between."""
-    way = 1 if wanted > times[f] else -1
-    for g in (f + way, f + 2 * way):
+def _neighbor(rows: np.ndarray, times: np.ndarray, f: int, frame_s: float, period: float) -> tuple[int, int, float]:
+    """Return the row of a frame, the row on the other side of the frame time (-1 if too far), and its weight."""
+    step = 1 if frame_s > times[f] else -1
+    for g in (f + step, f + 2 * step):
         if 0 <= g < len(rows) and rows[g] >= 0:
             apart = times[g] - times[f]
-            if abs(apart) < _MOST_FRAMES * period and abs(wanted - times[f]) <= abs(apart):
-                return int(rows[f]), int(rows[g]), float((wanted - times[f]) / apart)
+            if abs(apart) < _MAX_FRAMES_APART * period and abs(frame_s - times[f]) <= abs(apart):
+                return int(rows[f]), int(rows[g]), float((frame_s - times[f]) / apart)
     return int(rows[f]), -1, 0.0

@@ -1,49 +1,86 @@
-"""Detections that say themselves how noisy each is, put so that every method weighs them by it.
+"""Weight detections by standard deviations that their files give.
 
 Methods take the noise of a detection as ``scale / confidence^exponent``. Where files give standard deviations, the
-confidence becomes ``reference / sigma`` and the exponent 1, which is the same number. The scale is still found from the
-recording: what an ensemble of networks disagrees by, or a smoother believes, is right up to a factor.
+confidence is replaced by ``reference / sigma`` and the exponent by 1, which is the same number. The scale is still
+estimated from the recording: the spread of an ensemble of networks, or the variance of a smoother, is correct only up
+to a factor.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from posefuse.arrays import ArraySource, in_memory, ranges
 from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
 
-_WIDEST = 5.0
-"""What is noisier than the middle by more than this may count as by this much: with a 25th of its weight."""
+_MAX_RATIO = 5.0
+"""A standard deviation counts as at most this multiple of the median, which gives the detection a 25th of its weight."""
 
-_LEAST = 0.05
+_MIN_CONFIDENCE = 0.05
 _SAMPLED_ROWS = 20_000
 
 
-def weighed(detections: Detections, usual_px: float, min_confidence: float) -> Detections | None:
-    """Weigh detections by their own standard deviations, or None where they have none.
+class WeightedDetections(NamedTuple):
+    """Detections weighted by their own standard deviations.
+
+    Attributes:
+        options: options with the confidence exponent that belongs to the weights.
+        detections: detections whose ``confidence`` holds the weights.
+        notes: notes for the result.
+    """
+
+    options: Options
+    detections: Detections
+    notes: tuple[str, ...]
+
+
+def weight_by_sigma(detections: Detections, options: Options, default_px: float | None) -> WeightedDetections:
+    """Weight detections by the standard deviations that they come with, unless the options fix the noise.
 
     Args:
-        detections: may be in files; then they stay there.
-        usual_px: the standard deviation that methods take a detection of confidence 1 to have where nothing tells; so
-            they take the detections' own.
-        min_confidence: detections of less confidence get the weight 0; all others get at least this weight, so that no
-            method takes a noisy detection for one that the detector did not believe in.
+        detections: detections with ``sigma_px``.
+        options: options of the reconstruction.
+        default_px: noise of a detection of confidence 1 where a recording does not show it; None if the options fix the
+            noise.
+    """
+    unweighted = replace(detections, sigma_px=None)
+    if default_px is None:
+        note = "The options fix the noise: the standard deviations that the detections come with are not used."
+        return WeightedDetections(options, unweighted, (note,))
+    found = weighted(detections, default_px, options.triangulation.min_confidence)
+    if found is None:
+        return WeightedDetections(options, unweighted, ())
+    note = (
+        "Detections are weighted by the standard deviations that they come with; their common scale is estimated from "
+        "the recording. --noise-scale-px weights all detections alike."
+    )
+    triangulation = replace(options.triangulation, confidence_exponent=1.0)
+    return WeightedDetections(replace(options, triangulation=triangulation), found, (note,))
 
-    Returns:
-        The same detections, their ``confidence`` being the weights.
+
+def weighted(detections: Detections, default_px: float, min_confidence: float) -> Detections | None:
+    """Return detections whose ``confidence`` holds weights from their standard deviations, or None without any.
+
+    Args:
+        detections: detections; arrays in files stay there.
+        default_px: noise of a detection of confidence 1 where a recording does not show it. The weights keep the
+            detections' own standard deviations in that case.
+        min_confidence: detections of less confidence get the weight 0; all others get at least this weight, so that no
+            method mistakes a noisy detection for one that the detector rejected.
     """
     middle = None if detections.sigma_px is None else _median(detections.sigma_px)
     if detections.sigma_px is None or middle is None:
         return None
-    reference_px = max(usual_px, _WIDEST * max(min_confidence, _LEAST) * middle)
+    reference_px = max(default_px, _MAX_RATIO * max(min_confidence, _MIN_CONFIDENCE) * middle)
     source = _Weights(detections, reference_px, middle, min_confidence)
     weights = source[:] if in_memory(detections.keypoints_px) else source
     return replace(detections, confidence=weights, sigma_px=None)
 
 
 def _median(sigma_px: ArraySource) -> float | None:
-    """The median of pieces that are spread evenly over the rows, or None where nothing is known."""
+    """Return the median over pieces evenly spread over the rows, or None if no value is known."""
     rows = sigma_px.shape[0]
     pieces = list(ranges(rows, 500))
     step = max(len(pieces) * 500 // _SAMPLED_ROWS, 1)
@@ -53,19 +90,19 @@ def _median(sigma_px: ArraySource) -> float | None:
 
 
 class _Weights:
-    """The weights of rows, made as they are read."""
+    """The weights of rows, computed when they are read."""
 
-    def __init__(self, detections: Detections, reference_px: float, middle_px: float, min_confidence: float) -> None:
+    def __init__(self, detections: Detections, reference_px: float, median_px: float, min_confidence: float) -> None:
         assert detections.sigma_px is not None
         self._confidence, self._sigma_px = detections.confidence, detections.sigma_px
-        self._reference_px, self._middle_px = reference_px, middle_px
-        self._min_confidence, self._least = min_confidence, max(min_confidence, _LEAST)
+        self._reference_px, self._median_px = reference_px, median_px
+        self._min_confidence, self._min_weight = min_confidence, max(min_confidence, _MIN_CONFIDENCE)
         self.shape = tuple(detections.confidence.shape)
         self.dtype = np.dtype(np.float64)
 
     def __getitem__(self, key: Any) -> np.ndarray:
         sigma = np.asarray(self._sigma_px[key])
-        # Of what nothing is known is as good as most.
-        weights = self._reference_px / np.where(np.isfinite(sigma), sigma, self._middle_px)
-        trust = np.asarray(self._confidence[key])
-        return np.where(trust < self._min_confidence, 0.0, np.maximum(weights, self._least))
+        # A detection of unknown standard deviation gets the median.
+        weights = self._reference_px / np.where(np.isfinite(sigma), sigma, self._median_px)
+        confidence = np.asarray(self._confidence[key])
+        return np.where(confidence < self._min_confidence, 0.0, np.maximum(weights, self._min_weight))

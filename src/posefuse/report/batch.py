@@ -7,9 +7,9 @@ from html import escape
 from importlib.resources import files
 from urllib.parse import quote
 
-from posefuse.model.batch import Numbers, Outcome
+from posefuse.model.batch import JobResult, ResultStatistics
 
-_COLUMNS = ("recording", "outcome", *Numbers.__dataclass_fields__, "warnings", "why")
+_COLUMNS = ("recording", "outcome", *ResultStatistics.__dataclass_fields__, "warnings", "why")
 _NO_RESULT = ("failed", "not done")
 _HEADINGS = (
     "Recording", "Outcome", "Frames", "Duration, s", "Cameras", "People", "Points", "Median error, px",
@@ -17,19 +17,23 @@ _HEADINGS = (
 )  # fmt: skip
 
 
-def batch_csv(outcomes: Sequence[Outcome]) -> str:
+def batch_csv(outcomes: Sequence[JobResult]) -> str:
     """Return the table as CSV text, one row per recording; unknown values are empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for each in outcomes:
-        numbers = [None] * len(Numbers.__dataclass_fields__) if each.numbers is None else vars(each.numbers).values()
+        numbers = (
+            [None] * len(ResultStatistics.__dataclass_fields__)
+            if each.statistics is None
+            else vars(each.statistics).values()
+        )
         row = [each.name, _outcome(each), *numbers, " | ".join(each.warnings), each.why]
         writer.writerow("" if value is None else value for value in row)
     return text.getvalue()
 
 
-def batch_page(outcomes: Sequence[Outcome]) -> str:
+def batch_page(outcomes: Sequence[JobResult]) -> str:
     """Return the page as HTML: failures with their reasons, then all recordings with links to their reports."""
     failed = [each for each in outcomes if each.state in _NO_RESULT]
     n_done = len(outcomes) - len(failed)
@@ -47,12 +51,12 @@ def batch_page(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def _row(each: Outcome) -> str:
+def _row(each: JobResult) -> str:
     name = escape(each.name)
-    if each.numbers is None:
+    if each.statistics is None:
         cells = [name, _outcome(each), *[""] * (len(_HEADINGS) - 2)]
     else:
-        n = each.numbers
+        n = each.statistics
         share = None if n.points_share is None else 100.0 * n.points_share
         cells = [
             f'<a href="{quote(each.name)}/report.html">{name}</a>', _outcome(each), str(n.frames),
@@ -63,7 +67,7 @@ def _row(each: Outcome) -> str:
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in [cells[0] + notes, *cells[1:]]) + "</tr>"
 
 
-def _outcome(each: Outcome) -> str:
+def _outcome(each: JobResult) -> str:
     """Return the outcome as files state it.
 
     It does not distinguish new results from earlier ones, so that repeated runs write the same files.

@@ -16,7 +16,7 @@ from posefuse.evaluation.people import PeopleScores
 from posefuse.evaluation.visibility import count_misses
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.report import tables
 from posefuse.report.charts import chart_data
 from posefuse.report.heat_map import HeatMap, gather_heat_map, heat_map_data
@@ -97,7 +97,7 @@ class _Ranges:
         self._result, self._progress = result, progress
 
     def __iter__(self) -> Iterator[Reconstruction]:
-        return watched(self._result.windows(), self._result.n_frames, "reporting", self._progress)
+        return report_ranges(self._result.windows(), self._result.n_frames, "reporting", self._progress)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ SECTIONS = (
     Section("gaps", lambda page: tables.gap_section(page.result, page.gaps)),
     Section("bones", lambda page: tables.bone_section(page.result, page.series)),
     Section("notes", lambda page: tables.notes_list(page.result)),
-    Section("options", lambda page: tables.options_table(page.result.options)),
+    Section("options", lambda page: tables.options_table(page.result.resolved)),
     Section("versions", _versions),
 )
 """The sections that Python renders; adding one takes a function, one record and a placeholder in ``report.html``."""

@@ -30,7 +30,7 @@ def percentile_filter_figure(before: ErrorProfile, after: ErrorProfile, result: 
 
 
 def _draw(before: ErrorProfile, after: ErrorProfile, result: Reconstruction) -> Figure:
-    chosen = result.options.triangulation.percentile_filter
+    chosen = result.resolved.triangulation.percentile_filter
     threshold = chosen.threshold_px
     assert threshold is not None
     n_views, n_keypoints = len(result.rig), len(result.skeleton)

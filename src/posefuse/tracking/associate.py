@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.frame_statistics import clear_majority_swaps, assign_labels, record_matches
+from posefuse.kernels.tracking.frame_statistics import assign_labels, clear_majority_swaps, record_matches
 from posefuse.kernels.tracking.matching import match_views
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracker import TrackerOptions

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
+from posefuse.kernels.tracking.frame_statistics import count_observations
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import Body, State
-from posefuse.kernels.tracking.frame_statistics import count_observations
 from posefuse.skeleton.trees import Tree
 
 

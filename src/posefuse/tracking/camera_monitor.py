@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.frame_statistics import update_silence, accumulate_view_support
+from posefuse.kernels.tracking.frame_statistics import accumulate_view_support, update_silence
 from posefuse.model.frames import Frame
 from posefuse.model.options.tracking_stages import CameraMonitorOptions
 from posefuse.model.track_events import EventKind

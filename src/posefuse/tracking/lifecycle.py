@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.frame_statistics import predict_visibility
+from posefuse.kernels.tracking.records import State
 from posefuse.kinematics.segment_lengths import told_of_lengths
 from posefuse.model.track_events import EventKind
 from posefuse.model.tracks import TrackState

@@ -12,11 +12,11 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.kernels import status_codes
-from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import USED, State
 from posefuse.kernels.tracking.update import update_people
+from posefuse.kernels.triangulation.all_views import triangulate_views
 from posefuse.model.frames import Frame
 from posefuse.model.tracks import TrackState
 from posefuse.skeleton.parts import Part

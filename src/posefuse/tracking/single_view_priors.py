@@ -9,8 +9,8 @@ point, because floors are level. The height needs a calibration with a known up 
 
 import numpy as np
 
+from posefuse.kernels.tracking.posture_statistics import lowest_point, update_height_statistics, update_lean_statistics
 from posefuse.kernels.tracking.records import State
-from posefuse.kernels.tracking.posture_statistics import lowest_point, update_lean_statistics, update_height_statistics
 from posefuse.model.cameras import up_vector
 from posefuse.tracking.body_states import ProjectedBodies, select_states, set_state
 from posefuse.tracking.records import RecentHistory

@@ -12,9 +12,9 @@ import numpy as np
 
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
 from posefuse.kernels.tracking.refiltering import ROUNDING_TOLERANCE
 from posefuse.kernels.tracking.refiltering import refilter as refilter_frames
+from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
 from posefuse.kinematics.initial_pose import newborn_covariance
 from posefuse.tracking.body_states import free_columns, select_states, set_state
 from posefuse.tracking.settings import TrackerSettings

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from posefuse.kernels.tracking.frame_statistics import update_gated_time
 from posefuse.kernels.tracking.records import USED, State
 from posefuse.kernels.tracking.update import update_people
-from posefuse.kernels.tracking.frame_statistics import update_gated_time
 from posefuse.model.frames import Frame
 from posefuse.model.track_events import Event
 from posefuse.tracking.associate import Association

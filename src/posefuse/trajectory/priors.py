@@ -82,16 +82,8 @@ class RecordingPriors(PickledByFields):
     roughness_m2: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in (
-            "density",
-            "length_m",
-            "length_sd_m",
-            "innovation_scale",
-            "scale_strength",
-            "size_m",
-            "time_constant_s",
-            "roughness_m2",
-        ):
+        names = ("density", "length_m", "length_sd_m", "innovation_scale", "scale_strength", "size_m")
+        for name in (*names, "time_constant_s", "roughness_m2"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def of(self, person: int, spread: float) -> PersonPriors:

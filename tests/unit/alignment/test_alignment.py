@@ -18,7 +18,7 @@ from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import up_vector
 from posefuse.model.options.alignment import PRESETS, AlignOptions
 from posefuse.model.options.options import Options
-from posefuse.noise import survey
+from posefuse.pipeline import reconstruct as recipe
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.people import crowd, followed
@@ -247,8 +247,8 @@ class TestPipeline:
     def test_scale_is_estimated_in_one_pass(self, walker, monkeypatch):
         """No finding concerns the calibrated scale, because the options correct it."""
         looks = []
-        surveyed = survey.survey
-        monkeypatch.setattr(survey, "survey", lambda *given: looks.append(1) or surveyed(*given))
+        estimate = recipe.estimate_noise
+        monkeypatch.setattr(recipe, "estimate_noise", lambda *given: looks.append(1) or estimate(*given))
         rig = scaled_rig(walker.rig, 1000.0)
         with pytest.warns(posefuse.PosefuseWarning, match="scale is wrong"):
             posefuse.reconstruct(rig, walker.detections)

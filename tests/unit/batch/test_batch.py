@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 
 from posefuse.batch.cluster import on_cluster
-from posefuse.batch.fingerprints import kept, key_of, remove_mark, write_mark
+from posefuse.batch.fingerprints import fingerprint, remove_mark, unchanged_result, write_mark
 from posefuse.batch.jobs import jobs_of
 from posefuse.batch.pool import in_processes
 from posefuse.errors import OptionsError, StreamError
-from posefuse.model.batch import Job, Numbers, Outcome
+from posefuse.model.batch import Job, JobResult, ResultStatistics
 from posefuse.model.options.options import Options
 from posefuse.report.batch import batch_csv, batch_page
 from tests.unit.batch.works import do
 
-NUMBERS = Numbers(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
+STATISTICS = ResultStatistics(30, 1.0, 4, 2, 0.98, 12.0, 24.0, None)
 
 
 def jobs(folder: Path, *names: str) -> list[Job]:
@@ -33,15 +33,15 @@ def test_results_are_called_after_folders(tmp_path):
 
 
 def test_names_that_cannot_be_told_apart_are_refused(tmp_path):
-    with pytest.raises(OptionsError, match="cannot be told apart"):
+    with pytest.raises(OptionsError, match="have the same name"):
         jobs_of([tmp_path / "x" / "a" / "rec", tmp_path / "y" / "a" / "rec"], tmp_path / "out", None, Options())
-    with pytest.raises(OptionsError, match="cannot be told apart"):
+    with pytest.raises(OptionsError, match="have the same name"):
         jobs_of([Path("/")], tmp_path / "out", None, Options())
     with pytest.raises(OptionsError, match="No recording"):
         jobs_of([], tmp_path / "out", None, Options())
-    with pytest.raises(OptionsError, match="the output itself"):
+    with pytest.raises(OptionsError, match="All folders are the output"):
         jobs_of([tmp_path / "out"], tmp_path / "out", None, Options())
-    with pytest.raises(OptionsError, match=r"would be called batch\.csv"):
+    with pytest.raises(OptionsError, match=r"would be named batch\.csv"):
         jobs_of([tmp_path / "batch.csv"], tmp_path / "out", None, Options())
 
 
@@ -51,7 +51,7 @@ def test_recordings_in_the_output_are_refused_and_results_there_are_none(tmp_pat
         (out / name).mkdir(parents=True)
     (out / "made" / "reconstruction.nc").touch()
     (out / "begun" / ".parts").mkdir()
-    with pytest.raises(OptionsError, match=r"holds recordings of the batch \(.*rec\)"):
+    with pytest.raises(OptionsError, match=r"contains recordings of the batch \(.*rec\)"):
         jobs_of([out / "rec", tmp_path / "other"], out, None, Options())
     given = [out / "made", out / "begun", out, tmp_path / "other"]
     assert [job.name for job in jobs_of(given, out, None, Options())] == ["other"]
@@ -99,22 +99,24 @@ def test_a_result_is_kept_until_anything_changes(tmp_path):
 
     (tmp_path / "reconstruction.nc").write_text("bytes")
     (tmp_path / "report.html").write_text("page")
-    key = key_of({"keypoints.nc": "1"}, Options())
-    outcome = Outcome("rec", "done", "", NUMBERS, ("a warning",))
-    assert kept("rec", tmp_path, key, digest) is None
-    write_mark(tmp_path, key, outcome, digest)
-    assert kept("rec", tmp_path, key, digest) == replace(outcome, state="kept")
-    assert kept("rec", tmp_path, key_of({"keypoints.nc": "2"}, Options()), digest) is None
-    assert kept("rec", tmp_path, key_of({"keypoints.nc": "1"}, Options(people="many")), digest) is None
-    assert kept("rec", tmp_path, key_of({"keypoints.nc": "1"}, Options(), "own skeleton"), digest) is None
+    key = fingerprint({"keypoints.nc": "1"}, Options())
+    result = JobResult("rec", "done", "", STATISTICS, ("a warning",))
+    assert unchanged_result("rec", tmp_path, key, digest) is None
+    write_mark(tmp_path, key, result, digest)
+    assert unchanged_result("rec", tmp_path, key, digest) == replace(result, state="kept")
+    assert unchanged_result("rec", tmp_path, fingerprint({"keypoints.nc": "2"}, Options()), digest) is None
+    assert unchanged_result("rec", tmp_path, fingerprint({"keypoints.nc": "1"}, Options(people="many")), digest) is None
+    assert (
+        unchanged_result("rec", tmp_path, fingerprint({"keypoints.nc": "1"}, Options(), "own skeleton"), digest) is None
+    )
     (tmp_path / "reconstruction.nc").write_text("others")
-    assert kept("rec", tmp_path, key, digest) is None
+    assert unchanged_result("rec", tmp_path, key, digest) is None
     (tmp_path / "reconstruction.nc").write_text("bytes")
     (tmp_path / "batch.json").write_text("{}")
-    assert kept("rec", tmp_path, key, digest) is None
-    write_mark(tmp_path, key, outcome, digest)
+    assert unchanged_result("rec", tmp_path, key, digest) is None
+    write_mark(tmp_path, key, result, digest)
     (tmp_path / "report.html").unlink()
-    assert kept("rec", tmp_path, key, digest) is None
+    assert unchanged_result("rec", tmp_path, key, digest) is None
     remove_mark(tmp_path)
     remove_mark(tmp_path)
     assert not (tmp_path / "batch.json").exists()
@@ -122,15 +124,15 @@ def test_a_result_is_kept_until_anything_changes(tmp_path):
 
 def test_the_page_runs_nothing_that_names_hold():
     evil = '<script>alert("x")</script>'
-    page = batch_page([Outcome(evil, "failed", evil), Outcome("../" + evil, "done", "", NUMBERS, (evil,))])
+    page = batch_page([JobResult(evil, "failed", evil), JobResult("../" + evil, "done", "", STATISTICS, (evil,))])
     assert "<script" not in page
     assert page.count("&lt;script&gt;") == 5
     assert "98.0 %" in page
-    table = batch_csv([Outcome('a,"b"\n', "failed", "why"), Outcome("c", "kept", "", NUMBERS)])
+    table = batch_csv([JobResult('a,"b"\n', "failed", "why"), JobResult("c", "kept", "", STATISTICS)])
     assert table.splitlines()[0].startswith("recording,outcome,frames,seconds,cameras,people,points_share")
     assert table.endswith("c,reconstructed,30,1.0,4,2,0.98,12.0,24.0,,,\n")
 
 
 def test_what_was_done_before_is_written_as_what_is_done_now():
-    done, before = (Outcome("c", state, "", NUMBERS) for state in ("done", "kept"))
+    done, before = (JobResult("c", state, "", STATISTICS) for state in ("done", "kept"))
     assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))

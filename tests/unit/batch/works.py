@@ -4,10 +4,10 @@ import os
 import signal
 import time
 
-from posefuse.model.batch import Job, Numbers, Outcome
+from posefuse.model.batch import Job, JobResult, ResultStatistics
 
 
-def do(job: Job) -> Outcome:
+def do(job: Job) -> JobResult:
     """Succeed, or as the folder's name says: die, or die the first time."""
     word = job.folder.name.partition("_")[0]
     mark = job.output / job.name
@@ -17,4 +17,4 @@ def do(job: Job) -> Outcome:
         os.kill(os.getpid(), signal.SIGKILL)
     if word == "slow":
         time.sleep(0.5)
-    return Outcome(job.name, "done", numbers=Numbers(len(job.name), None, 2, 1, None, None, None, None))
+    return JobResult(job.name, "done", statistics=ResultStatistics(len(job.name), None, 2, 1, None, None, None, None))

@@ -12,7 +12,7 @@ from posefuse.io.calibration import anipose
 from posefuse.io.calibration.read import read_cameras
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
-from posefuse.pipeline.reconstruct import match_views
+from posefuse.preprocess.match_cameras import match_views
 from posefuse.skeleton.skeletons import Skeleton
 from tests.scenes import ring
 

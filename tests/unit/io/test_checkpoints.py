@@ -121,7 +121,7 @@ def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment,
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     ending = Ending(checkpoint, [moment], KeyboardInterrupt, after=False)
     if moment == 3:
-        with pytest.warns(UserWarning, match="followed through 32 of 40 frames"):
+        with pytest.warns(UserWarning, match="tracked through 32 of 40 frames"):
             made(crowd, MANY, tmp_path / "part.nc", ending)
     else:
         plan = prepare(*crowd, MANY, Silent(), ending)

@@ -8,16 +8,15 @@ import pytest
 
 from posefuse import Options, read_detections, reconstruct
 from posefuse.cli.main import main
-from posefuse.cli.reading import read_inputs
 from posefuse.errors import DetectionsError, FileError, MatchError, PosefuseError, RecordingError
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.keypoints.request import Request
 from posefuse.io.keypoints.timing import on_one_line, with_timestamps
+from posefuse.io.open_recording import RecordingInputs, open_recording
 from posefuse.io.recording import choose_timestamps
 from posefuse.io.timestamps import find, matches, read_timestamps
 from posefuse.model.detections import Detections
-from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.broken import broken
@@ -172,7 +171,7 @@ def recording(tmp_path_factory):
 def reconstructed(recording, name, **options):
     """Read and reconstruct a recording like the command does."""
     options = Options(solve="frame", noise_scale_px=4.0, pairs="labels", **options)
-    inputs = read_inputs(recording / name, recording / "calibration.toml", None, options, Silent())
+    inputs = open_recording(recording / name, RecordingInputs(recording / "calibration.toml"), options)
     return reconstruct(inputs.rig, inputs.detections, options)
 
 

@@ -18,7 +18,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline.reconstruct import prepare, reconstruct_chunks
+from posefuse.pipeline.measured_layer import reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare
 from posefuse.progress import Silent
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import Scene, simulate

@@ -151,7 +151,7 @@ def test_one_camera_is_none_to_follow_by(scene):
 
 def test_what_needs_a_whole_recording_is_refused_or_said(scene):
     filtered = Options(triangulation=TriangulationOptions(method="percentile_filter"))
-    with pytest.raises(OptionsError, match="looks at the whole recording"):
+    with pytest.raises(OptionsError, match="needs the whole recording"):
         Session(scene.rig, "body_20", filtered, ARRIVAL)
     with pytest.warns(PosefuseWarning, match="do nothing in a stream: end_s, solve, pairs"):
         Session(scene.rig, "body_20", Options(end_s=3.0, solve="trajectory", pairs="enumerate"), ARRIVAL)

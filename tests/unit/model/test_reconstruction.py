@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.errors import OptionsError, ResultError
-from posefuse.model.concatenate import gathered
+from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.noise import NoiseModel
 from posefuse.model.reconstruction import Layer, Reconstruction, unpack_covariance
 from posefuse.model.status import PointStatus, Source, ViewStatus
@@ -28,15 +28,15 @@ def test_ranges_put_together_are_the_whole(result):
     assert Reconstruction.concatenate(parts) == result
 
 
-def test_ranges_gathered_are_the_whole(result):
-    assert gathered(result.chunks(3), 7) == result
+def test_concatenated_ranges_equal_the_whole(result):
+    assert concatenate_ranges(result.chunks(3), 7) == result
     everything = followed(crowd(2, 0.6))
     assert everything.poses is not None
     assert everything.swaps is not None
-    assert gathered(everything.chunks(5), everything.n_frames) == everything
+    assert concatenate_ranges(everything.chunks(5), everything.n_frames) == everything
     for wrong in (6, 8):
-        with pytest.raises(ResultError, match=f"of {wrong} frames came in ranges of 7"):
-            gathered(result.chunks(3), wrong)
+        with pytest.raises(ResultError, match=f"of {wrong} frames have 7 frames in all"):
+            concatenate_ranges(result.chunks(3), wrong)
 
 
 def test_equality_is_by_content(result):

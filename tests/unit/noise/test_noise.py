@@ -13,7 +13,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import ViewStatus
-from posefuse.pipeline.reconstruct import calibrate_noise, reconstruct
+from posefuse.pipeline.calibrate_noise import calibrate_noise
+from posefuse.pipeline.reconstruct import reconstruct
 from tests.scenes import body_points, build_rig, ring, seen, skeleton_of
 
 

@@ -1,4 +1,4 @@
-"""A recording reconstructed in pieces: the same people, and the same points where they have the same detections."""
+"""A recording reconstructed in pieces has the same people, and the same points where they have the same detections."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.model.concatenate import gathered
+from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.pipeline.distributed import Do, Team, is_long, prepare_divided, reconstruct_divided
+from posefuse.pipeline.diagnose import check_recording
+from posefuse.pipeline.distributed import (
+    PieceRunner,
+    RunPieces,
+    Workers,
+    is_long,
+    prepare_distributed,
+    reconstruct_distributed,
+)
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.progress import Silent
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -21,16 +29,16 @@ from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 
 
-def here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
-    """In the reverse order: no piece needs another."""
+def run_here(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
+    """Run pieces in reverse order: no piece depends on another."""
     for piece in reversed(pieces):
         work(piece)
 
 
-def divided(scene, options: Options, folder: Path, window_s: float, do: Do = here) -> Reconstruction:
-    team = Team(CheckpointFolder(folder, "key"), do, window_s)
-    plan = prepare_divided(scene.rig, scene.detections, options, team, Silent())
-    return gathered(reconstruct_divided(plan, team, Silent()), plan.detections.n_frames)
+def distributed(scene, options: Options, folder: Path, window_s: float, run: RunPieces = run_here) -> Reconstruction:
+    runner = PieceRunner(CheckpointFolder(folder, "key"), Workers(run, window_s))
+    plan = check_recording(prepare_distributed(scene.rig, scene.detections, options, runner, Silent()))
+    return concatenate_ranges(reconstruct_distributed(plan, runner, Silent()), plan.detections.n_frames)
 
 
 def crowd_of(seconds: float, people: int, seed: int, **more) -> CrowdScene:
@@ -38,7 +46,7 @@ def crowd_of(seconds: float, people: int, seed: int, **more) -> CrowdScene:
 
 
 def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
-    """Identities, what happened and what was measured and solved are the same bits; bodies are within 0.1 mm."""
+    """Tracks, events, measured and solved points are bitwise equal; bodies agree within 0.1 mm."""
     assert pieces.person_ids == whole.person_ids
     assert pieces.events == whole.events
     assert whole.tracks is not None
@@ -50,7 +58,7 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     one, other = np.asarray(whole.layers["model"].points_m), np.asarray(pieces.layers["model"].points_m)
     np.testing.assert_array_equal(np.isnan(one), np.isnan(other))
     apart_m = np.linalg.norm(one - other, axis=-1)
-    # Somebody whom hardly any view shows may be a few mm apart for a second: a small part of what is known of them.
+    # A person with hardly any detections may differ by a few mm for a second, a small fraction of the uncertainty.
     known = np.isfinite(apart_m)
     assert (apart_m[known] < 1e-4).mean() > 0.999
     sd_m = np.sqrt(np.asarray(whole.layers["model"].covariance_m2)[..., [0, 3, 5]].sum(axis=-1))
@@ -58,36 +66,36 @@ def check_same(whole: Reconstruction, pieces: Reconstruction) -> None:
     assert np.nanmedian(apart_m) < 1e-7
 
 
-def test_people_of_two_windows_are_those_of_one_run(tmp_path):
+def test_people_of_two_windows_equal_those_of_one_run(tmp_path):
     scene = crowd_of(9.0, 2, 3)
     options = Options(people="many", noise_scale_px=14.0, pairs="labels")
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=0.5))
-    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 4.5)
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.5)
     check_same(whole, pieces)
     assert any("in 2 windows" in note for note in pieces.provenance.notes)
     assert list((tmp_path / "x").glob("*.todo")) == []
 
 
-def test_a_divided_run_that_was_ended_goes_on_from_the_pieces_that_are_done(tmp_path):
-    """One measured piece is done when it ends; another is damaged before it goes on."""
+def test_an_interrupted_run_resumes_from_finished_pieces(tmp_path):
+    """Measured pieces are finished at the interruption; one is damaged before the run resumes."""
     scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
-    whole = divided(scene, options, tmp_path / "whole", 4.0)
+    whole = distributed(scene, options, tmp_path / "whole", 4.0)
     done: list[str] = []
 
     def ended(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
-        here(work, pieces)
+        run_here(work, pieces)
         raise KeyboardInterrupt
 
     def noted(work: Callable[[Path], None], pieces: Sequence[Path]) -> None:
         done.extend(piece.stem for piece in pieces)
-        here(work, pieces)
+        run_here(work, pieces)
 
     with pytest.raises(KeyboardInterrupt):
-        divided(scene, options, tmp_path / "x", 4.0, ended)
+        distributed(scene, options, tmp_path / "x", 4.0, ended)
     damaged = tmp_path / "x" / "measured_00001.part"
     damaged.write_bytes(damaged.read_bytes()[:-1])
-    assert divided(scene, options, tmp_path / "x", 4.0, noted) == whole
+    assert distributed(scene, options, tmp_path / "x", 4.0, noted) == whole
     assert done[0] == "measured_00001"
     assert not any(name.startswith("measured") for name in done[1:])
     assert any(name.startswith("solved") for name in done)
@@ -95,21 +103,21 @@ def test_a_divided_run_that_was_ended_goes_on_from_the_pieces_that_are_done(tmp_
 
 @pytest.mark.long
 @pytest.mark.parametrize("solve", ["frame", "trajectory"])
-def test_a_crowd_of_three_windows_is_that_of_one_run(tmp_path, solve):
+def test_a_crowd_of_three_windows_equals_one_run(tmp_path, solve):
     scene = crowd_of(120.0, 4, 1)
     options = Options(people="many", solve=solve, noise_scale_px=14.0)
     options = replace(options, tracker=replace(options.tracker, terminate_after_s=5.0))
-    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 40.0)
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 40.0)
     check_same(whole, pieces)
 
 
-def test_points_of_one_subject_are_the_same_bits(tmp_path):
+def test_points_of_one_subject_are_bitwise_equal(tmp_path):
     scene = simulate(SceneOptions(duration_s=40.0, rate_hz=60.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", postprocess=PostprocessOptions(smooth=("butterworth",)))
-    whole, pieces = reconstruct(scene.rig, scene.detections, options), divided(scene, options, tmp_path / "x", 4.0)
+    whole, pieces = reconstruct(scene.rig, scene.detections, options), distributed(scene, options, tmp_path / "x", 4.0)
     assert pieces == whole
 
 
-def test_a_recording_is_long_if_it_holds_two_windows():
+def test_a_recording_of_two_windows_is_long():
     scene = simulate(SceneOptions(duration_s=1.0, rate_hz=50.0, cameras=2))
     assert [is_long(scene.detections, Options(), window_s) for window_s in (0.4, 0.5, 0.6)] == [True, True, False]

@@ -12,7 +12,8 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.view_names import plain_name
-from posefuse.pipeline.reconstruct import match_views, reconstruct, triangulate
+from posefuse.pipeline.reconstruct import reconstruct, triangulate
+from posefuse.preprocess.match_cameras import match_views
 from tests.scenes import body_points, ring, seen, skeleton_of
 
 
@@ -120,7 +121,7 @@ class TestMinViews:
             result = reconstruct(rig, seen(rig, body_points(rng, 40), rng), simply)
         assert len(said) == 1
         assert (result.layers["measured"].status == PointStatus.TWO_VIEWS).all()
-        assert result.options.triangulation.min_views == 2
+        assert result.resolved.triangulation.min_views == 2
 
     def test_default_is_the_methods(self, rng):
         rig = ring(3)
@@ -129,7 +130,7 @@ class TestMinViews:
         with pytest.warns(PosefuseWarning, match="the rig has 2 cameras"):
             reconstruct(rig, detections, simply)
         result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), simply)
-        assert result.options.triangulation.min_views == 3
+        assert result.resolved.triangulation.min_views == 3
         assert reconstruct(rig, detections).options.triangulation.min_views == 2
 
 

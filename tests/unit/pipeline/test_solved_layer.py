@@ -8,16 +8,17 @@ import pytest
 
 import posefuse
 from posefuse.errors import DetectionsError, OptionsError
-from posefuse.model.concatenate import gathered
+from posefuse.model.concatenate import concatenate_ranges
 from posefuse.model.options.options import Options
 from posefuse.model.options.postprocess import ButterworthOptions, PostprocessOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.status import PointStatus, Source, is_used
 from posefuse.model.tracks import TrackState
-from posefuse.pipeline.defaults import settle_solve
-from posefuse.pipeline.reconstruct import measure, prepare, reconstruct_chunks
-from posefuse.pipeline.solved_layer import telling_spans, windows
+from posefuse.pipeline.defaults import RecordingFacts, resolve_solve
+from posefuse.pipeline.measured_layer import measure, reconstruct_chunks
+from posefuse.pipeline.reconstruct import prepare
+from posefuse.pipeline.solved_layer import frame_windows, training_spans
 from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
@@ -82,18 +83,18 @@ def test_the_same_bytes_whatever_the_range(scene, size):
     whole = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent())))
     other = replace(plan, options=replace(plan.options, chunk_frames=size))
     pieces = Reconstruction.concatenate(list(reconstruct_chunks(other, Silent())))
-    assert replace(pieces, options=whole.options) == whole
+    assert replace(pieces, resolved=whole.resolved) == whole
 
 
 def test_seams_do_not_show(scene):
     options = Options(solve="frame", postprocess=EVERYTHING, pairs="labels")
     plan = prepare(scene.rig, scene.detections, options, Silent())
     whole = plan.solver.steps[0].apply(
-        next(windows(iter([measured(plan)]), 120, 0, 120)), measured(plan).layers["measured"]
+        next(frame_windows(iter([measured(plan)]), 120, 0, 120)), measured(plan).layers["measured"]
     )
     margin = plan.solver.margin
     assert margin < 80
-    for window in windows(iter([measured(plan)]), 120, margin, size=20):
+    for window in frame_windows(iter([measured(plan)]), 120, margin, size=20):
         layer = plan.solver.steps[0].apply(window, window.part.layers["measured"])
         inner = layer.frames(window.start - window.first, window.stop - window.first)
         np.testing.assert_allclose(inner.points_m, whole.points_m[window.start : window.stop], atol=1e-8)
@@ -113,7 +114,7 @@ def test_windows_hold_what_they_say():
     for size, margin, step in ((10, 3, 7), (20, 0, 50), (8, 8, 1)):
         parts = (whole.frames(i, min(i + step, 50)) for i in range(0, 50, step))
         covered = []
-        for window in windows(parts, 50, margin, size):
+        for window in frame_windows(parts, 50, margin, size):
             covered.extend(range(window.start, window.stop))
             assert window.first == max(window.start - margin, 0)
             last = min(window.stop + margin, 50)
@@ -163,7 +164,7 @@ def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, 
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
-    assert result.options.solve == "trajectory"
+    assert result.resolved.solve == "trajectory"
     assert (np.asarray(solved.source) == Source.TRAJECTORY).mean() > 0.9
     truth = np.asarray(scene.truth.best_layer()[1].points_m)
     errors = [
@@ -186,7 +187,9 @@ def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, 
 )
 def test_auto_solves_one_subject_together_who_is_seen_for_long_enough(scene, changes, cameras, seconds, expected):
     detections = scene.detections.with_rate(scene.detections.n_frames / seconds)
-    assert settle_solve(Options(**{"people": "one"} | changes), detections, cameras).solve == expected
+    assert (
+        resolve_solve(Options(**{"people": "one"} | changes), RecordingFacts.of(detections), cameras).solve == expected
+    )
 
 
 def test_where_windows_of_a_trajectory_meet_does_not_show():
@@ -201,7 +204,8 @@ def test_where_windows_of_a_trajectory_meet_does_not_show():
     plan = prepare(rig, detections, Options(solve="trajectory"), Silent())
     part = measured(plan)
     whole, cut = (
-        gathered(plan.solver.solve(iter([part]), frames, block), frames).layers["solved"] for block in (frames, 200)
+        concatenate_ranges(plan.solver.solve(iter([part]), frames, block), frames).layers["solved"]
+        for block in (frames, 200)
     )
     assert plan.solver.margin < 120
     assert (np.asarray(plan.solver.steps[0].laws.roughness_m2) > 1e-6).all()
@@ -216,18 +220,18 @@ def test_where_windows_of_a_trajectory_meet_does_not_show():
 def test_a_trajectory_needs_times_and_two_cameras(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
     with pytest.raises(DetectionsError, match="--rate-hz"):
-        settle_solve(Options(solve="trajectory"), timeless, 3)
-    assert settle_solve(Options(), timeless, 3).solve == "frame"
+        resolve_solve(Options(solve="trajectory"), RecordingFacts.of(timeless), 3)
+    assert resolve_solve(Options(), RecordingFacts.of(timeless), 3).solve == "frame"
     with pytest.raises(OptionsError, match="two cameras"):
-        settle_solve(Options(solve="trajectory"), scene.detections, 1)
+        resolve_solve(Options(solve="trajectory"), RecordingFacts.of(scene.detections), 1)
 
 
 def test_everybody_is_looked_at_to_learn_how_they_move():
     state = np.zeros((5000, 2), dtype=np.int8)
     state[:, 0] = TrackState.ACTIVE
     state[2100:2150, 1] = TrackState.ACTIVE
-    spans = telling_spans(state)
+    spans = training_spans(state)
     assert all(0 <= start < stop <= 5000 for start, stop in spans)
     assert all(before[1] <= after[0] for before, after in pairwise(spans))
     assert any(start <= 2125 < stop for start, stop in spans)
-    assert telling_spans(state[:90, :1]) == [(0, 90)]
+    assert training_spans(state[:90, :1]) == [(0, 90)]

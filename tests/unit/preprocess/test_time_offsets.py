@@ -11,7 +11,7 @@ from posefuse.io.options import options_to_toml, read_options, read_sync, sync_t
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.model.options.sync import SyncOptions
-from posefuse.preprocess.time_offsets import at_frame_times, in_step
+from posefuse.preprocess.time_offsets import interpolate_to_frame_times, shift_views
 from posefuse.skeleton.skeletons import find_skeleton
 
 RATE = 25.0
@@ -28,9 +28,9 @@ def straight(late_frames: float = 2.4, frames: int = 40) -> Detections:
 
 
 def put(detections: Detections, sync: SyncOptions = SYNC) -> np.ndarray:
-    step = in_step(detections, ("a", "b"), sync)
-    tracks = SingleSubject.of(step.detections, None).tracks(0, step.detections.n_frames)
-    return at_frame_times(step, tracks).dense()[0][..., 0, 0]
+    step = shift_views(detections, ("a", "b"), sync)
+    subject = SingleSubject.of(step.detections, None)
+    return interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0]
 
 
 def test_a_late_view_shows_what_was_there_at_the_frame_s_time():
@@ -75,9 +75,12 @@ DRIFTING, WHOLE = SyncOptions(("b",), (0.0,), (0.0,), (4e3,)), SyncOptions(("a",
 @pytest.mark.parametrize("sync", [SYNC, DRIFTING, WHOLE])
 def test_views_are_marked_where_their_points_were_moved(sync):
     detections = straight(0.0, 120)
-    step = in_step(detections, ("a", "b"), sync)
-    tracks = SingleSubject.of(step.detections, None).tracks(0, 120)
-    before, after = step.detections.dense()[0][..., 0, 0], at_frame_times(step, tracks).dense()[0][..., 0, 0]
+    step = shift_views(detections, ("a", "b"), sync)
+    subject = SingleSubject.of(step.detections, None)
+    before, after = (
+        step.detections.dense()[0][..., 0, 0],
+        interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0],
+    )
     known = np.isfinite(after)
     marked = sync.time_shifted(("a", "b"), step.time_s, 1.0 / RATE)
     assert (marked[known] == (before != after)[known]).all()
@@ -109,4 +112,4 @@ def test_what_is_not_there_is_said(tmp_path):
     with pytest.raises(FileError):
         read_sync(tmp_path / "none.toml")
     with pytest.raises(MatchError, match="'c'"):
-        in_step(straight(), ("a", "b"), SyncOptions(("c",), (0.0,), (0.1,), (0.0,)))
+        shift_views(straight(), ("a", "b"), SyncOptions(("c",), (0.0,), (0.1,), (0.0,)))

@@ -1,4 +1,4 @@
-"""Detections that say how noisy they are: weighed by it, and the points are better for it."""
+"""Detections that say how noisy they are: weighted by it, and the points are better for it."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from posefuse.io.keypoints import native
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.pipeline.reconstruct import triangulate
-from posefuse.preprocess.weights import weighed
+from posefuse.preprocess.weights import weighted
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
@@ -26,7 +26,7 @@ def with_sigma(rng, detections):
 
 def test_weights_are_the_reference_over_sigma(rng):
     given = with_sigma(rng, ragged(rng))
-    found = weighed(given, 4.5, 0.0)
+    found = weighted(given, 4.5, 0.0)
     assert found is not None
     sigma = np.asarray(given.sigma_px)
     np.testing.assert_allclose(np.asarray(found.confidence) * sigma, 4.5)
@@ -39,7 +39,7 @@ def test_what_is_not_believed_gets_no_weight_and_all_else_enough(rng):
     sigma[0, 0], sigma[0, 1] = 1e6, np.nan
     confidence = np.asarray(given.confidence).copy()
     confidence[0] = 0.9, 0.9, np.nan, 0.29
-    found = np.asarray(weighed(replace(given, sigma_px=sigma, confidence=confidence), 4.5, 0.3).confidence)
+    found = np.asarray(weighted(replace(given, sigma_px=sigma, confidence=confidence), 4.5, 0.3).confidence)
     assert (found[confidence < 0.3] == 0.0).all()
     assert (found[~(confidence < 0.3)] >= 0.3).all()
     assert found[0, 0] == 0.3
@@ -53,7 +53,7 @@ def test_files_are_weighed_as_they_are_read(rng, tmp_path):
 
     stored = read_detections(tmp_path / "keypoints.nc")
     assert stored == given
-    assert weighed(stored, 4.5, 0.2) == weighed(given, 4.5, 0.2)
+    assert weighted(stored, 4.5, 0.2) == weighted(given, 4.5, 0.2)
 
 
 def test_parts_of_a_mean_lend_it_the_larger_deviation(rng):

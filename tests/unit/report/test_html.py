@@ -112,7 +112,7 @@ def test_page_is_independent_of_the_range_size(monkeypatch, result):
 
 
 def test_findings_come_first(result):
-    notes = ("Read.", "Recording check: Camera <b>3</b> is turned. (90 % certain) Refit it.")
+    notes = ("Read.", "Health: Camera <b>3</b> is turned. (90 % certain) Refit it.")
     page = render_report(replace(result, provenance=Provenance(notes=notes)))
     assert "<ol><li>Camera &lt;b&gt;3&lt;/b&gt; is turned." in page
     assert "Findings of the recording check" not in render_report(result)

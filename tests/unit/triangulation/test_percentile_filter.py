@@ -35,7 +35,7 @@ def test_threshold_is_a_percentile_over_the_whole_recording(ugly):
     )
     plain = triangulate_walk(ugly, "simple", min_views=3)
     expected = np.percentile(plain.view_error_px[plain.view_status == ViewStatus.USED], 90)
-    assert result.options.triangulation.percentile_filter.threshold_px == pytest.approx(expected, rel=1e-6)
+    assert result.resolved.triangulation.percentile_filter.threshold_px == pytest.approx(expected, rel=1e-6)
     assert any("percentile" in note for note in result.provenance.notes)
 
 

@@ -28,7 +28,7 @@ from posefuse.model.cameras import UpAxis
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Layer, Reconstruction
 from posefuse.model.status import Source, is_used
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _CAMERA_BITS = 7
 _RESIDUAL_STEP_MM = 0.1
@@ -64,7 +64,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
             _fit_head(file, found, n_rows, start + 16 * len(names) * n_rows)
             file.seek(start)
             done, row = 0, 0
-            for part in watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
+            for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
                 rows = places[done : done + part.n_frames]
                 block = np.tile(_MISSING, (int(rows[-1]) + 1 - row, len(names), 1))
                 block[rows - row], used = _words(part.layers[layer], index)

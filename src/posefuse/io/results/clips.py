@@ -12,7 +12,7 @@ from posefuse.io.results.axes import minimal_y_up_from_world
 from posefuse.model.animation_figures import Figure, Motion
 from posefuse.model.detections import CHUNK_FRAMES
 from posefuse.model.reconstruction import Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 if TYPE_CHECKING:
     from posefuse.biomechanics.animation_figures import AnimatedFigure
@@ -113,7 +113,7 @@ def motions(body: "AnimatedFigure", result: Reconstruction, progress: Progress |
 
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     found = (animate(body, result, start, stop) for start, stop in spans)
-    return watched(found, result.n_frames, what, progress or Silent())
+    return report_ranges(found, result.n_frames, what, progress or Silent())
 
 
 def to_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:

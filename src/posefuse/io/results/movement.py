@@ -23,7 +23,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Layer, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.stored_points import StoredPoints
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _TYPE = "poses"
 _POINTS = ("keypoint", "individual")
@@ -42,7 +42,7 @@ _VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one layer of all people."""
     timed = bool(np.isfinite(result.time_s).all())
-    parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
+    parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         _write_head(file, result, layer, timed)
         start = 0
@@ -60,7 +60,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progre
 
 
 def _turned(layer: Layer, attribute: str, axes: int) -> np.ndarray:
-    """From (frame, person, keypoint, ...) to movement's order of axes."""
+    """Convert (frame, person, keypoint, ...) to movement's order of axes."""
     values = np.asarray(getattr(layer, attribute)[:])
     return values.transpose(0, 2, 1) if axes == 3 else values.transpose(0, 3, 2, 1)
 
@@ -106,7 +106,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of movement's, of either naming of dimensions, or of ours.
+    """Read a file of movement, with either naming of dimensions, or of posefuse.
 
     Raises:
         FileError: if it is no such file, broken, or of poses in 2D.
@@ -149,7 +149,7 @@ def _times(file: h5py.File) -> dict[str, np.ndarray]:
 
 
 def _more(file: h5py.File) -> dict[str, Any]:
-    """What ours has beside movement's."""
+    """Return the fields that posefuse adds to movement's."""
     if _text(file, "source_software") != "posefuse":
         return {}
     found: dict[str, Any] = {"view_names": strings(file["view"])}

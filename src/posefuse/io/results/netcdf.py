@@ -33,6 +33,7 @@ from posefuse.io.netcdf import (
     text_of,
 )
 from posefuse.io.options import options_to_toml, stored_options
+from posefuse.io.results.finding_records import findings_from_json, findings_to_json
 from posefuse.io.results.format import ResultFormat
 from posefuse.model.alignment import Alignment
 from posefuse.model.cameras import Camera, CameraRig, LensModel
@@ -60,11 +61,11 @@ _LAYER_VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | Non
 
 
 def write(parts: Iterable[Reconstruction], path: Path) -> None:
-    """Write consecutive ranges of frames of one reconstruction, each as it comes.
+    """Write consecutive ranges of frames of one reconstruction, one at a time.
 
     Args:
-        parts: at least one; what does not depend on the frame is taken from the first.
-        path: the file; it appears when all parts are in it.
+        parts: at least one range; fields that do not depend on the frame come from the first one.
+        path: the file; it appears when all parts are written.
     """
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         start = 0
@@ -79,7 +80,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
 
 
 def read_reconstruction(path: str | Path) -> Reconstruction:
-    """Open a reconstruction; its layers stay in the file and are read by ranges.
+    """Open a reconstruction; layers remain in the file and are read by ranges of frames.
 
     Args:
         path: a ``reconstruction.nc``.
@@ -113,7 +114,10 @@ def _read(path: Path) -> Reconstruction:
             "alignment": _read_alignment(file),
             "options": stored_options(json.loads(text_of(file, "options")), path.name),
             "provenance": _read_provenance(text_of(file, "provenance")),
+            "findings": findings_from_json(text_of(file, "findings")) if "findings" in file.attrs else (),
         }
+        if "resolved_options" in file.attrs:
+            head["resolved"] = stored_options(json.loads(text_of(file, "resolved_options")), path.name)
         if "noise_scale" in stored:
             head["noise"] = NoiseModel(
                 np.asarray(file.variables["noise_scale"][...]),
@@ -185,6 +189,8 @@ def _write_attributes(file: h5netcdf.File, first: Reconstruction) -> None:
     file.attrs["skeleton"] = skeleton_text(first.skeleton)
     file.attrs["options"] = json.dumps(asdict(first.options))
     file.attrs["options_toml"] = options_to_toml(first.options)
+    file.attrs["resolved_options"] = json.dumps(asdict(first.resolved))
+    file.attrs["findings"] = findings_to_json(first.findings)
     file.attrs["provenance"] = json.dumps(asdict(first.provenance))
     if first.rate_hz is not None:
         file.attrs["rate_hz"] = float(first.rate_hz)
@@ -256,7 +262,7 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
 
 
 def _begin_poses(file: h5netcdf.File, poses: Poses) -> None:
-    """Room for how bodies stand, and their lengths."""
+    """Create the variables of articulated poses and write their lengths."""
     named = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
     for axis, names in named.items():
         file.dimensions[f"pose_{axis}"] = len(names)

@@ -1,4 +1,4 @@
-"""Parquet: the rows and columns of the tidy CSV, with all that a layer holds; who reads tables in bulk reads this.
+"""Parquet: the rows and columns of the tidy CSV with all fields of a layer, for efficient reading of large tables.
 
 Beside the CSV's columns: ``covariance_xx_m2`` to ``covariance_zz_m2``; ``views``, the names of the cameras that the
 point rests on; ``view_status`` and ``view_error_px``, lists over all cameras in the order of the metadata's. The
@@ -27,7 +27,7 @@ from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, Reconstruction
 from posefuse.model.status import is_used
 from posefuse.model.stored_points import StoredPoints
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 
 _VERSION = 1
 
@@ -35,7 +35,7 @@ _VERSION = 1
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one layer of all people."""
     schema = _table(result.frames(0, 0), layer).schema.with_metadata(_metadata(result, layer))
-    parts = watched(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
+    parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, parquet.ParquetWriter(temporary, schema, compression="zstd") as file:
         for part in parts:
             file.write_table(_table(part, layer).replace_schema_metadata(schema.metadata))

@@ -284,20 +284,9 @@ def triangulate_consensus(
                 n_pending,
             )
         _assign_point_codes(
-            rows,
-            weights,
-            accepted,
-            best,
-            bound,
-            min_views,
-            n_used,
-            n_agreeing,
-            state,
-            lane_status,
-            pair,
-            pair_weights,
-            point_codes,
-        )
+            rows, weights, accepted, best, bound, min_views, n_used, n_agreeing, state, lane_status, pair,
+            pair_weights, point_codes,
+        )  # fmt: skip
         _compute_covariance(rows, accepted, thorough, sums, state, point_codes)
         reproject_block(cameras, distorted, fisheye, pixels, state, errors)
         fill_linearized_errors(rows, accepted, state, errors)

@@ -11,7 +11,7 @@ _PAIRS_PER_VIEW = 8
 _MISS_PROBABILITY = 1e-4
 """Accepted probability that no pair of agreeing views was tried before an early stop."""
 _MISS_PROBABILITY_DECIDED = 0.05
-"""The same if so many views agree that any better point would share three views with them, and so be their point."""
+"""The same if any better point would share three of the agreeing views, and so be the same point."""
 
 
 @cache

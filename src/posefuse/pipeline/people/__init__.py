@@ -1,4 +1,4 @@
-"""Many people followed through a recording, or frame by frame: association and tracking wired together."""
+"""Track people through a recording or frame by frame: association and tracking wired together."""
 
 from posefuse.pipeline.people.initial_noise import default_noise
 from posefuse.pipeline.people.track_recording import track_people, track_subject

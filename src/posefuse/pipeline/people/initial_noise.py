@@ -1,5 +1,6 @@
-"""How detections err before anybody is followed."""
+"""The noise that tracking starts with."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.proposals import Proposals
-from posefuse.noise.survey import known_noise
+from posefuse.noise.estimate import fixed_noise
 from posefuse.skeleton.skeletons import Skeleton
 
 _PX_AT_1000 = 4.5
@@ -19,26 +20,35 @@ _EXPONENT = 1.0
 _SAMPLED_FRAMES = 60
 _ROUNDS = 3
 _EXPECTED_SIGMA = 1.22
-"""The median distance, in sigmas, of detections of the assumed law from the points that most views agree on."""
+"""Median distance, in standard deviations, of detections with the assumed noise from their consensus points."""
 _FACTORS = (0.2, 5.0)
 
 
 def default_noise(rig: CameraRig, options: Options) -> NoiseModel:
-    """The noise that the options fix, or else what detectors usually do: 4.5 px / confidence at 1000 px width."""
+    """Return the noise that the options fix, or else a detector's usual noise.
+
+    The usual noise is 4.5 px / confidence at 1000 px image width.
+    """
     widths = np.array([camera.size_px[0] for camera in rig.cameras]) / 1000.0
-    return known_noise(rig, options) or NoiseModel(_PX_AT_1000 * widths, _EXPONENT, "assumed")
+    return fixed_noise(rig, options) or NoiseModel(_PX_AT_1000 * widths, _EXPONENT, "assumed")
 
 
-def rough_noise(rig: CameraRig, detections: Detections, options: Options) -> NoiseModel:
-    """The usual noise, as large as a sample of the frames says that it is here."""
+def initial_noise(rig: CameraRig, frames: Sequence[Frame], skeleton: Skeleton, options: Options) -> NoiseModel:
+    """Return the default noise, scaled to the errors in a sample of frames.
+
+    Args:
+        rig: calibrated cameras.
+        frames: frames from :func:`sample_frames`.
+        skeleton: skeleton of the keypoints.
+        options: options of the reconstruction.
+    """
     noise = default_noise(rig, options)
     if noise.origin != "assumed":
         return noise
-    frames = sampled_frames(detections)
     for _ in range(_ROUNDS):
         errors: list[float] = []
         for frame in frames:
-            found = proposed(rig, frame, noise, detections.skeleton, options)
+            found = propose_from_all(rig, frame, noise, skeleton, options)
             errors.extend(found.error_sigma[(found.n_views > 2) & np.isfinite(found.error_sigma)].tolist())
         if not errors:
             return noise
@@ -47,21 +57,32 @@ def rough_noise(rig: CameraRig, detections: Detections, options: Options) -> Noi
     return noise
 
 
-def sampled_frames(detections: Detections) -> list[Frame]:
-    """Frames spread evenly over a recording."""
+def sample_frames(detections: Detections) -> list[Frame]:
+    """Return frames evenly spread over a recording."""
     sampled = np.unique(np.linspace(0, detections.n_frames - 1, _SAMPLED_FRAMES).astype(int))
     return [Frame.of(detections, int(i)) for i in sampled]
 
 
-def proposed(rig: CameraRig, frame: Frame, noise: NoiseModel, skeleton: Skeleton, options: Options) -> Proposals:
-    """What all detections of a frame propose."""
+def propose_from_all(
+    rig: CameraRig, frame: Frame, noise: NoiseModel, skeleton: Skeleton, options: Options
+) -> Proposals:
+    """Return the people that all detections of a frame propose."""
     return propose_people(rig, noise, skeleton, options, frame, np.ones(len(frame.view), dtype=bool))
 
 
 def propose_people(
     rig: CameraRig, noise: NoiseModel, skeleton: Skeleton, options: Options, frame: Frame, free: np.ndarray
 ) -> Proposals:
-    """What the detections that are free propose, as the options say; ``free``: shape (detection,), bool."""
+    """Return the people that unassigned detections propose.
+
+    Args:
+        rig: calibrated cameras.
+        noise: noise of the detections.
+        skeleton: skeleton of the keypoints.
+        options: options of association.
+        frame: detections of one frame.
+        free: shape (detection,), bool: the unassigned detections.
+    """
     association = (
         options.association if skeleton.tree is None else options.association.in_proportion(skeleton.tree.scale)
     )

@@ -1,4 +1,4 @@
-"""Bodies' points as a layer of a result."""
+"""Convert the points of fitted bodies to the model layer."""
 
 import numpy as np
 
@@ -18,29 +18,29 @@ def model_layer(
     bridged: np.ndarray,
     absent: np.ndarray,
 ) -> Layer:
-    """Bodies' points as a layer, with how far from them the detections lie.
+    """Return the points of fitted bodies as a layer, with reprojection errors.
 
     Args:
-        rig: the cameras.
-        detections: of the frames.
-        rows: shape (frame, person, view): of the detections' arrays.
+        rig: calibrated cameras.
+        detections: detections of the frames.
+        rows: shape (frame, person, view): rows of the detections' arrays.
         points_m: shape (frame, person, keypoint, 3), NaN where there is none.
         covariance_m2: shape (frame, person, keypoint, 6).
         used: shape (frame, person, view, keypoint), bool.
-        bridged: shape (frame, person, keypoint), bool: nothing supported them there.
-        absent: shape (frame, person), bool.
+        bridged: shape (frame, person, keypoint), bool: points without supporting detections.
+        absent: shape (frame, person), bool: people who are not present.
     """
     frames, people, keypoints = points_m.shape[:3]
     errors = np.full((frames, people, keypoints, len(rig)), np.nan, dtype=np.float32)
     for v, camera in enumerate(rig.cameras):
-        there = rows[:, :, v] >= 0
-        seen = np.asarray(detections.keypoints_px)[rows[:, :, v][there]]
-        errors[there, :, v] = np.linalg.norm(camera.project(points_m[there])[0] - seen, axis=-1)
+        present = rows[:, :, v] >= 0
+        pixels = np.asarray(detections.keypoints_px)[rows[:, :, v][present]]
+        errors[present, :, v] = np.linalg.norm(camera.project(points_m[present])[0] - pixels, axis=-1)
     counted = np.moveaxis(used, 2, 3) & np.isfinite(errors)
-    there = np.isfinite(points_m[..., 0])
-    # Of a body that is there, what is missing belongs to a part that is not followed, or to nothing that is.
-    missing = np.where(there.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
-    status = np.where(there, PointStatus.OK, missing)
+    present = np.isfinite(points_m[..., 0])
+    # The missing keypoints of a body belong to a part that is not tracked, or to no tracked part.
+    missing = np.where(present.any(axis=-1, keepdims=True), PointStatus.NOT_FOLLOWED, PointStatus.NOT_SEEN)
+    status = np.where(present, PointStatus.OK, missing)
     status[absent] = PointStatus.ABSENT
     views = np.where(counted, ViewStatus.USED, np.where(np.isnan(errors), ViewStatus.UNSEEN, ViewStatus.OUTLIER))
     number = counted.sum(axis=-1)

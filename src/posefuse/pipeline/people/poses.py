@@ -1,4 +1,4 @@
-"""Where bodies stood, gathered person by person and part by part."""
+"""Collect the states of bodies in arrays, person by person and part by part."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,15 +10,20 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.smoothing import SmoothedPerson
 
 
-class Known(NamedTuple):
-    """Of somebody's body or part: directions, shape (frame, bone, 3), and sds of angles, (frame, angle), degrees."""
+class DerivedStates(NamedTuple):
+    """Quantities derived from the states of a body or part.
+
+    Attributes:
+        directions: shape (frame, bone, 3): unit vectors along the bones.
+        angle_sd_deg: shape (frame, angle): standard deviations of joint angles, in degrees.
+    """
 
     directions: np.ndarray
     angle_sd_deg: np.ndarray
 
 
-class Places(NamedTuple):
-    """Where the segments, bones and angles of a body or a part begin among all."""
+class Offsets(NamedTuple):
+    """Index of the first segment, bone and angle of a body or part among all."""
 
     segment: int
     bone: int
@@ -26,18 +31,18 @@ class Places(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stood:
-    """Where people are in a range of frames, to be filled; bodies first, then their parts.
+class BodyArrays:
+    """States of all people in a range of frames, filled body by body and then part by part.
 
     Attributes:
         points_m: shape (frame, person, keypoint, 3).
         covariance_m2: shape (frame, person, keypoint, 6).
         used: shape (frame, person, view, keypoint), bool.
-        bridged: shape (frame, person, keypoint), bool: nothing supported what it belongs to.
+        bridged: shape (frame, person, keypoint), bool: the body or part has no supporting detections.
         turns: shape (frame, person, segment, 3, 3).
         directions: shape (frame, person, bone, 3).
         angle_sd_deg: shape (frame, person, angle).
-        holds_deg2: shape (frame, person, part, 3, 3): how well the axes in which bodies have their parts are known.
+        holds_deg2: shape (frame, person, part, 3, 3): covariance of the axes to which parts are attached, in deg^2.
     """
 
     points_m: np.ndarray
@@ -50,8 +55,8 @@ class Stood:
     holds_deg2: np.ndarray
 
     @classmethod
-    def room(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "Stood":
-        """Nobody anywhere, in so many frames and of so many people."""
+    def empty(cls, shape: tuple[int, int], views: int, skeleton: Skeleton) -> "BodyArrays":
+        """Return arrays without any body, for (frame, person) of a shape."""
         segments, bones, _ = skeleton.body_names
         keypoints = len(skeleton)
         return cls(
@@ -65,29 +70,29 @@ class Stood:
             np.full((*shape, len(skeleton.parts), 3, 3), np.nan),
         )
 
-    def put(
+    def add(
         self,
         person: SmoothedPerson,
         cells: tuple[np.ndarray, np.ndarray],
         seen: np.ndarray,
         keypoints: np.ndarray,
-        first: Places,
-        known: Known,
+        first: Offsets,
+        states: DerivedStates,
     ) -> None:
-        """Somebody's body, or a part of it.
+        """Add the body of a person, or a part of it.
 
         Args:
-            person: as smoothed.
-            cells: frames and people.
-            seen: which of the person's frames these are.
-            keypoints: shape (point,): places of the keypoints.
-            first: places of its first segment, bone and angle.
-            known: of its bones and angles in those frames.
+            person: smoothed person.
+            cells: frame and person indices.
+            seen: indices of these frames among the person's frames.
+            keypoints: shape (point,): indices of the keypoints.
+            first: indices of its first segment, bone and angle.
+            states: bones and angles in those frames.
         """
         body, (f, p) = person.body, cells
         self.points_m[f[:, None], p[:, None], keypoints] = body.points_m[seen]
         self.covariance_m2[f[:, None], p[:, None], keypoints] = body.covariance_m2[seen]
         self.bridged[f[:, None], p[:, None], keypoints] = (person.missing_s[seen] > 0.0)[:, None]
         self.turns[f, p, first.segment : first.segment + body.turns.shape[1]] = body.turns[seen]
-        self.directions[f, p, first.bone : first.bone + known.directions.shape[1]] = known.directions
-        self.angle_sd_deg[f, p, first.angle : first.angle + known.angle_sd_deg.shape[1]] = known.angle_sd_deg
+        self.directions[f, p, first.bone : first.bone + states.directions.shape[1]] = states.directions
+        self.angle_sd_deg[f, p, first.angle : first.angle + states.angle_sd_deg.shape[1]] = states.angle_sd_deg

@@ -1,4 +1,4 @@
-"""What is kept of a tracker's run."""
+"""Record the output of a tracker over a recording."""
 
 from array import array
 from typing import Any
@@ -6,106 +6,111 @@ from typing import Any
 import numpy as np
 
 from posefuse.checkpoint import Spool
-from posefuse.model.detections import Detections
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
-from posefuse.pipeline.people.tracked_people import Naming, TrackedPeople
+from posefuse.pipeline.people.tracked_people import TrackedPeople, TrackNames
 from posefuse.tracking.history import History
 from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 
-class Book:
-    """What is kept of a tracker's run: little a frame, the states in the history.
+class Recorder:
+    """Records a tracker's output: a few numbers per frame here, the states in the history.
 
     Args:
-        history: to be written.
-        parts: to be written, of hands and faces.
-        spool: where to put away what is not needed before the end; memory, where it is left out.
+        history: records the states of bodies.
+        parts: record the states of hands and faces.
+        spool: stores entries that are not needed before the end; None to keep them in memory.
     """
 
     def __init__(self, history: History, parts: tuple[History, ...], spool: Spool | None = None) -> None:
         self.history, self.parts, self._spool = history, parts, spool
-        self._put_away: list[int] = []
-        """Where in the spool lines and innovations of earlier frames are."""
-        self.lines = array("i")
-        """Place, number, state and rows, of every person and frame one after the other; later ones count."""
+        self._spooled: list[int] = []
+        """Positions in the spool of the entries and innovations of earlier frames."""
+        self.entries = array("i")
+        """Frame index, track number, state and detection rows of every person and frame; later entries win."""
         self.innovations = array("d")
-        """Place, number, NIS and its degrees of freedom, likewise."""
+        """Frame index, track number, NIS and its degrees of freedom, likewise."""
         self.names: dict[int, list[tuple[int, str]]] = {}
         self.shapes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.events: list[Event] = []
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the spool: whoever goes on from a pickle says where that is, with :meth:`goes_on_in`."""
+        """Return the state without the spool; :meth:`attach` sets it after unpickling."""
         return {name: value for name, value in vars(self).items() if name != "_spool"}
 
-    def goes_on_in(self, spool: Spool) -> None:
-        """Take a spool, that of the book which this one is a pickle of, for one's own."""
+    def attach(self, spool: Spool) -> None:
+        """Set the spool of an unpickled recorder."""
         self._spool = spool
 
-    def put_away(self) -> None:
-        """Put what is not needed before the end into the spool, if there is one."""
+    def spool_entries(self) -> None:
+        """Move the entries of past frames to the spool, if there is one."""
         if self._spool is not None:
-            self._put_away.append(self._spool.add((np.array(self.lines), np.array(self.innovations))))
-            self.lines, self.innovations = array("i"), array("d")
+            self._spooled.append(self._spool.add((np.array(self.entries), np.array(self.innovations))))
+            self.entries, self.innovations = array("i"), array("d")
 
-    def _all(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lines and innovations of all frames, one after the other."""
-        away = [] if self._spool is None else [self._spool.read(place) for place in self._put_away]
-        lines, innovations = zip(*away, (np.array(self.lines), np.array(self.innovations)), strict=True)
-        return np.concatenate(lines), np.concatenate(innovations)
+    def _all_entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the entries and innovations of all frames."""
+        spooled = [] if self._spool is None else [self._spool.read(place) for place in self._spooled]
+        entries, innovations = zip(*spooled, (np.array(self.entries), np.array(self.innovations)), strict=True)
+        return np.concatenate(entries), np.concatenate(innovations)
 
-    def enter(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
-        """Add a frame."""
+    def add(self, tracker: ArticulatedTracker, tracked: TrackedFrame) -> None:
+        """Record one frame."""
         people = tracked.people
         self.history.add(tracker, tracked)
         for history, follower in zip(self.parts, tracker.parts, strict=True):
             history.add_parts(follower, tracker.tracks, people)
         place = len(self.history) - 1
-        told = {person.name: person for person in people.people}
+        by_name = {person.name: person for person in people.people}
         for p, track in enumerate(tracker.tracks):
             self.names.setdefault(track.number, [(0, track.name)])
             shapes = [tracker.shape_of(p), *(part.shape_of(track.name) for part in tracker.parts)]
             values, sds = (np.concatenate(each) for each in zip(*shapes, strict=True))
             self.shapes[track.name] = (values, sds)
-            person = told[track.name]
-            self._note(place, track.number, track.state, person.rows)
+            person = by_name[track.name]
+            self._add_entry(place, track.number, track.state, person.rows)
             if person.nis_dof:
                 self.innovations.extend((place, track.number, person.nis, person.nis_dof))
             for each in tracked.past_states.get(track.name, []):
-                self._note(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
+                self._add_entry(self.history.place(each.number), track.number, TrackState.TENTATIVE, each.rows)
         for swap in tracked.swaps:
             self._rename(tracker, swap.numbers, self.history.place_at(swap.since_s))
         self.events.extend(people.events)
 
-    def _note(self, place: int, number: int, state: TrackState, rows: np.ndarray) -> None:
-        self.lines.extend((place, number, state, *rows.tolist()))
+    def _add_entry(self, place: int, number: int, state: TrackState, rows: np.ndarray) -> None:
+        self.entries.extend((place, number, state, *rows.tolist()))
 
     def _rename(self, tracker: ArticulatedTracker, numbers: tuple[int, int], place: int) -> None:
-        """Bodies have been, from that frame on, who they are called now."""
+        """Give tracks whose identities were swapped their present names from a frame on."""
         for track in tracker.tracks:
             if track.number in numbers:
                 before = [each for each in self.names[track.number] if each[0] < place]
                 self.names[track.number] = [*before, (place, track.name)]
 
-    def close(self, detections: Detections) -> TrackedPeople:
-        """All of it, people in the order in which they were first believed."""
+    def close(self, offsets: np.ndarray, n_views: int) -> TrackedPeople:
+        """Return the tracked people, in the order in which their tracks were confirmed.
+
+        Args:
+            offsets: shape (frame * view + 1,): offsets of the detections of the recorded frames.
+            n_views: number of views.
+        """
         names = tuple(self.shapes)
-        shape = (len(self.history), len(names))
-        rows = np.full((*shape, detections.n_views), -1, dtype=np.int64)
+        n_frames = len(self.history)
+        shape = (n_frames, len(names))
+        rows = np.full((*shape, n_views), -1, dtype=np.int64)
         state = np.full(shape, TrackState.ABSENT, dtype=np.int8)
-        naming = Naming({number: tuple(since) for number, since in self.names.items()})
-        lines, innovations = self._all()
-        lines = lines.reshape(-1, 3 + detections.n_views)
+        naming = TrackNames({number: tuple(since) for number, since in self.names.items()})
+        entries, innovations = self._all_entries()
+        entries = entries.reshape(-1, 3 + n_views)
         for number in naming.since:
-            mine = lines[lines[:, 1] == number]
-            columns = naming.columns(number, mine[:, 0], names)
-            rows[mine[:, 0], columns], state[mine[:, 0], columns] = mine[:, 3:], mine[:, 2]
-        _end_with_the_last_sight(rows, state)
+            own = entries[entries[:, 1] == number]
+            columns = naming.columns(number, own[:, 0], names)
+            rows[own[:, 0], columns], state[own[:, 0], columns] = own[:, 3:], own[:, 2]
+        _end_at_last_detection(rows, state)
         nis, nis_dof = _innovations(innovations.reshape(-1, 4), naming, names, state)
-        starts = detections.offsets[:-1].reshape(detections.n_frames, 1, detections.n_views)
-        # A frame's rows are counted through its views, a track's detections within the view.
+        starts = offsets[:-1].reshape(n_frames, 1, n_views)
+        # Rows of a frame count through its views; a track's detections count within the view.
         detection = np.where(rows >= 0, rows + starts[:, :, :1] - starts, -1).astype(np.int32)
         lengths = len(self.history.settings.skeleton.body_names[2])
         shape_m, shape_sd_m = (
@@ -118,29 +123,29 @@ class Book:
 
 
 def _innovations(
-    lines: np.ndarray, naming: Naming, names: tuple[str, ...], state: np.ndarray
+    entries: np.ndarray, naming: TrackNames, names: tuple[str, ...], state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """NIS and its degrees of freedom, shape (frame, person) each, of those who are there."""
+    """Return NIS and its degrees of freedom, each of shape (frame, person)."""
     nis, dof = np.full(state.shape, np.nan), np.zeros(state.shape, dtype=np.int32)
     for number in naming.since:
-        mine = lines[lines[:, 1] == number]
-        places = mine[:, 0].astype(np.int64)
+        own = entries[entries[:, 1] == number]
+        places = own[:, 0].astype(np.int64)
         columns = naming.columns(number, places, names)
-        nis[places, columns], dof[places, columns] = mine[:, 2], mine[:, 3]
+        nis[places, columns], dof[places, columns] = own[:, 2], own[:, 3]
     absent = state == TrackState.ABSENT
     nis[absent], dof[absent] = np.nan, 0
     return nis, dof
 
 
-def _end_with_the_last_sight(rows: np.ndarray, state: np.ndarray) -> None:
-    """Afterwards it is known who did not come back: they were there until they were last seen.
+def _end_at_last_detection(rows: np.ndarray, state: np.ndarray) -> None:
+    """Mark people as absent after their last detection.
 
     Args:
         rows: shape (frame, person, view).
-        state: shape (frame, person), in and out.
+        state: shape (frame, person), modified in place.
     """
-    seen = np.asarray((rows >= 0).any(axis=2))
+    detected = np.asarray((rows >= 0).any(axis=2))
     for p in range(state.shape[1]):
-        last = np.flatnonzero(seen[:, p])
+        last = np.flatnonzero(detected[:, p])
         end = last[-1] + 1 if len(last) else 0
         state[end:, p] = TrackState.ABSENT

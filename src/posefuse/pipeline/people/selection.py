@@ -1,4 +1,4 @@
-"""Some of the people who were followed, by name."""
+"""Select tracked people by name."""
 
 from collections.abc import Sequence
 
@@ -8,15 +8,15 @@ from posefuse.errors import OptionsError, choices
 from posefuse.model.tracks import Tracks
 
 
-def kept_tracks(tracks: Tracks, names: Sequence[str]) -> tuple[Tracks, list[int]]:
-    """The tracks of some people, and their places among all.
+def select_people(tracks: Tracks, names: Sequence[str]) -> tuple[Tracks, list[int]]:
+    """Return the tracks of some people, and their columns among all.
 
     Raises:
-        OptionsError: if there is nobody of a name.
+        OptionsError: if a person does not exist.
     """
-    there = tracks.person_ids
+    known = tracks.person_ids
     for name in names:
-        if name not in there:
-            raise OptionsError(f"person: nobody is called {name!r}; there are {choices(there, 20)}.")
-    keep = [there.index(name) for name in names]
+        if name not in known:
+            raise OptionsError(f"person: no person is called {name!r}; there are {choices(known, 20)}.")
+    keep = [known.index(name) for name in names]
     return Tracks(tuple(names), np.asarray(tracks.detection)[:, keep], np.asarray(tracks.state)[:, keep]), keep

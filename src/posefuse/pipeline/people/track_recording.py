@@ -1,4 +1,4 @@
-"""Many people followed through a recording: association and tracking wired together."""
+"""Track people through a recording."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -10,27 +10,31 @@ from posefuse.arrays import ranges
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import CHUNK_FRAMES, Detections, with_lacking_times
+from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
 from posefuse.model.tracks import Tracks
-from posefuse.pipeline.people.initial_noise import rough_noise
-from posefuse.pipeline.people.recorder import Book
+from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
+from posefuse.pipeline.people.recorder import Recorder
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
+from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
 from posefuse.tracking.records import TrackedFrame
 from posefuse.tracking.tracker import ArticulatedTracker
 
 _NEVER_S = 1e9
-_SURE_LOG_ODDS = 1e9
-_ANYWHERE = 1e9
-_NAME = "following"
+_CERTAIN_LOG_ODDS = 1e9
+_UNLIMITED_GATE = 1e9
+_NAME = "tracking"
 _TRACKER = "tracker_{:08d}"
-_BOOK = f"{_NAME}.book"
-_INTERRUPTED = "Interrupted: people were followed through {} of {} frames; the result is of those. Ctrl-C again stops."
+_RECORDER = f"{_NAME}.recorder"
+_INTERRUPTED = (
+    "Interrupted: people were tracked through {} of {} frames, and the result covers these. Press Ctrl-C again to stop "
+    "at once."
+)
 
 
 def track_subject(
@@ -41,20 +45,21 @@ def track_subject(
     progress: Progress,
     checkpoint: Checkpoint = NO_CHECKPOINT,
 ) -> TrackedPeople:
-    """Fit a body to the one subject of a recording: followed like many, from their detections alone.
+    """Fit a body to the single subject of a recording by tracking its detections.
 
     Raises:
         DetectionsError: if frames have no times.
-        SkeletonError: if the skeleton has no tree, and none can be measured.
+        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
     pieces = ranges(detections.n_frames, CHUNK_FRAMES)
     tracks = Tracks.concatenate([subject.tracks(*piece) for piece in pieces])
-    theirs = tracks.rows(detections)[:, 0]
-    kept = theirs >= 0
-    alone = replace(detections, offsets=np.concatenate([[0], np.cumsum(kept.ravel())]), **detections.rows(theirs[kept]))
-    # Every person who appears is the subject.
-    anywhere = replace(options.tracker.specification, reacquire_gate=_ANYWHERE)
-    always = replace(options.tracker.reidentification, min_log_odds=-_SURE_LOG_ODDS)
+    rows = tracks.rows(detections)[:, 0]
+    assigned = rows >= 0
+    offsets = np.concatenate([[0], np.cumsum(assigned.ravel())])
+    alone = replace(detections, offsets=offsets, **detections.rows(rows[assigned]))
+    # Any person who appears is the subject: the track is never forgotten and always re-acquired.
+    anywhere = replace(options.tracker.specification, reacquire_gate=_UNLIMITED_GATE)
+    always = replace(options.tracker.reidentification, min_log_odds=-_CERTAIN_LOG_ODDS)
     tracker = replace(
         options.tracker, max_people=1, terminate_after_s=_NEVER_S, reidentification=always, specification=anywhere
     )
@@ -69,51 +74,55 @@ def track_people(
     checkpoint: Checkpoint = NO_CHECKPOINT,
     tracker: ArticulatedTracker | None = None,
 ) -> TrackedPeople:
-    """Follow everybody through a recording.
+    """Track all people through a recording.
 
     Args:
-        rig: the cameras.
-        detections: of the recording.
-        options: of its reconstruction.
-        progress: told how far the work is.
-        checkpoint: keeps what is done of it every ``chunk_frames``. If it does, an interruption ends the recording there.
-        tracker: that has followed everybody up to the first frame; a new one where it is left out.
+        rig: calibrated cameras.
+        detections: detections of the recording.
+        options: options of the reconstruction.
+        progress: receives the progress.
+        checkpoint: stores the state every ``chunk_frames``. If it does, an interruption ends the recording there.
+        tracker: tracker that has processed all frames before the first; a new one if it is None.
 
     Raises:
         DetectionsError: if frames have no times.
-        SkeletonError: if the skeleton has no tree, and none can be measured.
+        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
-    stage = _Stage.kept(checkpoint) or _Stage.first(rig, detections, options, checkpoint, tracker)
-    progress.start("following people", detections.n_frames)
-    progress.advance(stage.done)
     times_s = _times(detections)
+    stage = _Stage.load(checkpoint)
+    if stage is None:
+        stage = _Stage.first(tracker or first_tracker(rig, detections, options), checkpoint)
+    progress.start("tracking people", detections.n_frames)
+    progress.advance(stage.done)
     try:
         for start, stop in ranges(detections.n_frames, options.chunk_frames):
             if start >= stage.done:
-                stage.go_on(detections.frames(start, stop), times_s[start:stop])
-                stage = stage.keep(checkpoint)
+                stage.advance(detections.frames(start, stop), times_s[start:stop])
+                stage = stage.save(checkpoint)
                 progress.advance(stop - start)
     except KeyboardInterrupt:
-        kept = _Stage.kept(checkpoint)
-        if kept is None or not checkpoint.enabled:
+        saved = _Stage.load(checkpoint)
+        if saved is None or not checkpoint.enabled:
             raise
-        stage = kept
+        stage = saved
         warnings.warn(_INTERRUPTED.format(stage.done, detections.n_frames), PosefuseWarning, stacklevel=2)
     progress.finish()
-    return stage.book.close(detections.between(0, stage.done) if stage.done < detections.n_frames else detections)
+    offsets = detections.offsets[: stage.done * detections.n_views + 1]
+    return stage.recorder.close(offsets, detections.n_views)
 
 
 def first_tracker(rig: CameraRig, detections: Detections, options: Options) -> ArticulatedTracker:
-    """The tracker of a recording, before its first frame.
+    """Return the tracker of a recording, before its first frame.
 
     Raises:
-        SkeletonError: if the skeleton has no tree, and none can be measured.
+        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
-    noise = rough_noise(rig, detections, options)
-    return tracker_of(rig, with_tree(rig, detections, noise, options), noise, options)
+    frames, skeleton = sample_frames(detections), detections.skeleton
+    noise = initial_noise(rig, frames, skeleton, options)
+    return tracker_of(rig, with_tree(rig, frames, skeleton, noise, options), noise, options)
 
 
-def keep_trackers(
+def save_trackers(
     rig: CameraRig,
     detections: Detections,
     options: Options,
@@ -121,106 +130,98 @@ def keep_trackers(
     progress: Progress,
     checkpoint: Checkpoint,
 ) -> list[str]:
-    """Go through a recording once, and keep the tracker as it is before each of some frames.
+    """Track through a recording once, and save the tracker as it is before certain frames.
 
-    What is kept from an earlier time is not made again.
+    Trackers saved by an earlier run are not computed again.
 
     Args:
-        rig: the cameras.
-        detections: of the recording.
-        options: of its reconstruction.
-        places: of the frames, counted from 0, ascending.
-        progress: told how far the work is.
-        checkpoint: keeps the trackers.
+        rig: calibrated cameras.
+        detections: detections of the recording.
+        options: options of the reconstruction.
+        places: indices of the frames, ascending.
+        progress: receives the progress.
+        checkpoint: stores the trackers.
 
     Returns:
-        The names of the parts that they are.
+        The names of the stored trackers.
 
     Raises:
         DetectionsError: if frames have no times.
-        SkeletonError: if the skeleton has no tree, and none can be measured.
+        SkeletonError: if the skeleton has no kinematic tree, and none can be measured.
     """
     names = [_TRACKER.format(place) for place in places]
-    known = [checkpoint.load(name) for name in names]
+    stored = [checkpoint.load(name) for name in names]
     tracker, done = first_tracker(rig, detections, options), 0
     times_s = _times(detections)
-    progress.start("following people", places[-1])
-    for name, place, kept in zip(names, places, known, strict=True):
-        if kept is None:
+    progress.start("tracking people", places[-1])
+    for name, place, saved in zip(names, places, stored, strict=True):
+        if saved is None:
             for start, stop in ranges(place - done, CHUNK_FRAMES):
                 first, last = done + start, done + stop
-                for _ in _track_frames(tracker, detections.frames(first, last), times_s[first:last]):
+                for _ in _track(tracker, detections.frames(first, last), times_s[first:last]):
                     pass
-            kept = checkpoint.save(name, tracker)
+            saved = checkpoint.save(name, tracker)
         progress.advance(place - done)
-        tracker, done = kept, place
+        tracker, done = saved, place
     progress.finish()
     return names
 
 
 @dataclass(eq=False)
 class _Stage:
-    """How far the following of a recording is.
+    """The state of tracking between two chunks.
 
     Attributes:
-        tracker: after the last frame.
-        book: of all frames.
-        done: how many frames.
+        tracker: tracker after the last frame.
+        recorder: record of all frames.
+        done: number of frames processed.
     """
 
     tracker: ArticulatedTracker
-    book: Book
+    recorder: Recorder
     done: int = 0
 
     @classmethod
-    def first(
-        cls,
-        rig: CameraRig,
-        detections: Detections,
-        options: Options,
-        checkpoint: Checkpoint,
-        tracker: ArticulatedTracker | None = None,
-    ) -> "_Stage":
-        """Before the first frame."""
-        tracker = tracker or first_tracker(rig, detections, options)
+    def first(cls, tracker: ArticulatedTracker, checkpoint: Checkpoint) -> "_Stage":
+        """Return the state before the first frame."""
         spools = [checkpoint.spool(name) for name in _spools(len(tracker.parts))]
         body, *parts = (part.settings for part in (tracker, *tracker.parts))
         parts = tuple(History(each, spool) for each, spool in zip(parts, spools[1:], strict=True))
-        return cls(tracker, Book(History(body, spools[0]), parts, checkpoint.spool(_BOOK)))
+        return cls(tracker, Recorder(History(body, spools[0]), parts, checkpoint.spool(_RECORDER)))
 
     @classmethod
-    def kept(cls, checkpoint: Checkpoint) -> "_Stage | None":
-        """The last that was kept."""
+    def load(cls, checkpoint: Checkpoint) -> "_Stage | None":
+        """Return the last state that was saved, or None."""
         stage = checkpoint.load(_NAME)
-        return None if stage is None else stage.going_on(checkpoint)
+        return None if stage is None else stage.with_spools(checkpoint)
 
-    def keep(self, checkpoint: Checkpoint) -> "_Stage":
-        """Keep it; the same as whoever goes on from there has it."""
-        self.book.put_away()
+    def save(self, checkpoint: Checkpoint) -> "_Stage":
+        """Save the state, and return it as a resumed run loads it."""
+        self.recorder.spool_entries()
         stage = checkpoint.save(_NAME, self)
-        return stage if stage is self else stage.going_on(checkpoint)
+        return stage if stage is self else stage.with_spools(checkpoint)
 
-    def going_on(self, checkpoint: Checkpoint) -> "_Stage":
-        """The same with its book and histories in the checkpoint's spools."""
-        spool = checkpoint.spool(_BOOK)
+    def with_spools(self, checkpoint: Checkpoint) -> "_Stage":
+        """Return the state with its recorder and histories attached to the checkpoint's spools."""
+        spool = checkpoint.spool(_RECORDER)
         assert spool is not None
-        self.book.goes_on_in(spool)
-        histories = (self.book.history, *self.book.parts)
+        self.recorder.attach(spool)
+        histories = (self.recorder.history, *self.recorder.parts)
         for history, name in zip(histories, _spools(len(histories) - 1), strict=True):
             spool = checkpoint.spool(name)
             assert spool is not None
             history.attach_spool(spool)
         return self
 
-    def go_on(self, chunk: Detections, times_s: np.ndarray) -> None:
-        """Follow people through more frames, those at these times, shape (frame,)."""
-        for tracked in _track_frames(self.tracker, chunk, times_s):
-            self.book.enter(self.tracker, tracked)
+    def advance(self, chunk: Detections, times_s: np.ndarray) -> None:
+        """Track people through more frames; ``times_s``: shape (frame,)."""
+        for tracked in _track(self.tracker, chunk, times_s):
+            self.recorder.add(self.tracker, tracked)
         self.done += chunk.n_frames
 
 
-def _track_frames(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
-    """Everybody in each of some frames, those at these times, shape (frame,)."""
+def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
+    """Return the tracked people of each frame; ``times_s``, shape (frame,), is used where no view recorded the frame."""
     for i in range(chunk.n_frames):
         frame = Frame.of(chunk, i)
         if not frame.recorded.any():
@@ -233,7 +234,7 @@ def _spools(parts: int) -> tuple[str, ...]:
 
 
 def _times(detections: Detections) -> np.ndarray:
-    """Shape (frame,): when frames were; of those that no view recorded, when they should have been; NaN if unknown."""
+    """Return frame times, shape (frame,), interpolated where no view recorded the frame; NaN if unknown."""
     known = np.asarray(detections.recorded) & np.isfinite(detections.time_s)
     last = np.where(known, detections.time_s, -np.inf).max(axis=1)
-    return with_lacking_times(np.where(np.isfinite(last), last, np.nan), detections.frame_numbers)
+    return fill_missing_times(np.where(np.isfinite(last), last, np.nan), detections.frame_numbers)

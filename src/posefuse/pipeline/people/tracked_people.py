@@ -1,4 +1,4 @@
-"""Who was followed, and their bodies, range of frames by range."""
+"""People tracked through a recording, and their bodies range of frames by range."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,8 +14,8 @@ from posefuse.model.reconstruction import Layer
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.model_layer import model_layer
-from posefuse.pipeline.people.poses import Known, Places, Stood
-from posefuse.pipeline.people.selection import kept_tracks
+from posefuse.pipeline.people.poses import BodyArrays, DerivedStates, Offsets
+from posefuse.pipeline.people.selection import select_people
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.history import History
 from posefuse.tracking.parts import certain_directions
@@ -23,17 +23,17 @@ from posefuse.tracking.smoothing import Memory, PeopleSmoother, SmoothedPerson
 
 
 @dataclass(frozen=True)
-class Naming:
-    """Who the bodies that were followed are, now that more is known.
+class TrackNames:
+    """Names of tracks, as corrected by later frames.
 
     Attributes:
-        since: by number of the body, from which frames on, counted from 0, it has which name; in order.
+        since: track number to (frame index, name): from that frame on the track has the name; in order.
     """
 
     since: Mapping[int, tuple[tuple[int, str], ...]]
 
     def columns(self, number: int, places: np.ndarray, people: tuple[str, ...]) -> np.ndarray:
-        """Shape (frame,), int64: who of ``people`` a body is in these frames; -1 for none of them."""
+        """Return the person of a track in these frames, shape (frame,), int64: index in ``people``, or -1."""
         starts, names = zip(*self.since[number], strict=True)
         column = np.array([people.index(name) if name in people else -1 for name in names], dtype=np.int64)
         return column[np.searchsorted(starts, places, side="right") - 1]
@@ -41,51 +41,51 @@ class Naming:
 
 @dataclass(frozen=True, eq=False)
 class TrackedPeople:
-    """Who was where in a recording, as the tracker has it.
+    """People tracked through a recording; implements :class:`posefuse.model.subjects.Subjects`.
 
     Attributes:
-        recording_tracks: whose detection was whose, of all frames.
-        events: what happened.
-        history: states of everybody.
-        parts: states of everybody's hands and faces, one for each part of the skeleton.
-        naming: who the bodies in the history are.
-        nis: shape (frame, person): how surprising what the filter used was, NaN where it used nothing.
-        nis_dof: shape (frame, person), int32: and how much that is on average.
-        shape_m: shape (person, shape).
-        shape_sd_m: shape (person, shape).
+        recording_tracks: assignment of detections to people in all frames.
+        events: track events.
+        history: states of all bodies.
+        parts: states of hands and faces, one history per part of the skeleton.
+        naming: names of the tracks in the history.
+        nis: shape (frame, person): normalized innovation squared, NaN where no detection was used.
+        nis_dof: shape (frame, person), int32: degrees of freedom of ``nis``, its expected value.
+        shape_m: shape (person, shape): lengths of the bodies.
+        shape_sd_m: shape (person, shape): their standard deviations.
     """
 
     recording_tracks: Tracks
     events: tuple[Event, ...]
     history: History
     parts: tuple[History, ...]
-    naming: Naming
+    naming: TrackNames
     nis: np.ndarray
     nis_dof: np.ndarray
     shape_m: np.ndarray
     shape_sd_m: np.ndarray
 
     def tracks(self, start: int, stop: int) -> Tracks:
-        """Whose detections are whose in a range of frames."""
+        """Return the assignment of detections to people in a range of frames."""
         return self.recording_tracks.frames(start, stop)
 
     @property
     def n_frames(self) -> int:
-        """How many frames people were followed through."""
+        """Number of frames through which people were tracked."""
         return self.recording_tracks.state.shape[0]
 
     @property
     def skeleton(self) -> Skeleton:
-        """With the tree that bodies were fitted to."""
+        """Skeleton with the kinematic tree that bodies were fitted to."""
         return self.history.settings.skeleton
 
     def only(self, names: tuple[str, ...]) -> "TrackedPeople":
-        """The same of some of the people.
+        """Return the result for some of the people.
 
         Raises:
-            OptionsError: if there is nobody of a name.
+            OptionsError: if a person does not exist.
         """
-        tracks, keep = kept_tracks(self.recording_tracks, names)
+        tracks, keep = select_people(self.recording_tracks, names)
         cameras = self.history.settings.rig.names
         events = tuple(event for event in self.events if event.person in (*names, *cameras))
         return replace(
@@ -94,37 +94,37 @@ class TrackedPeople:
         )  # fmt: skip
 
     def smoother(self) -> "WholeSmoother":
-        """Goes through the recording once, from the first frame on."""
+        """Return a smoother that runs through the recording once, from the first frame on."""
         return WholeSmoother(PeopleSmoother(self.history), tuple(PeopleSmoother(each) for each in self.parts))
 
     def bodies(
         self, rig: CameraRig, detections: Detections, start: int, people: "SmoothedWhole"
     ) -> tuple[Layer, Poses]:
-        """The model layer of a range of frames, and how bodies stood.
+        """Return the model layer and the poses of a range of frames.
 
         Args:
-            rig: the cameras.
-            detections: of those frames.
-            start: the first of them, counted from 0 in the recording.
-            people: of those frames, from the smoother.
+            rig: calibrated cameras.
+            detections: detections of the frames.
+            start: index of the first frame in the recording.
+            people: smoothed people of the frames.
         """
         stop = start + detections.n_frames
-        out = Stood.room((stop - start, len(self.recording_tracks.person_ids)), len(rig), self.skeleton)
+        out = BodyArrays.empty((stop - start, len(self.recording_tracks.person_ids)), len(rig), self.skeleton)
         everywhere = np.arange(len(self.skeleton))
         for person in people.bodies:
             f, p, seen = self._cells(person, start)
             out.used[f, p] = person.used[seen]
             body = person.body
-            known = Known(body.directions[seen], body.angle_sd_deg[seen])
-            out.put(person, (f, p), seen, everywhere, Places(0, 0, 0), known)
+            states = DerivedStates(body.directions[seen], body.angle_sd_deg[seen])
+            out.add(person, (f, p), seen, everywhere, Offsets(0, 0, 0), states)
             out.holds_deg2[f, p] = body.holds_deg2[seen]
         tree = self.history.settings.tree
-        first = Places(len(tree.segments), len(tree.bones), len(angle_names(tree)))
+        first = Offsets(len(tree.segments), len(tree.bones), len(angle_names(tree)))
         for i, (part, found) in enumerate(zip(self.skeleton.parts, people.parts, strict=True)):
             for person in found:
                 cells, seen = self._cells_with_bodies(person, start, out)
-                out.put(person, cells, seen, part.keypoints, first, self._known_part(i, person, cells, seen, out))
-            first = Places(
+                out.add(person, cells, seen, part.keypoints, first, self._part_states(i, person, cells, seen, out))
+            first = Offsets(
                 first.segment + len(part.tree.segments), first.bone + len(part.tree.bones),
                 first.angle + len(angle_names(part.tree)),
             )  # fmt: skip
@@ -139,37 +139,34 @@ class TrackedPeople:
             self.nis_dof[start:stop], self.shape_m, self.shape_sd_m,
         )  # fmt: skip
 
-    def _known_part(
-        self, i: int, person: SmoothedPerson, cells: tuple[np.ndarray, np.ndarray], seen: np.ndarray, out: "Stood"
-    ) -> "Known":
-        """What is known of the directions and angles of somebody's part: that of its root by the body, too."""
+    def _part_states(
+        self, i: int, person: SmoothedPerson, cells: tuple[np.ndarray, np.ndarray], seen: np.ndarray, out: BodyArrays
+    ) -> DerivedStates:
+        """Return the directions and angle uncertainties of a part; those of its root include the body's."""
         part, tree, body = self.skeleton.parts[i], self.history.settings.tree, person.body
         sure = certain_directions(part.tree, body.directions[seen], body.points_m[seen], body.covariance_m2[seen])
         s, b = len(tree.segments), len(tree.bones)
         stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
         own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
         root = carried_angle_sds(own, out.holds_deg2[cells][:, i], body.turns[seen, 0], body.root_turn[seen])
-        return Known(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
+        return DerivedStates(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Frames from ``start`` on and people of the frames of somebody smoothed, and which of those they are."""
+        """Return the frame and person indices of a smoothed person from ``start`` on, and which of its frames these are."""
         columns = self._columns(person.number, person.places)
         seen = np.flatnonzero((columns >= 0) & (person.places >= start))
         return person.places[seen] - start, columns[seen], seen
 
     def _cells_with_bodies(
-        self, part: SmoothedPerson, start: int, out: "Stood"
+        self, part: SmoothedPerson, start: int, out: BodyArrays
     ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """The same of a part, where its body is known."""
+        """Return the same for a part, where its body is present."""
         f, p, seen = self._cells(part, start)
         there = np.isfinite(out.points_m[f, p]).any(axis=(1, 2))
         return (f[there], p[there]), seen[there]
 
     def _columns(self, number: int, places: np.ndarray) -> np.ndarray:
-        """The person that a body in the history is in these frames.
-
-        -1 for those who are left out, and before and after the frames that showed them.
-        """
+        """Return the person of a track in these frames; -1 for people left out and outside their tracks."""
         column = self.naming.columns(number, places, self.recording_tracks.person_ids)
         state = np.asarray(self.recording_tracks.state)[places, column]
         return np.where((column >= 0) & (state != TrackState.ABSENT), column, -1)
@@ -180,7 +177,7 @@ class TrackedPeople:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedWhole:
-    """Everybody in a range of frames: bodies, and by part of the skeleton their parts."""
+    """Smoothed people of a range of frames: their bodies, and their parts by part of the skeleton."""
 
     bodies: list[SmoothedPerson]
     parts: tuple[list[SmoothedPerson], ...]
@@ -188,21 +185,21 @@ class SmoothedWhole:
 
 @dataclass(frozen=True, eq=False)
 class WholeSmoother:
-    """Smooths bodies and their parts, each for itself; see :class:`PeopleSmoother`."""
+    """Smooths bodies and parts independently; see :class:`PeopleSmoother`."""
 
     body: PeopleSmoother
     parts: tuple[PeopleSmoother, ...]
 
     def take(self, stop: int) -> SmoothedWhole:
-        """Everybody in the frames up to ``stop``, counted from 0, from where the last call ended."""
+        """Return all people in the frames from the end of the last call up to ``stop``."""
         return SmoothedWhole(self.body.take(stop), tuple(each.take(stop) for each in self.parts))
 
     @property
     def memory(self) -> tuple[Memory, ...]:
-        """What the next range of frames goes on from: of bodies, then of their parts."""
+        """State from which the next range of frames continues, of bodies and then of parts."""
         return tuple(each.memory for each in (self.body, *self.parts))
 
     def resume_from(self, memory: tuple[Memory, ...]) -> None:
-        """Go on from where another smoother of the same people was."""
-        for each, known in zip((self.body, *self.parts), memory, strict=True):
-            each.resume_from(known)
+        """Continue from the state of another smoother of the same people."""
+        for each, state in zip((self.body, *self.parts), memory, strict=True):
+            each.resume_from(state)

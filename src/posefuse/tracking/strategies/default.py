@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.frame_statistics import add_identity_scores
 from posefuse.kernels.tracking.matching import score_detections
+from posefuse.kernels.tracking.records import State
 from posefuse.model.frames import Frame
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.records import Observation, RecentHistory, TentativeTrack, Track

@@ -25,7 +25,7 @@ from posefuse.model.cameras import Camera, LensModel
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import LAYERS, Reconstruction
-from posefuse.progress import Progress, Silent, watched
+from posefuse.progress import Progress, Silent, report_ranges
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.visualize.colors import PAPER, REJECTED, UNASSIGNED, person_color
 from posefuse.visualize.detection_labels import DetectionLabel, label_detections
@@ -92,7 +92,7 @@ def log_scene(
         _log_video(recording, name, video, frame_times)
     detections_frame_of = {} if detections is None else {n: i for i, n in enumerate(detections.frame_numbers.tolist())}
     first, before = 0, None
-    for part in watched(result.chunks(_CHUNK_FRAMES), result.n_frames, "logging", progress or Silent()):
+    for part in report_ranges(result.chunks(_CHUNK_FRAMES), result.n_frames, "logging", progress or Silent()):
         span = slice(first, first + part.n_frames)
         times = _time_columns(frame_times.numbers[span], frame_times.time_s[span])
         layers: list[LayerName] = [name for name in LAYERS if name in part.layers]

@@ -1,4 +1,4 @@
-"""Windows of a recording, and their people made one: cut apart and called anew, they come together as they were."""
+"""Tracking windows cover a recording, and tracks cut at window borders are stitched as they were."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from posefuse.model.track_events import Event
 from posefuse.model.tracks import Tracks, TrackState
 from posefuse.pipeline.people.stitching import same_people, stitch
-from posefuse.pipeline.people.windows import Seen, Window, windows_of
+from posefuse.pipeline.people.windows import TrackedWindow, TrackingWindow, tracking_windows
 from posefuse.skeleton.skeletons import shipped_skeleton
 from tests.laws import examples
 
@@ -19,8 +19,8 @@ VIEWS = 3
 
 @given(st.integers(1, 5000), st.floats(5.0, 120.0), st.floats(0.5, 100.0), st.floats(0.1, 40.0))
 @examples(100)
-def test_windows_are_the_recording_and_see_who_is_remembered(n_frames, rate_hz, window_s, remembered_s):
-    found = windows_of(n_frames, rate_hz, window_s, remembered_s)
+def test_windows_cover_the_recording_and_the_memory_of_tracks(n_frames, rate_hz, window_s, remembered_s):
+    found = tracking_windows(n_frames, rate_hz, window_s, remembered_s)
     assert [each.start for each in found] == [0, *(each.stop for each in found[:-1])]
     assert found[-1].stop == n_frames
     for each in found:
@@ -47,7 +47,7 @@ def crowd_tracks(seed: int, n_frames: int, people: int) -> Tracks:
     return Tracks(tuple(f"person_{p + 1}" for p in range(people)), detection, state)
 
 
-def seen_in(tracks: Tracks, window: Window, rng: np.random.Generator) -> Seen:
+def seen_in(tracks: Tracks, window: TrackingWindow, rng: np.random.Generator) -> TrackedWindow:
     """What a tracker would have of a window: those who are there, in the order in which they come, by its own names."""
     part = tracks.frames(window.first, window.last)
     state, detection = np.asarray(part.state), np.asarray(part.detection)
@@ -61,20 +61,20 @@ def seen_in(tracks: Tracks, window: Window, rng: np.random.Generator) -> Seen:
         for name, number in zip(names, first, strict=True)
     )
     lengths = np.array(there, dtype=float)[:, None]
-    return Seen(window, Tracks(names, detection, state[:, there]), events, SKELETON, lengths, lengths)
+    return TrackedWindow(window, Tracks(names, detection, state[:, there]), events, SKELETON, lengths, lengths)
 
 
 def no_bodies(window: int) -> tuple:
-    raise AssertionError(f"nobody asked for the bodies of window {window}")
+    raise AssertionError(f"bodies of window {window} are not needed")
 
 
 @given(st.integers(0, 10**6), st.integers(60, 200), st.integers(1, 5), st.integers(1, 4))
 @examples(60)
-def test_who_was_cut_apart_comes_together(seed, n_frames, people, number):
+def test_tracks_cut_at_window_borders_are_stitched(seed, n_frames, people, number):
     tracks, rng = crowd_tracks(seed, n_frames, people), np.random.default_rng(seed)
     bounds = np.linspace(0, n_frames, number + 1).astype(int).tolist()
     windows = [
-        Window(max(bounds[i] - 12, 0), bounds[i], bounds[i + 1], min(bounds[i + 1] + 12, n_frames))
+        TrackingWindow(max(bounds[i] - 12, 0), bounds[i], bounds[i + 1], min(bounds[i + 1] + 12, n_frames))
         for i in range(number)
     ]
     found = stitch([seen_in(tracks, each, rng) for each in windows], np.arange(n_frames), no_bodies)
@@ -92,13 +92,13 @@ def test_who_was_cut_apart_comes_together(seed, n_frames, people, number):
     np.testing.assert_array_equal(found.shape_m[:, 0], np.arange(people))
 
 
-def test_whose_detections_are_others_are_others(tmp_path: Path):
+def test_tracks_with_different_detections_are_not_matched(tmp_path: Path):
     tracks = crowd_tracks(1, 60, 1)
-    before = seen_in(tracks, Window(0, 0, 30, 40), np.random.default_rng(0))
-    after = seen_in(tracks, Window(20, 30, 60, 60), np.random.default_rng(1))
+    before = seen_in(tracks, TrackingWindow(0, 0, 30, 40), np.random.default_rng(0))
+    after = seen_in(tracks, TrackingWindow(20, 30, 60, 60), np.random.default_rng(1))
     assert same_people(before, after) == {0: 0}
     moved = np.where(np.asarray(after.tracks.detection) >= 0, np.asarray(after.tracks.detection) + 1, -1)
-    other = Seen(
+    other = TrackedWindow(
         after.window, Tracks(after.tracks.person_ids, moved.astype(np.int32), after.tracks.state), (), SKELETON,
         after.shape_m, after.shape_sd_m,
     )  # fmt: skip

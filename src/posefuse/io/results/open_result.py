@@ -1,4 +1,4 @@
-"""Open results."""
+"""Open a stored result."""
 
 from pathlib import Path
 
@@ -8,7 +8,10 @@ from posefuse.model.reconstruction import Reconstruction
 
 
 def open_result(path: Path) -> tuple[Path, Reconstruction]:
-    """Return the file of a result and the result, by its folder or file.
+    """Open a result by its folder or by its ``reconstruction.nc``.
+
+    Returns:
+        The path of ``reconstruction.nc`` and the result.
 
     Raises:
         FileError: if there is no result, or it cannot be read.

@@ -1,4 +1,4 @@
-"""Options that do nothing are said, with what would make them do something."""
+"""Options without effect are named, with what would give them one."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.specification import SpecificationOptions
 from posefuse.model.options.tracker import PartOptions, TrackerOptions
 from posefuse.pipeline.people import unused_options, warn_of_unused_options
-from posefuse.pipeline.reconstruct import Tracker
+from posefuse.pipeline.track_live import Tracker
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.rigs import build_rig
 
@@ -22,16 +22,16 @@ OF_SPECIFICATION = SpecificationOptions(promote_score=3.0)
     ("tracker", "remedy"),
     [
         (TrackerOptions(specification=OF_SPECIFICATION), "Add --tracker.strategy specification"),
-        (TrackerOptions(strategy="specification"), "Say --smoother none"),
-        (TrackerOptions(strategy="specification", smoother="lag"), "Say --smoother none"),
-        (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), "coco_wholebody_133 has them"),
+        (TrackerOptions(strategy="specification"), "Add --smoother none"),
+        (TrackerOptions(strategy="specification", smoother="lag"), "Add --smoother none"),
+        (TrackerOptions(parts=PartOptions(model_floor_m=0.01)), "such as coco_wholebody_133"),
         (TrackerOptions(lag_s=0.5), "Add --smoother lag"),
     ],
 )
-def test_what_does_nothing_is_said_with_its_remedy(tracker, remedy):
-    (said,) = unused_options(Options(tracker=tracker), BODY)
-    assert "nothing" in said
-    assert remedy in said
+def test_unused_options_are_named_with_a_remedy(tracker, remedy):
+    (sentence,) = unused_options(Options(tracker=tracker), BODY)
+    assert "no effect" in sentence
+    assert remedy in sentence
 
 
 @pytest.mark.parametrize(
@@ -43,22 +43,22 @@ def test_what_does_nothing_is_said_with_its_remedy(tracker, remedy):
         (TrackerOptions(smoother="lag", lag_s=0.5), BODY),
     ],
 )
-def test_what_does_something_is_not(tracker, skeleton):
+def test_options_with_effect_are_not_named(tracker, skeleton):
     assert unused_options(Options(tracker=tracker), skeleton) == ()
 
 
-def test_options_of_another_method_of_proposals():
+def test_options_of_another_proposal_method_are_named():
     baseline = AssociationOptions(rpt=RptOptions(min_score=0.9))
     assert "--association.method rpt" in unused_options(Options(association=baseline), BODY)[0]
     assert unused_options(Options(association=replace(baseline, method="rpt")), BODY) == ()
 
 
-def test_each_is_a_warning_and_live_there_is_no_smoother_to_warn_of():
+def test_each_unused_option_is_a_warning_and_live_tracking_ignores_the_smoother():
     options = Options(tracker=TrackerOptions(parts=PartOptions(model_floor_m=0.01), lag_s=0.5))
-    with pytest.warns(PosefuseWarning) as said:
+    with pytest.warns(PosefuseWarning) as warned:
         warn_of_unused_options(options, BODY)
-    assert len(said) == 2
-    with pytest.warns(PosefuseWarning) as said:
+    assert len(warned) == 2
+    with pytest.warns(PosefuseWarning) as warned:
         Tracker(build_rig("ring", 3), "body_20", options)
-    assert len(said) == 1
+    assert len(warned) == 1
     Tracker(build_rig("ring", 3), "body_20", Options(tracker=TrackerOptions(smoother="lag", lag_s=0.5)))

@@ -1,0 +1,165 @@
+"""Estimate the noise of a recording's detections from a sample of triangulated points."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from posefuse.errors import DetectionsError, OptionsError, choices
+from posefuse.model.cameras import CameraRig
+from posefuse.model.noise import NoiseModel
+from posefuse.model.options.options import Options
+from posefuse.model.options.triangulation import TriangulationOptions
+from posefuse.model.reconstruction import Layer
+from posefuse.noise import scales
+from posefuse.noise.leave_one_out import leave_one_out_points
+from posefuse.noise.samples import Sample, Samples
+from posefuse.progress import Progress
+from posefuse.triangulation import consensus
+
+_MAX_ROUNDS = 16
+_MAX_EXPONENT_ROUNDS = 4
+_EXPONENT_TOLERANCE = 0.03
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """The noise of a recording and the points it was estimated from.
+
+    Attributes:
+        noise: the noise model.
+        layer: the sample as the method ``consensus`` triangulates it; None with one camera.
+    """
+
+    noise: NoiseModel
+    layer: Layer | None
+
+
+def estimate_noise(rig: CameraRig, samples: Samples | None, options: Options, progress: Progress) -> NoiseEstimate:
+    """Estimate the noise of a recording's detections, unless the options fix it.
+
+    Args:
+        rig: calibrated cameras.
+        samples: samples of the recording; not read with one camera.
+        options: options of the reconstruction.
+        progress: receives the progress.
+
+    Returns:
+        The noise and the sample's points. The noise is a detector's usual noise where the recording has too few points
+        with redundant views.
+
+    Raises:
+        OptionsError: if the options fix the noise of other cameras.
+    """
+    noise = fixed_noise(rig, options) or scales.assumed_noise(rig, options.triangulation.confidence_exponent)
+    if len(rig) == 1 or samples is None:
+        return NoiseEstimate(noise, None)
+    agreement = _Agreement(rig, _agreement_options(options))
+    if noise.origin != "assumed":
+        return NoiseEstimate(noise, agreement(samples.small, noise))
+    return _search(agreement, samples, noise, progress)
+
+
+def fixed_noise(rig: CameraRig, options: Options) -> NoiseModel | None:
+    """Return the noise that the options fix, or None.
+
+    Raises:
+        OptionsError: if they fix it for other cameras.
+    """
+    exponent, noise = options.triangulation.confidence_exponent, options.noise
+    if options.noise_scale_px is not None:
+        return NoiseModel(np.full(len(rig), options.noise_scale_px), exponent)
+    if not noise.cameras:
+        return None
+    scale_of = dict(zip(noise.cameras, noise.scale_px, strict=True))
+    missing = [name for name in rig.names if name not in scale_of]
+    if missing:
+        raise OptionsError(
+            f"noise.cameras has no scale for {choices(missing)}; it names {choices(noise.cameras)}. Calibrate the "
+            "noise with this rig, or remove the table [noise]."
+        )
+    scale_px = np.array([scale_of[name] for name in rig.names])
+    return NoiseModel(scale_px, exponent, "calibrated", noise.spread, math.nan if noise.nu is None else noise.nu)
+
+
+def calibrate_error_model(rig: CameraRig, samples: Samples, options: Options, progress: Progress) -> NoiseModel:
+    """Estimate the full error model of a detector: scale per camera, confidence exponent, spread and tails.
+
+    The exponent weights the views that determine the points from which the exponent is estimated, so the estimation
+    repeats until the exponent no longer changes.
+
+    Args:
+        rig: calibrated cameras.
+        samples: samples of the recording.
+        options: options of the reconstruction; those that fix the noise are ignored.
+        progress: receives the progress.
+
+    Raises:
+        DetectionsError: if too few points are seen by three views that agree.
+    """
+    # SciPy's optimization and statistics take a second to import, and reconstructions need neither.
+    from posefuse.noise.error_model import fit_error_model
+
+    agreement = _Agreement(rig, _agreement_options(options))
+    exponent = 0.0
+    rounds = 0
+    while True:
+        found = _search(agreement, samples, scales.assumed_noise(rig, exponent), progress)
+        noise, layer = found.noise, found.layer
+        assert layer is not None
+        model = fit_error_model(leave_one_out_points(rig, samples.large, layer, noise), exponent)
+        if model is None or noise.origin == "assumed":
+            raise DetectionsError(
+                "Too few points are seen by three views that agree to estimate the detector's noise. Use a longer "
+                "recording or more cameras."
+            )
+        rounds += 1
+        if abs(model.exponent - exponent) < _EXPONENT_TOLERANCE or rounds == _MAX_EXPONENT_ROUNDS:
+            return replace(noise, origin="calibrated", nu=model.nu)
+        exponent = model.exponent
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """Triangulates a sample so that views that contradict the others are rejected."""
+
+    rig: CameraRig
+    options: TriangulationOptions
+
+    def __call__(self, sample: Sample, noise: NoiseModel) -> Layer:
+        return consensus.solve(self.rig, sample.detections, sample.tracks, noise, self.options)
+
+
+def _agreement_options(options: Options) -> TriangulationOptions:
+    return replace(options.triangulation, min_views=2)
+
+
+def _search(agreement: _Agreement, samples: Samples, default: NoiseModel, progress: Progress) -> NoiseEstimate:
+    """Increase the noise until it explains its own residuals, see docs/methods.md, "Noise".
+
+    Args:
+        agreement: triangulates a sample.
+        samples: samples of the recording.
+        default: the noise to return where the recording has too few points.
+        progress: receives the progress.
+    """
+    rig, sample = agreement.rig, samples.small
+    trial = scales.smallest_noise(rig, default.exponent)
+    progress.start("estimating noise", _MAX_ROUNDS)
+    for _ in range(_MAX_ROUNDS):
+        found = scales.common_scale(rig, sample, agreement(sample, trial), trial)
+        progress.advance(1)
+        following = scales.next_trial(trial, found)
+        if following is None:
+            break
+        trial = following
+    else:
+        trial = default
+    sample = samples.large
+    layer = agreement(sample, trial)
+    progress.finish()
+    noise = scales.inlier_scales(rig, sample, layer, trial)
+    if noise is None:
+        return NoiseEstimate(default, layer)
+    layer = agreement(sample, noise)
+    return NoiseEstimate(replace(noise, spread=scales.residual_spread(rig, sample, layer, noise)), layer)

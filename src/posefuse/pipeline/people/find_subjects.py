@@ -1,0 +1,61 @@
+"""Assign the detections of a recording to people."""
+
+from collections.abc import Callable
+
+from posefuse.association.one_subject import SingleSubject
+from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
+from posefuse.errors import DetectionsError, OptionsError
+from posefuse.model.cameras import CameraRig
+from posefuse.model.detections import Detections
+from posefuse.model.options.options import Options
+from posefuse.model.subjects import Subjects
+from posefuse.pipeline.people.track_recording import track_people, track_subject
+from posefuse.pipeline.people.tracked_people import TrackedPeople
+from posefuse.pipeline.people.trackers import warn_of_unused_options
+from posefuse.progress import Progress
+
+FindSubjects = Callable[[CameraRig, Detections, Options, Progress], tuple[Subjects, TrackedPeople | None]]
+"""Assigns detections to people and fits bodies where the options ask for them, as :func:`find_subjects` does."""
+
+
+def find_subjects(
+    rig: CameraRig, detections: Detections, options: Options, progress: Progress, checkpoint: Checkpoint = NO_CHECKPOINT
+) -> tuple[Subjects, TrackedPeople | None]:
+    """Return the assignment of detections to people, and their fitted bodies, if any.
+
+    Args:
+        rig: calibrated cameras.
+        detections: detections of the recording.
+        options: options with ``people`` resolved.
+        progress: receives the progress.
+        checkpoint: stores the state of tracking.
+
+    Raises:
+        DetectionsError: if one subject is requested and a view shows several people without a choice among them, or
+            people are tracked and frames have no times.
+        OptionsError: if the options select a person who does not exist.
+        SkeletonError: if bodies are requested and the skeleton has no kinematic tree.
+    """
+    if options.people == "many" or options.bodies == "fit":
+        warn_of_unused_options(options, detections.skeleton)
+    if options.people == "many":
+        people = track_people(rig, detections, options, progress, checkpoint)
+        people = people.only(options.person) if options.person else people
+        return people, None if options.bodies == "none" else people
+    subject = SingleSubject.of(detections, options.pick)
+    if options.bodies != "fit":
+        return subject, None
+    if len(rig) == 1:
+        raise OptionsError("bodies = 'fit' needs two cameras or more; this rig has one.")
+    tracked = track_subject(rig, detections, subject, options, progress, checkpoint)
+    if not tracked.recording_tracks.person_ids:
+        raise DetectionsError(
+            "bodies = 'fit' found no frame in which two cameras show the subject well enough to start. Check the "
+            "measured points first (bodies = 'auto')."
+        )
+    return subject, tracked
+
+
+def frames_tracked(subjects: Subjects) -> int | None:
+    """Return the number of frames through which people were tracked; None where that does not apply."""
+    return subjects.n_frames if isinstance(subjects, TrackedPeople) else None
