@@ -159,7 +159,7 @@ def follow(
 
 
 def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
-    """Return active people observed by a single view whose detection shows one person, with that person's truth."""
+    """Return active people observed by a single view, in a detection of one person, with that person's truth."""
     truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
     off, sd, squared = [], [], []
     for f, people in enumerate(told):

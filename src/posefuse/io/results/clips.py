@@ -15,7 +15,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
 
 if TYPE_CHECKING:
-    from posefuse.biomechanics.animation_figures import Body
+    from posefuse.biomechanics.animation_figures import AnimatedFigure
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """From forward, left, up to x left, y up, z forward, the axes of glTF."""
@@ -64,7 +64,7 @@ class Clip:
         presence: frames in which the person is present.
     """
 
-    body: "Body"
+    body: "AnimatedFigure"
     presence: Presence
 
     @property
@@ -79,9 +79,9 @@ def clip_of(result: Reconstruction, person: str) -> Clip:
     Raises:
         ResultError: if there is no fitted model, or no such person.
     """
-    from posefuse.biomechanics.animation_figures import body_of  # compiled kernels: imported on first use
+    from posefuse.biomechanics.animation_figures import figure_of_person  # compiled kernels: imported on first use
 
-    body = body_of(result, person)
+    body = figure_of_person(result, person)
     return Clip(body, presence_of(body.figure, motions(body, result)))
 
 
@@ -107,12 +107,12 @@ def presence_of(figure: Figure, motions: Iterable[Motion]) -> Presence:
     return Presence(np.concatenate(there), off_m, held)
 
 
-def motions(body: "Body", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
+def motions(body: "AnimatedFigure", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
     """The motion of a figure in consecutive ranges of frames."""
-    from posefuse.biomechanics.animation_figures import motion_of  # compiled kernels: imported on first use
+    from posefuse.biomechanics.animation_figures import animate  # compiled kernels: imported on first use
 
     spans = ranges(result.n_frames, CHUNK_FRAMES)
-    found = (motion_of(body, result, start, stop) for start, stop in spans)
+    found = (animate(body, result, start, stop) for start, stop in spans)
     return report_ranges(found, result.n_frames, what, progress or Silent())
 
 
