@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""Figures for animation from fitted bodies: see docs/methods/angles.md."""
-=======
 """Build animation skeletons of constant size from fitted articulated models, and animate them. See docs/methods."""
->>>>>>> origin/main
 
 from collections.abc import Iterator
 from dataclasses import dataclass
