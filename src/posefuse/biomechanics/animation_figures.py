@@ -7,8 +7,8 @@ import numpy as np
 
 from posefuse.arrays import frozen
 from posefuse.errors import ResultError, choices
-from posefuse.kinematics.continuous_twist import reach_frames, steady_rotations
-from posefuse.kinematics.initial_pose import places_of
+from posefuse.kinematics.continuous_twist import reach_frames, smooth_rotations
+from posefuse.kinematics.initial_pose import node_offsets
 from posefuse.kinematics.twist import rest_frames
 from posefuse.model.animation_figures import Figure, Joint, Motion
 from posefuse.model.reconstruction import Reconstruction
@@ -143,7 +143,7 @@ class _Branch:
         self.to, self.tree, self.first = to, tree, first
         self.keypoint_of = {int(n): int(k) for n, k in zip(nodes, keypoints, strict=True) if n >= 0}
         shape_m = to.shape_m[first[2] : first[2] + tree.n_shape]
-        self.places = places_of(tree, shape_m)
+        self.places = node_offsets(tree, shape_m)
         self.joint_of: dict[tuple[bool, int], int] = {}
         self.carrier: dict[int, int] = {}
         self.place: dict[int, np.ndarray] = {}
@@ -260,7 +260,7 @@ def _bone_turns(skeleton: Skeleton, turns: np.ndarray, directions: np.ndarray, s
     s = b = 0
     for tree in _trees(skeleton):
         n, m = len(tree.segments), len(tree.bones)
-        frames = steady_rotations(tree, turns[:, s : s + n], directions[:, b : b + m], step_s)
+        frames = smooth_rotations(tree, turns[:, s : s + n], directions[:, b : b + m], step_s)
         yield frames @ np.swapaxes(rest_frames(tree), -1, -2)
         s, b = s + n, b + m
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from posefuse.biomechanics.center_of_mass import centres_of_mass
 from posefuse.biomechanics.segment_lengths import segment_lengths
-from posefuse.kinematics.joint_angles import joint_angles, whole_angles
-from posefuse.kinematics.pose_from_points import shown_pose
+from posefuse.kinematics.joint_angles import joint_angles, skeleton_angles
+from posefuse.kinematics.pose_from_points import pose_of_points
 from posefuse.model.cameras import up_vector
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -42,9 +42,9 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.nda
     poses = part.poses
     if poses is not None and (poses.segments, poses.bones) == skeleton.body_names[:2]:
         turns, directions = np.asarray(poses.turns[:]), np.asarray(poses.directions[:])
-        names, degrees = whole_angles(skeleton, turns, directions, up)
+        names, degrees = skeleton_angles(skeleton, turns, directions, up)
     elif "solved" in part.layers and poses is None:
-        names, degrees = joint_angles(tree, *shown_pose(tree, np.asarray(part.layers["solved"].points_m[:])), up)
+        names, degrees = joint_angles(tree, *pose_of_points(tree, np.asarray(part.layers["solved"].points_m[:])), up)
     root = _of_root(tree, names)
     if part.rig.up_axis is None:
         degrees[..., root] = np.nan

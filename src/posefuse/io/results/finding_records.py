@@ -28,5 +28,9 @@ def _record(finding: Finding) -> dict[str, Any]:
 
 def _finding(record: dict[str, Any]) -> Finding:
     frames = None if record["frames"] is None else tuple(record["frames"])
-    restored = {"kind": FindingKind(record["kind"]), "cameras": tuple(record["cameras"]), "frames": frames}
+    restored: dict[str, Any] = {
+        "kind": FindingKind(record["kind"]),
+        "cameras": tuple(record["cameras"]),
+        "frames": frames,
+    }
     return Finding(**(record | restored | {name: math.nan for name in _MAYBE_NAN if record[name] is None}))

@@ -43,7 +43,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.track_events import Event, Poses
+from posefuse.model.track_events import Event, Poses, current_event_kind
 from posefuse.model.tracks import Tracks, TrackState
 
 KIND = "reconstruction"
@@ -309,8 +309,12 @@ def _read_events(file: h5netcdf.File) -> tuple[Event, ...]:
     if "event_frame" not in file.variables:
         return ()
     numbers, times = (np.asarray(file.variables[f"event_{name}"][...]).tolist() for name in ("frame", "time"))
-    texts = (strings(file.variables[f"event_{name}"]) for name in ("person", "what", "why"))
-    return tuple(Event(*values) for values in zip(numbers, times, *texts, strict=True))  # type: ignore[arg-type]
+    people, kinds, reasons = (strings(file.variables[f"event_{name}"]) for name in ("person", "what", "why"))
+    kinds = [current_event_kind(kind) for kind in kinds]
+    return tuple(
+        Event(*values)  # type: ignore[arg-type]
+        for values in zip(numbers, times, people, kinds, reasons, strict=True)
+    )
 
 
 def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:
