@@ -15,7 +15,7 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
 
 if TYPE_CHECKING:
-    from posefuse.biomechanics.animation_figures import Body
+    from posefuse.biomechanics.animation_figures import AnimatedFigure
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Rotation from body axes (x forward, y left, z up) to the axes of glTF (x left, y up, z forward)."""
@@ -64,7 +64,7 @@ class Clip:
         presence: frames in which the person is present.
     """
 
-    body: "Body"
+    body: "AnimatedFigure"
     presence: Presence
 
     @property
@@ -79,9 +79,9 @@ def clip_of(result: Reconstruction, person: str) -> Clip:
     Raises:
         ResultError: if there is no fitted model, or no such person.
     """
-    from posefuse.biomechanics.animation_figures import body_of  # compiled kernels: imported on first use
+    from posefuse.biomechanics.animation_figures import figure_of_person  # compiled kernels: imported on first use
 
-    body = body_of(result, person)
+    body = figure_of_person(result, person)
     return Clip(body, presence_of(body.figure, motions(body, result)))
 
 
@@ -107,12 +107,14 @@ def presence_of(figure: Figure, motions: Iterable[Motion]) -> Presence:
     return Presence(np.concatenate(present), deviation_m, held)
 
 
-def motions(body: "Body", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
+def motions(
+    body: "AnimatedFigure", result: Reconstruction, progress: Progress | None = None, what: str = ""
+) -> Iterator[Motion]:
     """Yield the motion of an animation skeleton in consecutive ranges of frames."""
-    from posefuse.biomechanics.animation_figures import motion_of  # compiled kernels: imported on first use
+    from posefuse.biomechanics.animation_figures import animate  # compiled kernels: imported on first use
 
     spans = ranges(result.n_frames, CHUNK_FRAMES)
-    motion_ranges = (motion_of(body, result, start, stop) for start, stop in spans)
+    motion_ranges = (animate(body, result, start, stop) for start, stop in spans)
     return report_ranges(motion_ranges, result.n_frames, what, progress or Silent())
 
 
