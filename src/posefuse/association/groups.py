@@ -3,7 +3,7 @@
 The odds of a pair are the likelihood ratio of the distance between its rays if both detections show one person, and if
 they do not, accumulated over the core keypoints. The points of a group predict the person's pixels in the other views
 with a covariance, which gives the odds of every further detection. Implausible bone lengths, and views that should show
-the person and do not, count against a group. See docs/methods.md.
+the person and do not, count against a group. See docs/methods/association.md.
 """
 
 import math

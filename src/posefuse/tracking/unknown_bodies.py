@@ -46,7 +46,8 @@ def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.nd
         raise SkeletonError(
             f"Skeleton {skeleton.name!r} has no kinematic tree, and no two keypoints are seen together in "
             f"{_MIN_BODIES} of the {len(points_m)} bodies that several views show: bones cannot be measured. "
-            "Add a table [tree] to its TOML file with at least size_m, the size of the body in meters; see docs/formats.md."
+            "Add a table [tree] to its TOML file with at least size_m, the size of the body in meters; "
+            "see docs/formats.md."
         )
     size = float(np.nanmax(lengths))
     return spanning_tree(

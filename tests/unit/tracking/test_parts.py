@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.biomechanics.tables import angles_of
+from posefuse.biomechanics.tables import angle_table
 from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.smoothing import apply_changes
 from posefuse.kinematics.initial_pose import initial_state
@@ -214,7 +214,7 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert np.isfinite(np.asarray(measured.points_m)[10:, 0, hands]).all()
     assert result.poses is not None
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
-    names, degrees, sds = angles_of(result)
+    names, degrees, sds = angle_table(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
     # What is known of an angle is said, but for what is carried by a limb whose twist is not seen.
     twisted = [name.split(".")[0] in ("left_foot", "right_foot", "left_palm", "right_palm") for name in names]
