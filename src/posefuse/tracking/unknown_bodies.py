@@ -44,8 +44,8 @@ def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.nd
     bones = _of_largest_part(minimum_spanning_tree(weight).toarray() > 0.0)
     if not len(bones):
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has no kinematic tree, and no two keypoints are seen together in "
-            f"{_MIN_BODIES} of the {len(points_m)} bodies that several views show: bones cannot be measured. "
+            f"Skeleton {skeleton.name!r} has no kinematic tree, and bones cannot be measured: of the {len(points_m)} "
+            f"bodies that several views show, fewer than {_MIN_BODIES} show any two keypoints together. "
             "Add a table [tree] to its TOML file with at least size_m, the size of the body in meters; "
             "see docs/formats.md."
         )
