@@ -107,7 +107,9 @@ def presence_of(figure: Figure, motions: Iterable[Motion]) -> Presence:
     return Presence(np.concatenate(there), off_m, held)
 
 
-def motions(body: "AnimatedFigure", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
+def motions(
+    body: "AnimatedFigure", result: Reconstruction, progress: Progress | None = None, what: str = ""
+) -> Iterator[Motion]:
     """The motion of a figure in consecutive ranges of frames."""
     from posefuse.biomechanics.animation_figures import animate  # compiled kernels: imported on first use
 
