@@ -135,7 +135,9 @@ def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(r
 @pytest.mark.long
 def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    stop_when(start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL)
+    stop_when(
+        start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
+    )
     finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "following.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
@@ -200,7 +202,10 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
 def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
-    """CheckpointFolder, files of the result as they are written, and as they come to its folder; before and after in turn."""
+    """CheckpointFolder, files of the result as they are written, and as they come to its folder.
+
+    Before and after in turn.
+    """
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
         assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)[0] == 0
