@@ -1,0 +1,268 @@
+"""Do the numbers stay the same? Runs a base commit and this checkout on the same recordings and compares every file.
+
+``python -m benchmarks.same_numbers --base COMMIT [--cache FOLDER] [--only NAME ...]``, from the root of a checkout.
+Real recordings are those of ``../shared/data``; simulated ones are made once, by the base. Every case runs in processes
+of its own, one at a time, first with the base, then with this checkout. Numbers are compared bit by bit, in every file
+that is written but pictures and pages. Texts may change: they are counted as renamed labels. With ``--cache`` what the
+base wrote is kept, and the next run needs this checkout only. The exit code is 1 if anything differs that ``EXPECTED``
+does not allow.
+"""
+
+import argparse
+import contextlib
+import re
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatch
+from pathlib import Path
+
+from benchmarks.same_numbers_cases import CASES, UNREAD
+from benchmarks.same_numbers_compare import Difference, Renamed, Verdict, compare
+from benchmarks.same_numbers_files import NOT_COMPARED
+from benchmarks.same_numbers_runs import (
+    DATA,
+    ROOT,
+    Tree,
+    check_import,
+    checkout,
+    commit_of,
+    is_clean,
+    kept,
+    last_words,
+    run_case,
+)
+from benchmarks.same_numbers_steps import INPUTS, Case
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A difference that is allowed.
+
+    Attributes:
+        case, file, column: patterns, ``*`` for any.
+        tolerance: the largest absolute difference, in the column's unit; infinity also allows what is missing or new.
+        reason: why.
+    """
+
+    case: str
+    file: str
+    column: str
+    tolerance: float
+    reason: str
+
+
+FLAGS: dict[str, str] = {}
+"""The base's name of a flag, a ``flag value``, a command or an option of the library, and the current one.
+
+For example ``{"--tracker.preset": "--tracker.strategy", "--tracker.preset specification": "scores"}``; of a
+``flag value`` the right side is the value alone.
+"""
+RENAMED: tuple[Renamed, ...] = ()
+"""Files, columns and variables that the current tree calls otherwise.
+
+For example ``Renamed("*.nc", r"(.*)_view_error", r"\\1_view_residual")``.
+"""
+EXPECTED: tuple[Expected, ...] = ()
+"""Differences that are allowed."""
+MOST_LINES, MOST_COLUMNS = 30, 3
+"""Lines of a case that differs, and columns of each line."""
+
+
+@dataclass
+class Outcome:
+    """What came of a case: why it was not run, or the verdicts on its files."""
+
+    case: Case
+    skipped: str = ""
+    base: dict = field(default_factory=dict)
+    current: dict = field(default_factory=dict)
+    verdicts: list[Verdict] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    allowed: int = 0
+
+
+def allowed_by(case: str, file: str, difference: Difference) -> Expected | None:
+    """The first entry of ``EXPECTED`` that allows a difference."""
+    for each in EXPECTED:
+        names = ((case, each.case), (file, each.file), (difference.column, each.column))
+        if all(fnmatch(name, pattern) for name, pattern in names) and difference.absolute <= each.tolerance:
+            return each
+    return None
+
+
+def current_name(file: str) -> str:
+    """What the current tree calls a file."""
+    for rule in RENAMED:
+        if not rule.base and fnmatch(file, rule.file):
+            return str(Path(file).with_name(rule.current))
+    return file
+
+
+def files_of(folder: Path) -> set[str]:
+    """Every file that is compared, by its path in the case."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.suffix not in NOT_COMPARED)
+    return {path.relative_to(folder).as_posix() for path in files}
+
+
+def judge(outcome: Outcome, base: Path, current: Path, parse: bool) -> None:
+    """Compare all files of a case, and print a line for each that is not the same."""
+    name, ours, theirs = outcome.case.name, files_of(base), files_of(current)
+    for number, (one, other) in enumerate(zip(outcome.base["steps"], outcome.current["steps"], strict=True)):
+        if one["exit"] != other["exit"]:
+            why = f"{one['exit']} became {other['exit']}: {last_words(current, number)}"
+            _fail(outcome, f"step {number}", Difference("exit code", why))
+    for file in sorted(ours):
+        now = current_name(file)
+        if now not in theirs:
+            _fail(outcome, file, Difference("file", "is missing"))
+            continue
+        try:
+            verdict = compare(base / file, current / now, file, RENAMED, parse)
+        except (ValueError, OSError, KeyError) as error:
+            _fail(outcome, file, Difference("file", f"cannot be read: {error}"))
+            continue
+        outcome.verdicts.append(verdict)
+        wrong = [found for found in verdict.differences if not allowed_by(name, file, found)]
+        outcome.allowed += len(verdict.differences) - len(wrong)
+        if wrong:
+            _fail(outcome, file, *sorted(wrong, key=lambda found: found.rank, reverse=True))
+    for file in sorted(theirs - {current_name(each) for each in ours}):
+        _fail(outcome, file, Difference("file", "is new"))
+    same = len(outcome.verdicts) - sum(bool(v.differences) for v in outcome.verdicts)
+    bits = sum(v.identical for v in outcome.verdicts)
+    if len(outcome.failures) > MOST_LINES:
+        print(f"differs  {name}: and {len(outcome.failures) - MOST_LINES} more files")
+    print(f"equal    {name}: {same} of {len(ours)} files, {bits} of them byte by byte", flush=True)
+
+
+def _fail(outcome: Outcome, file: str, *found: Difference) -> None:
+    """Print a line for a file that differs, with its worst columns."""
+    if all(allowed_by(outcome.case.name, file, each) for each in found):
+        outcome.allowed += len(found)
+        return
+    outcome.failures.append(file)
+    if len(outcome.failures) > MOST_LINES:
+        return
+    said = "; ".join(map(str, found[:MOST_COLUMNS]))
+    more = f"; and {len(found) - MOST_COLUMNS} more columns" if len(found) > MOST_COLUMNS else ""
+    print(f"differs  {outcome.case.name}: {file}: {said}{more}", flush=True)
+
+
+def absent(case: Case) -> str:
+    """Why a case cannot be run."""
+    if case.needs and not (DATA / case.needs).is_dir():
+        return f"no ../shared/data/{case.needs}"
+    return ""
+
+
+def needed_inputs(cases: Sequence[Case]) -> list[Case]:
+    """The inputs that cases read, and those that these read."""
+    words = " ".join(word for case in cases for step in case.steps for word in step.words)
+    names = set(re.findall(r"\{inputs\}/(\w+)", words))
+    names |= {"people"} if "frames" in names else set()
+    return [each for each in INPUTS if each.name in names and not absent(each)]
+
+
+def make_base(cases: Sequence[Case], commit: str, cache: Path, given: Path | None) -> None:
+    """Run the base where the cache lacks an input or a case."""
+    inputs, outputs = cache / "inputs", cache / "outputs"
+    todo = [(each, inputs) for each in needed_inputs(cases) if kept(each, inputs / each.name) is None]
+    todo += [(case, outputs) for case in cases if kept(case, outputs / case.name) is None]
+    if not todo:
+        return
+    with contextlib.nullcontext(given) if given else checkout(commit) as root:
+        tree = Tree(root, cache / "kernels")
+        check_import(tree)
+        for case, place in todo:
+            done = run_case(case, tree, inputs, place / case.name)
+            print(f"base     {case.name}: {_spent(done):.0f} s, exit {_exits(done)}", flush=True)
+            if place == inputs and any(step["exit"] != 0 for step in done["steps"]):
+                sys.exit(f"The base could not make the input {case.name}: see {place / case.name}.logs")
+
+
+def _spent(record: dict) -> float:
+    return sum(step["cpu_s"] for step in record.get("steps", ()))
+
+
+def _exits(record: dict) -> str:
+    return " ".join(dict.fromkeys(str(step["exit"]) for step in record["steps"]))
+
+
+def run_current(cases: Sequence[Case], cache: Path, room: Path, parse: bool) -> list[Outcome]:
+    """Run this checkout case by case, and compare."""
+    tree = Tree(ROOT, cache / "kernels", FLAGS)
+    check_import(tree)
+    outcomes = []
+    for case in cases:
+        base, current = cache / "outputs" / case.name, room / case.name
+        outcome = Outcome(case, base=kept(case, base) or {})
+        outcome.current = run_case(case, tree, cache / "inputs", current)
+        judge(outcome, base, current, parse)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def report(outcomes: Sequence[Outcome], commit: str) -> int:
+    """The table at the end; 1 if anything differs that is not allowed."""
+    print(f"\nBase {commit[:12]}. CPU seconds include compiling kernels where none were kept.")
+    print("| case | files | numbers read | differ | allowed | renamed labels | base exit | base s | current s |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for each in outcomes:
+        if each.skipped:
+            print(f"| {each.case.name} | skipped: {each.skipped} |")
+            continue
+        labels, read = sum(v.labels.total() for v in each.verdicts), sum(v.numbers for v in each.verdicts)
+        print(
+            f"| {each.case.name} | {len(each.verdicts)} | {read} | {len(each.failures)} | {each.allowed} | {labels} | "
+            f"{_exits(each.base)} | {_spent(each.base):.0f} | {_spent(each.current):.0f} |"
+        )
+    for each in outcomes:
+        if each.case.note:
+            print(f"{each.case.name}: {each.case.note}")
+    for name, reason in UNREAD.items():
+        print(f"{name}: not read: {reason}.")
+    failed = [each.case.name for each in outcomes if each.failures]
+    print(f"Differs: {', '.join(failed)}." if failed else "All numbers are the same, or differ as expected.")
+    return int(bool(failed))
+
+
+def print_labels(outcomes: Sequence[Outcome], most: int = 5) -> None:
+    """The commonest texts that changed, by file."""
+    for each in outcomes:
+        for verdict in each.verdicts:
+            for (old, new), count in verdict.labels.most_common(most):
+                print(f"label    {each.case.name}: {verdict.file}: {count} x {old[:80]!r} -> {new[:80]!r}")
+
+
+def main() -> int:
+    """Run, compare, report."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--base", required=True, help="commit to compare with")
+    parser.add_argument("--base-tree", type=Path, help="a clean checkout of it; by default a temporary one")
+    parser.add_argument("--cache", type=Path, help="folder that keeps what the base wrote")
+    parser.add_argument("--keep", type=Path, help="folder that keeps what this checkout writes")
+    parser.add_argument("--only", nargs="+", default=["*"], help="patterns of cases")
+    parser.add_argument("--base-only", action="store_true", help="fill the cache, and compare nothing")
+    parser.add_argument("--parse", action="store_true", help="read files even if their bytes are the same")
+    parser.add_argument("--labels", action="store_true", help="print the texts that changed")
+    given = parser.parse_args()
+    commit = commit_of(ROOT, given.base)
+    if given.base_tree and not is_clean(given.base_tree, commit):
+        parser.error(f"--base-tree is not at {given.base}, or has changes.")
+    chosen = [case for case in CASES if any(fnmatch(case.name, pattern) for pattern in given.only)]
+    ready = [case for case in chosen if not absent(case)]
+    with tempfile.TemporaryDirectory(prefix="posefuse-same-") as room:
+        cache = (given.cache or Path(room) / "cache").resolve() / commit[:12]
+        make_base(ready, commit, cache, given.base_tree and given.base_tree.resolve())
+        if given.base_only:
+            return 0
+        outcomes = run_current(ready, cache, (given.keep or Path(room) / "current").resolve(), given.parse)
+    if given.labels:
+        print_labels(outcomes)
+    return report([*outcomes, *(Outcome(case, absent(case)) for case in chosen if case not in ready)], commit)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

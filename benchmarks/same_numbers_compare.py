@@ -1,0 +1,214 @@
+"""Compares two files number by number, for :mod:`benchmarks.same_numbers`."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.same_numbers_files import Content, read
+
+_DIAGONAL = (0, 3, 5)
+"""Of the entries xx, xy, xz, yy, yz, zz of a covariance."""
+_TIMES = re.compile(r"(^|[._])(cpu|wall|elapsed|took|seconds|ms_per_frame)(_s|_ms)?$")
+"""Names of numbers that differ from run to run."""
+
+
+@dataclass(frozen=True)
+class Renamed:
+    """A file, column or variable that the current tree calls by another name.
+
+    Attributes:
+        file: pattern of the file's path in its case, as the base has it.
+        base: regular expression of the whole name; empty if the file itself is renamed.
+        current: what it becomes, with groups of the expression; of a file, what its name becomes.
+    """
+
+    file: str
+    base: str
+    current: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A variable or column that is not the same.
+
+    Attributes:
+        column: its name at the base.
+        what: in words.
+        absolute, relative: the largest; infinity where they cannot be compared.
+        share: the absolute difference as a share of the standard deviation, the largest; NaN without one.
+        count, size: how many values differ, of how many.
+    """
+
+    column: str
+    what: str
+    absolute: float = np.inf
+    relative: float = np.inf
+    share: float = np.nan
+    count: int = 0
+    size: int = 0
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What cannot be compared is worst, then what differs by the largest share of its standard deviation."""
+        lacking = np.isinf(self.absolute)
+        return (np.inf if lacking else np.nan_to_num(self.share, nan=0.0), self.absolute)
+
+    def __str__(self) -> str:
+        if not np.isfinite(self.absolute):
+            return f"{self.column}: {self.what}"
+        share = "" if np.isnan(self.share) else f", {self.share:.2g} of its standard deviation"
+        return (
+            f"{self.column}: {self.count} of {self.size} differ, by {self.absolute:.3g} at most "
+            f"({self.relative:.2g} relative{share}){self.what}"
+        )
+
+
+@dataclass
+class Verdict:
+    """What came of a file.
+
+    Attributes:
+        file: its path in the case.
+        numbers: how many values are the same or differ; 0 where the bytes are the same and nothing was read.
+        differences: of numbers.
+        labels: pairs of texts that differ, with counts.
+        identical: whether the bytes are the same.
+    """
+
+    file: str
+    numbers: int = 0
+    differences: list[Difference] = field(default_factory=list)
+    labels: Counter[tuple[str, str]] = field(default_factory=Counter)
+    identical: bool = False
+
+
+def compare(base: Path, current: Path, file: str, renamed: Sequence[Renamed], parse: bool = False) -> Verdict:
+    """Two files.
+
+    Args:
+        base: where the base's lies.
+        current: where the current tree's lies.
+        file: the path of the base's in its case.
+        renamed: what is called otherwise.
+        parse: read them even if their bytes are the same.
+    """
+    verdict = Verdict(file, identical=base.read_bytes() == current.read_bytes())
+    if verdict.identical and not parse:
+        return verdict
+    ours, theirs = read(base), read(current)
+    rules = [rule for rule in renamed if rule.base and fnmatch(file, rule.file)]
+    names = {name: _new_name(name, rules) for name in (*ours.numbers, *ours.labels)}
+    _compare_numbers(ours, theirs, names, verdict)
+    _compare_labels(ours, theirs, names, verdict)
+    _compare_inner(ours, theirs, verdict)
+    return verdict
+
+
+def _new_name(name: str, rules: Sequence[Renamed]) -> str:
+    for rule in rules:
+        if re.fullmatch(rule.base, name):
+            return re.sub(rule.base, rule.current, name)
+    return name
+
+
+def _compare_numbers(ours: Content, theirs: Content, names: dict[str, str], verdict: Verdict) -> None:
+    for name, values in ours.numbers.items():
+        other = theirs.numbers.get(names[name])
+        if _TIMES.search(name):
+            continue
+        verdict.numbers += values.size
+        if other is None:
+            alike = [n for n, v in theirs.numbers.items() if n not in ours.numbers and difference(n, values, v) is None]
+            verdict.differences.append(Difference(name, f"is missing{f'; {alike[0]} is the same' if alike else ''}"))
+        elif found := difference(name, values, other, standard_deviation(name, ours.numbers)):
+            verdict.differences.append(found)
+    for name in theirs.numbers.keys() - {names[each] for each in ours.numbers}:
+        verdict.differences.append(Difference(name, "is new"))
+
+
+def difference(name: str, ours: np.ndarray, theirs: np.ndarray, sd: np.ndarray | None = None) -> Difference | None:
+    """How two arrays differ; None if dtype, shape and every bit are the same. All NaN are one."""
+    if ours.shape != theirs.shape:
+        if ours.ndim == theirs.ndim == 1:
+            return _multiset(name, ours, theirs)
+        return Difference(name, f"shape {ours.shape} became {theirs.shape}")
+    if ours.dtype != theirs.dtype:
+        return Difference(name, f"dtype {ours.dtype} became {theirs.dtype}")
+    if ours.tobytes() == theirs.tobytes():
+        return None
+    a, b = ours.astype(np.float64), theirs.astype(np.float64)
+    other = ~((a == b) & (np.signbit(a) == np.signbit(b)) | (np.isnan(a) & np.isnan(b)))
+    if not other.any():
+        return None
+    with np.errstate(all="ignore"):
+        off = np.abs(a - b)
+        missing = np.isnan(off) & other
+        off = np.where(other, np.where(np.isnan(off), 0.0, off), 0.0)
+        relative = np.nan_to_num(off / np.maximum(np.abs(a), np.abs(b)), nan=0.0)
+        share = np.nan
+        if sd is not None and sd.shape == off.shape and (known := (off > 0) & (sd > 0)).any():
+            share = float((off / sd)[known].max())
+    place = np.unravel_index(int(off.argmax()), off.shape)
+    words = f" at {tuple(map(int, place))}" + (f"; {int(missing.sum())} missing in one only" if missing.any() else "")
+    worst = np.inf if missing.any() else float(off.max())
+    found = Difference(name, words, float(off.max()), float(relative.max()), share, int(other.sum()), off.size)
+    return found if np.isfinite(worst) else Difference(name, str(found).partition(": ")[2])
+
+
+def _multiset(name: str, ours: np.ndarray, theirs: np.ndarray) -> Difference:
+    a, b = Counter(ours.tolist()), Counter(theirs.tolist())
+    lost, added = (a - b).total(), (b - a).total()
+    return Difference(
+        name, f"{ours.size} values became {theirs.size}: {lost} are not found again, {added} are new", size=ours.size
+    )
+
+
+def standard_deviation(name: str, numbers: dict[str, np.ndarray]) -> np.ndarray | None:
+    """What the file says beside a variable of how well it is known; None if nothing."""
+    for old, new in (("position", "covariance"), ("keypoints_m", "covariance_m2"), ("points_m", "covariance_m2")):
+        beside = numbers.get(name.replace(old, new)) if old in name else None
+        if beside is not None and beside.shape[-1:] == (6,):
+            return np.sqrt(beside[..., _DIAGONAL])
+        if beside is not None and beside.shape == (2 * numbers[name].size,):
+            return np.sqrt(beside.reshape(-1, 6)[:, _DIAGONAL].ravel())
+    head, _, tail = name.rpartition(".")
+    for other in (f"{name}_sd", f"{head}.sd_{tail}" if head else f"sd_{tail}", re.sub("^median", "sd", name)):
+        if other != name and other in numbers:
+            return numbers[other]
+    return None
+
+
+def _compare_labels(ours: Content, theirs: Content, names: dict[str, str], verdict: Verdict) -> None:
+    """Texts may change; every pair that did is counted."""
+    for name, texts in ours.labels.items():
+        others = theirs.labels.get(names[name])
+        if others is None:
+            verdict.labels[name, "(missing)"] += 1
+        elif len(texts) == len(others):
+            verdict.labels.update((a, b) for a, b in zip(texts, others, strict=True) if a != b)
+        else:
+            verdict.labels[f"{name}: {len(texts)} texts", f"{len(others)} texts"] += 1
+    for name in theirs.labels.keys() - {names[each] for each in ours.labels}:
+        verdict.labels["(missing)", name] += 1
+
+
+def _compare_inner(ours: Content, theirs: Content, verdict: Verdict) -> None:
+    """Documents inside attributes: their keys may be renamed, if the numbers are the same and in the same order."""
+    rest, others = dict(ours.inner), dict(theirs.inner)
+    for name in ours.inner.keys() & theirs.inner.keys():
+        values, other = rest.pop(name), others.pop(name)
+        verdict.numbers += values.size
+        if found := difference(name, values, other):
+            verdict.differences.append(found)
+    for (name, values), (other_name, other) in zip(list(rest.items()), list(others.items()), strict=False):
+        del rest[name], others[other_name]
+        verdict.labels[name, other_name] += 1
+        if found := difference(f"{name} (now {other_name})", values, other):
+            verdict.differences.append(found)
+    verdict.differences += [Difference(name, "is missing") for name in rest]
+    verdict.differences += [Difference(name, "is new") for name in others]
