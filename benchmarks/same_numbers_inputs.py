@@ -10,6 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from posefuse.model.skeletons import Skeleton, parse_skeleton
+from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
+from posefuse.synthetic.faults import Fault, healthy, plant
 
 import posefuse
 from benchmarks import animals, panoptic
@@ -17,11 +20,8 @@ from posefuse.cli.simulate import write_scene
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.model.detections import Detections
-from posefuse.model.skeletons import Skeleton, parse_skeleton
-from posefuse.synthetic.animals import AnimalOptions, renamed, simulate_animals
 from posefuse.synthetic.crowd_options import CrowdFaults
 from posefuse.synthetic.crowds import crowd_of_points
-from posefuse.synthetic.faults import Fault, healthy, plant
 
 PANOPTIC_FRAMES = 400
 OUTDOOR_POINTS = 5000

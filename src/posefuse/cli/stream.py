@@ -55,9 +55,7 @@ def stream(
     stream = replace(stream, when_behind=stream.when_behind or ("wait" if waits else "drop"))
     session = _session(calibration, stream, options)
     if address.is_open:
-        warn(
-            f"{address} listens to other machines, and asks nobody who they are. Only where the network can be trusted."
-        )
+        warn(f"{address} accepts lines from other machines without authentication. Use it in trusted networks only.")
     warm_up(session, options)
     inbox = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
     source = Source(address, inbox, stream)
@@ -70,7 +68,7 @@ def stream(
             with _taking_turns():
                 run_stream(session, inbox, _write, warn)
         except BrokenPipeError:
-            warn("whoever read the lines is gone.")
+            warn("the reader of the lines closed the connection.")
             sys.stdout = open("/dev/null", "w")  # noqa: SIM115
         finally:
             gc.unfreeze()
@@ -111,7 +109,7 @@ def _write(line: bytes) -> None:
 def _ended_by_signals(inbox: "LineQueue") -> Iterator[None]:
     """Ctrl-C and the system's request to end are how a stream ends: what has come is still worked on.
 
-    The second time, at once: whoever reads the lines may have stopped, and nothing would ever be worked on.
+    The second interrupt stops at once, because the reader of the lines may have stopped and block the output.
     """
 
     def end(*_: Any) -> None:
@@ -129,7 +127,7 @@ def _ended_by_signals(inbox: "LineQueue") -> Iterator[None]:
 
 @contextmanager
 def _taking_turns() -> Iterator[None]:
-    """Whoever receives lines gets the interpreter soon after they came: what waits for it is not known to have come."""
+    """Shorten the switch interval, so that the receiving thread runs soon after a line arrives."""
     usual_s = sys.getswitchinterval()
     sys.setswitchinterval(_TURN_S)
     try:

@@ -61,7 +61,7 @@ def _keeping(path: Path) -> Iterator[None]:
     except OSError as error:
         raise FileError(
             f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are kept there "
-            "while the result is made; what is done stays. Make room, and the same command goes on from it."
+            "until the result is complete. Free disk space and run the same command again; finished parts are reused."
         ) from None
 
 
@@ -135,7 +135,7 @@ class CheckpointFolder:
         return _loaded(content)
 
     def _write(self, name: str, head: Mapping[str, Any], packed: bytes) -> None:
-        # Somebody else, on another machine too, may make the same part.
+        # Another process, possibly on another machine, may write the same part.
         number, made = tempfile.mkstemp(".partial", f"{name}.", self.folder)
         temporary = Path(made)
         try:
@@ -200,7 +200,7 @@ class CheckpointFolder:
         return said
 
     def remove(self) -> None:
-        """All of them; nothing more will go on from them."""
+        """Remove all parts."""
         remove_parts(self.folder)
 
     def _path(self, name: str) -> Path:
@@ -217,7 +217,7 @@ class CheckpointFolder:
 
 
 def remove_parts(folder: Path) -> None:
-    """A folder of parts. Last what says what it is, so that whoever is ended in between knows the rest."""
+    """Remove a folder of parts; the manifest goes last, so that an interrupted removal can be recognized."""
     _remove_but(folder, (folder / _MANIFEST,))
     shutil.rmtree(folder, ignore_errors=True)
 
@@ -277,7 +277,7 @@ class FileSpool:
             packed = file.read(min(length, self._path.stat().st_size))
         if not check or zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") != check:
             folder = self._path.parent
-            raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder}, and all is made anew.")
+            raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and run the command again.")
         return _loaded(_unpacked(packed, size))
 
 
@@ -286,7 +286,7 @@ _SIZES = struct.Struct("<QQ")
 
 
 def _digest(head: Mapping[str, Any], packed: bytes) -> str:
-    """Of a part with what is said of it."""
+    """Return the digest of a part and its header."""
     told = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
     return hashlib.sha256(told.encode() + packed).hexdigest()
 
@@ -304,7 +304,7 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 class _Unpickler(pickle.Unpickler):
-    """Makes arrays and posefuse's own nouns, and nothing else: a folder of parts may come from somebody else."""
+    """Unpickle arrays and the data types of posefuse only; a folder of parts may come from an unknown source."""
 
     def find_class(self, module: str, name: str) -> Any:
         """A class that parts are made of.

@@ -304,7 +304,7 @@ class Grouper:
             self._led_s = (agreed_s, now_s)
 
     def _waited(self, head: _Open, now_s: float) -> bool:
-        """Return whether a frame has expired and is not a time that only one camera, ahead of the others, has reached."""
+        """Return whether a frame has expired and does not belong to a single camera that is ahead of the others."""
         if self._by_messages:
             return self._led_s is not None and self._led_s[0] >= head.time_s + self.options.max_wait_s
         return head.reached_s is not None and now_s >= self._up_s(head)

@@ -1,4 +1,4 @@
-"""Whose detections are whose, for stages that ask by range of frames."""
+"""Tracks by range of frames, for stages that read detections per subject."""
 
 from typing import Protocol
 
@@ -6,8 +6,8 @@ from posefuse.model.tracks import Tracks
 
 
 class Subjects(Protocol):
-    """Answers who is followed, however that was found."""
+    """Source of tracks, whatever the method that associates detections with subjects."""
 
     def tracks(self, start: int, stop: int) -> Tracks:
-        """Who is whose in the frames ``start`` to ``stop`` (counted from 0)."""
+        """Return the tracks of the frames ``start`` to ``stop`` (counted from 0)."""
         ...

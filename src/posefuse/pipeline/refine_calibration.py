@@ -50,7 +50,7 @@ class Recorded:
         return self.detections.n_frames
 
     def triangulate(self, rig: CameraRig) -> TriangulatedObservations:
-        """Triangulate with some cameras; labels are believed, views that contradict others are not."""
+        """Triangulate with some cameras; labels are trusted, outlier views are rejected."""
         options = replace(self.options, cameras=rig.names, exclude_camera=(), camera_order=())
         with warnings.catch_warnings():
             # That views do not agree is why we are here.
@@ -153,7 +153,7 @@ def refine_calibration(
         progress: told how far the work is.
 
     Returns:
-        The refined cameras in the world of the original ones, and what can be said of each.
+        The refined cameras in the world of the original ones, and the assessment of each.
 
     Raises:
         CalibrationError: if what was seen does not determine the cameras.

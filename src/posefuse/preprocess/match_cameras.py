@@ -50,7 +50,7 @@ def match_views(
 def _without_left_out(
     rig: CameraRig, detections: Detections, options: Options
 ) -> tuple[CameraRig, Detections, tuple[str, ...]]:
-    """The views but for those of cameras that the calibration does not hold for, and what is to be said of them."""
+    """Remove the views of cameras that the calibration does not cover; return the rest and warnings."""
     left_out = {plain_name(name) for name in rig.left_out}
     rig = replace(rig, left_out=())
     kept = [view for view in detections.view_names if plain_name(view) not in left_out]

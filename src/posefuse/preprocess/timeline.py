@@ -45,7 +45,7 @@ def align_views(detections: Detections, reference: str | None = None) -> Detecti
 
     Returns:
         The detections, with a note on the line and one on every view that lost or lacks frames; the same object where
-        its frames are together already. Numbers of frames go on from where most views begin.
+        its frames are together already. Frame numbers continue from the first frame of most views.
 
     Raises:
         DetectionsError: if there is no such view, a view's times are missing or go backwards, or no two views have
@@ -159,7 +159,7 @@ def _line(detections: Detections, known: np.ndarray, view: int) -> _Line:
         frames = np.flatnonzero(known[:, v])
         tick, used = _nearest(each, ticks, period)
         source[tick, v] = frames[used]
-    # Where nobody's frame is nearest there is no frame.
+    # A tick without a nearest frame in any view has no frame.
     there = (source >= 0).any(axis=1)
     return _Line(view, period, ticks[there], source[there])
 
@@ -183,7 +183,7 @@ def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backw
         if first == len(others):
             break
         near = others[first : int(np.searchsorted(others, wanted + _HALF * period))]
-        # Where nothing is near for a while, what comes next begins anew.
+        # After a gap without frames nearby, alignment restarts.
         last = float(near[np.abs(near - wanted).argmin()]) if len(near) else float(others[first])
         if last >= stop:
             break

@@ -1,4 +1,4 @@
-"""Colours of people and marks, told apart by color-blind people (Okabe and Ito)."""
+"""Colors of people and marks that color-blind people can distinguish (Okabe and Ito)."""
 
 Color = tuple[int, int, int]
 

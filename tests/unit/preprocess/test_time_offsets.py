@@ -1,4 +1,4 @@
-"""Views out of step are put in step, and nothing is made up."""
+"""Misaligned views are aligned, and no data is invented."""
 
 from dataclasses import replace
 

@@ -1,7 +1,6 @@
 """Scores of pairs of detections in one frame, and their points.
 
-The log odds are those of :mod:`posefuse.kernels.association.log_odds`. See docs/methods.md, "People from several
-views".
+The log odds are those of :mod:`posefuse.kernels.association.log_odds`. See docs/methods/association.md.
 """
 
 import math

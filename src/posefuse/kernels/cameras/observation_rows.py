@@ -1,6 +1,6 @@
 """Observation rows: each pixel as three rows that make its reprojection residual linear, one block of pixels at a time.
 
-All triangulation methods use them; see docs/methods.md, "Observation rows".
+All triangulation methods use them; see docs/methods/cameras.md.
 """
 
 import math
@@ -46,7 +46,7 @@ def rows_block(cameras, distorted, fisheye, v, pixels, codes, rows, scratch):
     With the rows ``g0, g1, c`` (4 numbers each, acting on the homogeneous world point), the reprojection residual in
     true pixels is ``(g0.X / c.X, g1.X / c.X)``. It is exact without distortion. With distortion it is accurate to first
     order in the residual, because the lens is linearized once, at the observed pixel. ``c.X`` is the depth (for the
-    fisheye: along the observed ray) and is positive in front of the camera. See docs/methods.md, "Observation rows".
+    fisheye: along the observed ray) and is positive in front of the camera. See docs/methods/cameras.md.
 
     Args:
         cameras: the camera array.

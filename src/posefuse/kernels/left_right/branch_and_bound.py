@@ -3,7 +3,7 @@
 The cost of a point grows with each observation that supports it. Views are therefore taken one by one, each as labeled,
 swapped, in part or not at all, and a branch ends as soon as its cost reaches that of the candidate. A least-squares
 cost bounds the bounded one from below. With every row divided by its depth near the points, it is a quadratic: sums of
-ten numbers and one 3x3 solve. One lane at a time. See docs/methods.md, "Pairs".
+ten numbers and one 3x3 solve. One lane at a time. See docs/methods/left_right.md.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 An orientation has one bit per pair: 0 keeps the order of its two points, 1 exchanges them. Costs are negative log
 likelihoods. The memory holds the last observation: position, covariance and time of both points of each pair, and label
-log odds and time of each view. See docs/methods.md, "Left and right".
+log odds and time of each view. See docs/methods/left_right.md.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Two-point solve of keypoint pairs whose labels are uncertain: all candidates are scored, the best ones refined.
 
-It works on blocks of observation rows like :mod:`posefuse.kernels.triangulation.consensus`. See docs/methods.md,
-"Pairs".
+It works on blocks of observation rows like :mod:`posefuse.kernels.triangulation.consensus`. See
+docs/methods/left_right.md.
 """
 
 import math

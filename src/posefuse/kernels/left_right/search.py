@@ -2,7 +2,7 @@
 
 One keypoint pair at a time. Observations are numbered ``2 view + label`` with label 0 left and 1 right. The cost of an
 observation is the bounded cost of :func:`bounded`. Two points share the observations of the views such that each
-observation supports at most one point. See docs/methods.md, "Pairs".
+observation supports at most one point. See docs/methods/left_right.md.
 """
 
 import math

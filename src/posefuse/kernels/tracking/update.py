@@ -2,7 +2,7 @@
 
 An update is an iterated extended Kalman filter: Gauss-Newton on squared pixel residuals, robust by a Student t
 distribution, with the prediction as prior, in pose and shape only. Velocities follow by their correlation. See
-docs/methods.md, "People".
+docs/methods/tracking.md.
 """
 
 import math
@@ -147,8 +147,8 @@ def update_people(
         cameras: the camera array.
         body: a Body.
         error_model: an ErrorModel.
-        discount: shape (person,): information discount: the number of frames whose detections together carry the
-            information of one independent frame, because detection errors are correlated in time.
+        discount: shape (person,): information discount: the number of frames that together carry the information of
+            one independent frame, because detection errors are correlated in time.
         iterations: maximum number of Gauss-Newton iterations.
         rows: shape (person, view), int64: rows of the detections, -1 where none.
         labels: shape (person, view, keypoint), int64: the keypoint of the detection that observes each keypoint; -1

@@ -1,6 +1,6 @@
 """Consensus triangulation: two-view hypotheses, a bounded score, and robust refinement over all views.
 
-It works on blocks of observation rows like :mod:`posefuse.kernels.cameras.points`. See docs/methods.md, "consensus".
+It works on blocks of observation rows like :mod:`posefuse.kernels.cameras.points`. See docs/methods/triangulation.md.
 """
 
 import math
