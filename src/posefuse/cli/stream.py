@@ -21,7 +21,7 @@ from posefuse.model.options.stream import StreamOptions
 
 if TYPE_CHECKING:
     from posefuse.live.addresses import Address
-    from posefuse.live.inbox import Inbox
+    from posefuse.live.line_queue import LineQueue
     from posefuse.live.session import Session
 
 _TURN_S = 0.0005
@@ -44,7 +44,7 @@ def stream(
     was late, lost or malformed is counted in the stream's report lines, and told on stderr at the end.
     """
     from posefuse.live.addresses import parse_address
-    from posefuse.live.inbox import Inbox
+    from posefuse.live.line_queue import LineQueue
     from posefuse.live.run import run_stream
     from posefuse.live.sources import Source
     from posefuse.live.warm_up import warm_up
@@ -59,7 +59,7 @@ def stream(
             f"{address} listens to other machines, and asks nobody who they are. Only where the network can be trusted."
         )
     warm_up(session, options)
-    inbox = Inbox(stream.queue_messages, waits=stream.when_behind == "wait")
+    inbox = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
     source = Source(address, inbox, stream)
     with _ended_by_signals(inbox):
         _say_ready(source.start())
@@ -108,7 +108,7 @@ def _write(line: bytes) -> None:
 
 
 @contextmanager
-def _ended_by_signals(inbox: "Inbox") -> Iterator[None]:
+def _ended_by_signals(inbox: "LineQueue") -> Iterator[None]:
     """Ctrl-C and the system's request to end are how a stream ends: what has come is still worked on.
 
     The second time, at once: whoever reads the lines may have stopped, and nothing would ever be worked on.

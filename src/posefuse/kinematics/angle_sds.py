@@ -1,4 +1,4 @@
-"""Standard deviations of joint angles, to first order, from the covariance of a pose. See docs/methods.md, "Joint angles".
+"""Standard deviations of joint angles, to first order, from the covariance of a pose. See docs/methods/angles.md.
 
 Finite differences give the derivatives of angles with respect to the parameters of the pose. Parameters on which no
 angle depends jointly are varied at the same time (Curtis, Powell and Reid 1974).

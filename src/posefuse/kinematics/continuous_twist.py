@@ -2,7 +2,7 @@
 
 :func:`posefuse.kinematics.twist.full_rotations` uses one frame at a time. When an elbow is extended, the plane in which
 it bends is unobserved for some frames and then observed elsewhere, so that the skin of a character would jump. This
-module also uses the surrounding frames. See docs/methods.md, "Figures for animation".
+module also uses the surrounding frames. See docs/methods/angles.md.
 """
 
 import numpy as np

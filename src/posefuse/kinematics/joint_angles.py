@@ -1,4 +1,4 @@
-"""Joint angles in degrees from turns of segments and directions of bones. See docs/methods.md, "Joint angles"."""
+"""Joint angles in degrees from turns of segments and directions of bones. See docs/methods/angles.md."""
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache

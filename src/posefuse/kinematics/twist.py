@@ -1,6 +1,6 @@
 """Twist of limbs, which keypoints do not show directly, from the plane in which the next bone bends.
 
-See docs/methods.md, "Joint angles".
+See docs/methods/angles.md.
 """
 
 from functools import lru_cache

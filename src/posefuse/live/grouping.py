@@ -1,10 +1,9 @@
-"""Views become frames: grouped by their times, waited for no longer than said, given in the order of time.
+"""Group views into frames by their times, with a bounded wait, in the order of time.
 
-A state machine: every call is told what time it is, nothing here looks at a clock, so that the same calls give the
-same frames.
+A state machine: every call receives the current time, and nothing reads a clock, so the same calls give the same frames.
 
-Two times are told apart. A view's own is what its sender says. The stream's goes forward alone and never jumps: it is
-the senders' time, moved where most cameras' clocks jumped alike.
+Two times are distinguished. Sender time is that of the messages. Stream time only moves forward and never jumps: it is
+sender time, shifted when the clocks of most cameras jumped alike.
 """
 
 import math
@@ -18,24 +17,24 @@ from posefuse.model.options.stream import StreamOptions
 from posefuse.model.view_message import SeenView
 
 Reason = Literal["complete", "overtaken", "waited", "crowded", "ended"]
-"""Why a frame went on: all cameras that are heard have it; a later one is complete; its time was up; too many wait;
-the stream jumped or ended."""
+"""Why a frame was released: all active cameras have it; a later one is complete; its wait expired; too many frames
+wait; the stream jumped or ended."""
 _REMEMBERED = 256
 _PERIODS = 3.0
-"""After so many of which without a message a camera has no say in what time it is."""
+"""Frame intervals without a message after which a camera does not contribute to the stream time."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """The views of one time.
+    """The views of one frame.
 
     Attributes:
-        time_s: of the first view that came, by its sender's clock.
-        shift_s: what makes stream time of senders' time.
-        views: by camera, None where it is missing.
-        first_s: when the first view arrived.
-        due_s: from when on nothing more was waited for.
-        reason: why it went on.
+        time_s: sender time of the first view that arrived.
+        shift_s: offset from sender time to stream time.
+        views: views by camera, None if missing.
+        first_s: arrival of the first view.
+        due_s: end of the wait.
+        reason: why the frame was released.
     """
 
     time_s: float
@@ -47,7 +46,7 @@ class Group:
 
     @property
     def complete(self) -> bool:
-        """Whether every camera of the rig has it."""
+        """Whether the frame has every camera."""
         return all(view is not None for view in self.views)
 
 
@@ -60,23 +59,23 @@ class _Open:
     last_s: float = field(compare=False)
     views: dict[int, SeenView] = field(compare=False)
     reached_s: float | None = field(default=None, compare=False)
-    """When most cameras had come to this time."""
+    """When most cameras had reached this time."""
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A message whose time nobody expected, and when it arrived."""
+    """A message with an unexpected time, and its arrival."""
 
     seen: SeenView
     now_s: float
 
 
 class Grouper:
-    """Takes views as they arrive, gives frames in the order of their times.
+    """Collect views as they arrive and release frames in the order of their times.
 
     Args:
-        n_views: how many cameras there are.
-        options: how long is waited, and for what.
+        n_views: number of cameras.
+        options: stream options.
     """
 
     def __init__(self, n_views: int, options: StreamOptions) -> None:
@@ -85,7 +84,7 @@ class Grouper:
         self.jumps = 0
         self.shift_s = 0.0
         self._by_messages = options.clock == "messages"
-        # Where messages alone tell the time, a camera that is ahead of the others does not make them silent.
+        # With the clock of the messages, a camera ahead of the others must not make them silent.
         self._silent_after_s = options.silent_after_s + (options.max_jump_s if self._by_messages else 0.0)
         self._open: list[_Open] = []
         self._ready: list[Group] = []
@@ -94,21 +93,21 @@ class Grouper:
         self._newest_s = [-math.inf] * n_views
         self._held: dict[int, _Held] = {}
         self._led_s: tuple[float, float] | None = None
-        """The time that most cameras have come to, by their clocks, and when that was."""
+        """Sender time that most cameras have reached, and when."""
         self._top_s = -math.inf
-        """The newest time that was believed."""
+        """Newest accepted time."""
         self._last_s = -math.inf
-        """When anything arrived."""
+        """Last arrival."""
         self._period_s = options.max_wait_s
         self._gone_s = -math.inf
-        """Of the last frame that went on, in the stream's time."""
+        """Stream time of the last released frame."""
 
     def take(self, seen: SeenView, now_s: float) -> None:
-        """A view arrives.
+        """Process an arriving view.
 
         Args:
             seen: the view.
-            now_s: the time, by any clock that goes forward alone.
+            now_s: current time of a monotonic clock.
         """
         self.counts[seen.view].received += 1
         self._hear(seen, now_s)
@@ -120,13 +119,13 @@ class Grouper:
         self._settle(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Time goes on without a message."""
+        """Advance the time without a message."""
         self._lead(now_s)
         self._settle(now_s)
 
     def end(self, now_s: float) -> None:
-        """Nothing more will come."""
-        # Whoever is a frame or two ahead of the others is believed now; where too few came to tell, everybody.
+        """End the input."""
+        # Accept cameras a frame or two ahead of the others now; all cameras if too few arrived.
         led_s = self._top_s if self._led_s is None else self._led_s[0] + 2.0 * self._period_s
         self._led_s = (led_s, now_s)
         for view in list(self._held):

@@ -1,37 +1,37 @@
-"""Bytes become lines, none longer and no more a second than said."""
+"""Split bytes into lines, with limits on their length and rate."""
 
 from codecs import BOM_UTF8
 
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.model.options.stream import StreamOptions
 
 TOO_LONG, TOO_FAST = "longer than max_line_bytes", "more than max_messages_hz"
 
 
 class LineSplitter:
-    """Cuts a stream of bytes into lines, in bounded memory.
+    """Split a stream of bytes into lines, in bounded memory.
 
     Args:
-        most_bytes: of a line; of longer ones nothing is kept.
+        most_bytes: maximum length of a line; longer ones are dropped.
     """
 
     def __init__(self, most_bytes: int) -> None:
         self.most_bytes = most_bytes
         self.number = 0
-        """Of the last line that ended."""
+        """Number of the last complete line."""
         self.too_long = 0
         self._begun = b""
         self._skipping = False
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Numbers from 1 on, and the lines that end in these bytes, without their ends; empty ones are left out."""
+        """Return numbers (from 1) and contents of the lines completed by these bytes; empty lines are skipped."""
         *ended, rest = data.split(b"\n")
         lines = []
         for piece in ended:
             self.number += 1
             whole = self._begun + piece
             if self.number == 1:
-                # What some editors and consoles put before a text.
+                # Byte order mark written by some editors and consoles.
                 whole = whole.removeprefix(BOM_UTF8)
             if self._skipping or len(whole) > self.most_bytes:
                 self.too_long += 1
@@ -46,16 +46,16 @@ class LineSplitter:
         return lines
 
     def end(self) -> list[tuple[int, bytes]]:
-        """The last line, where it lacks its end."""
+        """Return the last line if it has no line feed."""
         return self.feed(b"\n") if self._begun or self._skipping else []
 
 
 class Allowance:
-    """How many messages a sender may send: so many a second, and those of one second at once.
+    """Rate limit of a sender, with a burst of one second.
 
     Args:
-        rate_hz: on average.
-        now_s: the time.
+        rate_hz: average rate.
+        now_s: current time.
     """
 
     def __init__(self, rate_hz: float, now_s: float) -> None:
@@ -63,7 +63,7 @@ class Allowance:
         self._left, self._last_s = max(rate_hz, 1.0), now_s
 
     def spend(self, now_s: float) -> bool:
-        """Whether one more is allowed."""
+        """Return whether one more message is allowed."""
         earned = (now_s - self._last_s) * self.rate_hz
         self._left = min(max(self.rate_hz, 1.0), self._left + max(0.0, earned))
         self._last_s = now_s
@@ -74,34 +74,34 @@ class Allowance:
 
 
 class Sender:
-    """Whoever sends: puts lines into the inbox, and counts what it may not send.
+    """Add the lines of one sender to the queue and count those beyond its limits.
 
     Args:
-        inbox: where to.
-        options: of the stream.
-        limited: whether messages a second are; where the sender waits, there are never too many.
-        name: of the sender, where there are several.
+        queue: destination.
+        options: stream options.
+        limited: whether the rate is limited; not needed for a sender that waits.
+        name: name of the sender, if there are several.
     """
 
-    def __init__(self, inbox: Inbox, options: StreamOptions, *, limited: bool, name: str = "") -> None:
-        self._inbox, self._name = inbox, name
+    def __init__(self, queue: LineQueue, options: StreamOptions, *, limited: bool, name: str = "") -> None:
+        self._queue, self._name = queue, name
         self._splitter = LineSplitter(options.max_line_bytes)
-        self._allowance = Allowance(options.max_messages_hz, inbox.clock()) if limited else None
+        self._allowance = Allowance(options.max_messages_hz, queue.clock()) if limited else None
 
     def feed(self, data: bytes) -> None:
-        """Bytes came in."""
+        """Process received bytes."""
         self._put(self._splitter.feed(data))
 
     def end(self) -> None:
-        """No more will."""
+        """Process the end of the input."""
         self._put(self._splitter.end())
 
     def _put(self, lines: list[tuple[int, bytes]]) -> None:
         for _ in range(self._splitter.too_long):
-            self._inbox.lose(TOO_LONG)
+            self._queue.lose(TOO_LONG)
         self._splitter.too_long = 0
         for number, line in lines:
-            if self._allowance is None or self._allowance.spend(self._inbox.clock()):
-                self._inbox.put(line, self._name, number)
+            if self._allowance is None or self._allowance.spend(self._queue.clock()):
+                self._queue.put(line, self._name, number)
             else:
-                self._inbox.lose(TOO_FAST)
+                self._queue.lose(TOO_FAST)

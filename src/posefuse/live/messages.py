@@ -1,4 +1,4 @@
-"""People as the lines of a stream tell of them."""
+"""Output records of people in a stream."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ from posefuse.tracking.records import Person
 _LABELS = {int(code): code.label for code in PointStatus}
 
 
-def told_person(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
-    """One person, by name of what is told.
+def person_record(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
+    """Return the output record of one person.
 
     Args:
-        person: as followed.
-        place: among the people of the frame.
-        measured: of all of them.
-        cameras: names.
+        person: tracked person.
+        place: index among the people of the frame.
+        measured: measured points of all people.
+        cameras: camera names.
     """
     points = measured.points_m[place]
     return {

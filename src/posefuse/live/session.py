@@ -9,10 +9,10 @@ import numpy as np
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, LineReader, RejectedLine, encoded
-from posefuse.live.alarms import Alarms
+from posefuse.live.camera_warnings import CameraWarnings
 from posefuse.live.grouping import Group, Grouper
 from posefuse.live.measured_points import PointTriangulator
-from posefuse.live.messages import told_events, told_person
+from posefuse.live.messages import person_record, told_events
 from posefuse.live.statistics import Latencies, StreamCounts, ViewCounts
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -63,7 +63,7 @@ class Session:
         self.rig, self.skeleton, self.stream = rig, find_skeleton(skeleton), stream
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)
-        self._alarms = Alarms(rig.names)
+        self._alarms = CameraWarnings(rig.names)
         self._reader = LineReader(rig.names, len(self.skeleton), stream.max_view_people)
         self._tracker = Tracker(rig, self.skeleton, options)
         self._measuring = PointTriangulator.of(rig, self.skeleton, options)
@@ -136,14 +136,14 @@ class Session:
             return None
         self._frames += 1
         measured = self._measuring.points(frame, people)
-        told = [told_person(person, i, measured, self.rig.names) for i, person in enumerate(people.people)]
+        told = [person_record(person, i, measured, self.rig.names) for i, person in enumerate(people.people)]
         latency_s = None if self.stream.clock == "messages" else max(0.0, clock() - group.due_s)
         self._count(group, latency_s)
         return self._line(group, people, told, latency_s)
 
     def alarms(self, now_s: float) -> list[str]:
         """What has gone wrong since the last call, or is over, in sentences."""
-        return self._alarms.look(self.grouper.counts, self.grouper.silent(now_s), self.grouper.jumps)
+        return self._alarms.check(self.grouper.counts, self.grouper.silent(now_s), self.grouper.jumps)
 
     def report_line(self, *, last: bool) -> bytes:
         """What was counted so far.

@@ -1,4 +1,4 @@
-"""Everything compiled and loaded before the first frame: that takes seconds, which nobody has who is live."""
+"""Compile and load everything before the first frame, which takes seconds."""
 
 import time
 from dataclasses import replace
@@ -15,20 +15,20 @@ _SCENE = CrowdOptions("crowd", people=2, cameras=4, duration_s=1.0, seed=0)
 
 
 def warm_up(session: Session, options: Options) -> None:
-    """Follow two simulated people for a second, by the same kernels as whoever is to come.
+    """Track two simulated people for a second with the kernels of the coming stream.
 
     Args:
-        session: that is to come; nothing is done to it.
-        options: of it.
+        session: session of the stream; it is not changed.
+        options: options of the stream.
     """
     _, distorted, fisheye = session.rig.packed
     lens = "fisheye" if fisheye else "pinhole" if distorted is None else "barrel"
     try:
         scene = simulate_crowd(replace(_SCENE, lens=lens, skeleton=options.skeleton or _SCENE.skeleton))
     except PosefuseError:
-        # No human: the kernels are the same.
+        # Not a human skeleton; the kernels are the same.
         scene = simulate_crowd(replace(_SCENE, lens=lens))
-    # What was warned of is not warned of again, and what is of one rig or body is left out.
+    # Leave out options that warn or that depend on the rig or body.
     tracker = replace(options.tracker, known_m=(), stature_m=None)
     options = Options(triangulation=options.triangulation, association=options.association, tracker=tracker)
     trial = Session(scene.rig, scene.detections.skeleton, options, StreamOptions(clock="messages"))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from posefuse.errors import OptionsError
 from posefuse.live.addresses import parse_address
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.live.lines import Allowance, LineSplitter, Sender
 from posefuse.live.statistics import Latencies
 from posefuse.model.options.stream import StreamOptions
@@ -46,7 +46,7 @@ def test_what_stands_before_a_text_is_no_part_of_its_first_line():
 
 
 def test_a_line_is_known_by_its_sender_and_number():
-    inbox = Inbox(10, waits=False)
+    inbox = LineQueue(10, waits=False)
     Sender(inbox, StreamOptions(), limited=False).feed(b"\na\n")
     Sender(inbox, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
     assert [each.origin for each in inbox.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
@@ -59,7 +59,7 @@ def test_so_many_a_second_and_those_of_one_at_once():
 
 
 def test_a_flood_is_counted():
-    inbox = Inbox(1000, waits=False, clock=lambda: 0.0)
+    inbox = LineQueue(1000, waits=False, clock=lambda: 0.0)
     sender = Sender(inbox, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
     sender.feed(b"a\n" * 7 + b"much too long\n")
     assert [each.line for each in inbox.take(0.0)[0]] == [b"a"] * 5
@@ -67,15 +67,15 @@ def test_a_flood_is_counted():
 
 
 def test_the_oldest_are_dropped_and_counted():
-    inbox = Inbox(3, waits=False)
+    inbox = LineQueue(3, waits=False)
     for i in range(5):
         inbox.put(b"%d" % i)
     assert [each.line for each in inbox.take(0.0)[0]] == [b"2", b"3", b"4"]
-    assert inbox.lost == {"too many waited": 2}
+    assert inbox.lost == {"queue full": 2}
 
 
 def test_the_sender_waits_where_it_is_to():
-    inbox = Inbox(3, waits=True)
+    inbox = LineQueue(3, waits=True)
     thread = threading.Thread(target=lambda: [inbox.put(b"%d" % i) for i in range(50)])
     thread.start()
     taken = []
@@ -88,13 +88,13 @@ def test_the_sender_waits_where_it_is_to():
 
 
 def test_nothing_waits_for_ever_for_a_closed_inbox():
-    inbox = Inbox(1, waits=True)
+    inbox = LineQueue(1, waits=True)
     inbox.put(b"a")
     inbox.close()
     inbox.put(b"b")
     assert not inbox.finished
     assert [each.line for each in inbox.take(60.0)[0]] == [b"a"]
-    assert inbox.lost == {"came after the end": 1}
+    assert inbox.lost == {"received after the end": 1}
     assert inbox.finished
     assert inbox.take(60.0)[0] == []
 

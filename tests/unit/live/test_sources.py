@@ -16,7 +16,7 @@ import pytest
 
 from posefuse.errors import StreamError
 from posefuse.live.addresses import Address, parse_address
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.live.sources import Source
 from posefuse.model.options.stream import StreamOptions
 
@@ -25,8 +25,8 @@ PATIENCE_S = 20.0
 
 
 @contextmanager
-def receiving(text: str, options: StreamOptions = OPTIONS) -> Iterator[tuple[Address, Inbox]]:
-    inbox = Inbox(options.queue_messages, waits=False)
+def receiving(text: str, options: StreamOptions = OPTIONS) -> Iterator[tuple[Address, LineQueue]]:
+    inbox = LineQueue(options.queue_messages, waits=False)
     source = Source(parse_address(text), inbox, options)
     try:
         yield source.start(), inbox
@@ -35,7 +35,7 @@ def receiving(text: str, options: StreamOptions = OPTIONS) -> Iterator[tuple[Add
         assert not source._thread.is_alive()
 
 
-def taken(inbox: Inbox, number: int) -> list[bytes]:
+def taken(inbox: LineQueue, number: int) -> list[bytes]:
     lines: list[bytes] = []
     until = time.monotonic() + PATIENCE_S
     while len(lines) < number and time.monotonic() < until:

@@ -1,4 +1,4 @@
-"""The strategy `posefuse`: log odds, tempered noise model, propagated covariance. See docs/methods.md, "People"."""
+"""The strategy `posefuse`: log odds, tempered noise model, propagated covariance. See docs/methods/tracking.md."""
 
 import math
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """The strategy `specification`: the specification's own scores, noise recursion, prior and distance of proposals.
 
 The terms are those of the specification, with the minus signs that its displayed equations have lost, and with seconds
-for frames and standard deviations for pixels. See docs/methods.md, "The specification's own terms". The strategy serves
+for frames and standard deviations for pixels. See docs/methods/specification.md. The strategy serves
 comparisons and uses plain NumPy.
 """
 
