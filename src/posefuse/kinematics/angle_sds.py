@@ -66,7 +66,8 @@ def axes_covariance(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray, c
         covariance: shape (frame, pose, pose).
 
     Returns:
-        shape (frame, 3, 3): covariance of a small turn about these axes, degrees^2; NaN where the twist is not observed.
+        shape (frame, 3, 3): covariance of a small turn about these axes, degrees^2; NaN where the twist is not
+            observed.
     """
     groups, depends = _groups(tree, at)
     out = np.empty((len(turns), 3, 3))

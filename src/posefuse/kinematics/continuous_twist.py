@@ -51,9 +51,9 @@ def _carrying(tree: Tree) -> set[int]:
 def smooth_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray, step_s: float) -> np.ndarray:
     """Return rotations of bones with a smooth twist: world from bone, shape (frame, bone, 3, 3).
 
-    The axes are those of :func:`posefuse.kinematics.twist.full_rotations`. A bone's twist relative to the least rotation
-    is the circular mean of the twists that the plane of the bend shows in the surrounding frames, weighted by the
-    squared sine of the bend (the error of the twist is inversely proportional to the sine) and by a Gaussian of
+    The axes are those of :func:`posefuse.kinematics.twist.full_rotations`. A bone's twist relative to the least
+    rotation is the circular mean of the twists that the plane of the bend shows in the surrounding frames, weighted by
+    the squared sine of the bend (the error of the twist is inversely proportional to the sine) and by a Gaussian of
     ``SMOOTH_S``. The same Gaussian smooths that mean once more. The last bone of a chain follows from the one before by
     the least rotation.
 

@@ -14,8 +14,8 @@ _CARRIER_SHARE = 1e-3
 def pose_of_points(tree: Tree, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return turns of segments and directions of bones from points.
 
-    A segment's turn is the least-squares fit of its points and its pivot to those of an average body (Kabsch 1976); that
-    of the root also uses the points of segments at the root. A bone points from one end to the other.
+    A segment's turn is the least-squares fit of its points and its pivot to those of an average body (Kabsch 1976);
+    that of the root also uses the points of segments at the root. A bone points from one end to the other.
 
     Args:
         tree: Tree of the body.

@@ -23,9 +23,9 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
     """Return rotations of bones with a twist: world from bone.
 
     The third axis points along the bone. The second is the axis about which the next bone bends (for the last bone of a
-    chain, the bone before it), to the person's left when standing straight. Below a bend of 5 degrees, the twist is that
-    of the least rotation from rest relative to the carrier; above 15 degrees, the plane of the bend defines it; between
-    them, the twist is interpolated.
+    chain, the bone before it), to the person's left when standing straight. Below a bend of 5 degrees, the twist is
+    that of the least rotation from rest relative to the carrier; above 15 degrees, the plane of the bend defines it;
+    between them, the twist is interpolated.
 
     Args:
         tree: Tree of the body.
@@ -106,7 +106,10 @@ def least_rotation(
 
 
 def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the least rotation between unit vectors, shape (..., 3, 3); an arbitrary half turn if they are opposite."""
+    """Return the least rotation between unit vectors, shape (..., 3, 3).
+
+    An arbitrary half turn if they are opposite.
+    """
     cosine = np.einsum("...i,...i->...", start, end)
     normal = cross(start, end)
     x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]

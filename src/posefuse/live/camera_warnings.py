@@ -47,7 +47,8 @@ class CameraWarnings:
         self._jumps = jumps
         if self._jumpy == 2:
             warnings.append(
-                "The clocks of most cameras jump repeatedly. time_s must be in seconds; check that it is not in milliseconds."
+                "The clocks of most cameras jump repeatedly. time_s must be in seconds; check that it is not in "
+                "milliseconds."
             )
         return warnings
 

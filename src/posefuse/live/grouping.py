@@ -1,6 +1,7 @@
 """Group views into frames by their times, with a bounded wait, in the order of time.
 
-A state machine: every call receives the current time, and nothing reads a clock, so the same calls give the same frames.
+A state machine: every call receives the current time, and nothing reads a clock, so the same calls give the same
+frames.
 
 Two times are distinguished. Sender time is that of the messages. Stream time only moves forward and never jumps: it is
 sender time, shifted when the clocks of most cameras jumped alike.
@@ -133,21 +134,21 @@ class Grouper:
         self._close_all(now_s)
 
     def ready(self) -> list[Group]:
-        """The frames that went on since the last call, in the order of their times."""
+        """Return the frames released since the last call, in the order of their times."""
         ready, self._ready = self._ready, []
         return ready
 
     def wakes_at_s(self) -> float | None:
-        """When the next frame's time is up, if nothing comes; None if none waits for that."""
+        """Return when the next frame expires without further messages; None if no frame waits."""
         return self._up_s(self._open[0]) if self._open and not self._by_messages else None
 
     def silent(self, now_s: float) -> list[bool]:
-        """Which cameras are not waited for."""
+        """Return which cameras are silent and not waited for."""
         now_s = self._top_s if self._by_messages else now_s
         return [now_s - heard > self._silent_after_s for heard in self._heard_s]
 
     def _hear(self, seen: SeenView, now_s: float) -> None:
-        """A camera is there; after a pause of all, those that were there before it are waited for again."""
+        """Mark a camera as active; after a pause of all cameras, those active before it are waited for again."""
         if self._by_messages:
             return
         if now_s - self._last_s > self._silent_after_s:
@@ -155,7 +156,7 @@ class Grouper:
         self._last_s = self._heard_s[seen.view] = now_s
 
     def _expect(self, from_s: float, last_s: float) -> None:
-        """Wait for all cameras that were not silent at a time, or for all at first."""
+        """Wait for all cameras that were active at a time, or for all at the start."""
         first = not math.isfinite(max(self._heard_s))
         self._heard_s = [
             from_s if first or last_s - heard <= self._silent_after_s else heard for heard in self._heard_s
@@ -164,18 +165,18 @@ class Grouper:
     # Clocks that jump.
 
     def _off_clock(self, seen: SeenView, now_s: float) -> bool:
-        """Whether a time is neither near the newest nor where that should be by now."""
+        """Return whether a time is neither near the newest time nor where that should be by now."""
         if self._led_s is None:
             return False
         time_s, (newest_s, arrived_s), most_s = seen.time_s, self._led_s, self.options.max_jump_s
         if self._by_messages and 0.0 < time_s - self._newest_s[seen.view] <= most_s:
-            # It goes on as it did: most others may be dead, which messages tell by being so far ahead of theirs.
+            # The camera continues as before: most others may have failed, since its messages are so far ahead.
             return time_s > newest_s + self._silent_after_s + 2.0 * self._period_s
         gone_s = 0.0 if self._by_messages else now_s - arrived_s
         return not newest_s - most_s <= time_s <= newest_s + gone_s + most_s
 
     def _hold(self, seen: SeenView, now_s: float) -> None:
-        """Keep the message until it is clear whether its camera's clock is wrong or all others' have jumped too."""
+        """Hold the message until it is clear whether its camera's clock is wrong or all others jumped too."""
         self._let_go(seen.view)
         mine = self._held[seen.view] = _Held(seen, now_s)
         like = [view for view, held in self._held.items() if self._agree(held, mine)]
@@ -190,7 +191,7 @@ class Grouper:
         return abs(apart_s) <= self.options.max_jump_s
 
     def _let_go(self, view: int) -> None:
-        """What was held of a camera is of no use: count it."""
+        """Drop and count the held message of a camera."""
         held = self._held.pop(view, None)
         if held is None:
             return
@@ -199,13 +200,13 @@ class Grouper:
         self.counts[view].late += not ahead
 
     def _jump(self, held: list[_Held], now_s: float) -> None:
-        """Go on in the senders' new time; the stream's goes on as if nothing had happened."""
+        """Continue with the new sender time; the stream time continues without a jump."""
         assert self._led_s is not None
         newest_s, arrived_s = self._led_s
         self._close_all(now_s)
         newest_s = max(newest_s, self._past[-1][0] if self._past else -math.inf)
         first = min(held, key=lambda each: each.seen.time_s)
-        # Messages alone tell the time in replays: a gap is one, and what goes back goes on after a frame.
+        # In replays only messages define the time: a gap is a gap, and time that goes back continues after one frame.
         ahead_s = first.seen.time_s - newest_s if self._by_messages else first.now_s - arrived_s
         if not (self._by_messages and ahead_s >= self._period_s):
             self.shift_s += newest_s + max(ahead_s, self._period_s) - first.seen.time_s
@@ -246,19 +247,19 @@ class Grouper:
         count.out_of_order += seen.time_s < newest_s
 
     def _of_time(self, time_s: float) -> _Open | None:
-        """The waiting frame of that time."""
+        """Return the waiting frame of a time, or None."""
         near = [each for each in self._open if abs(each.time_s - time_s) <= self.options.same_time_s]
         return min(near, key=lambda each: abs(each.time_s - time_s), default=None)
 
     def _past_of(self, time_s: float) -> frozenset[int] | None:
-        """Who was in the frame of that time, if it has gone on; nobody, if it is of before and there was none."""
+        """Return the cameras of the released frame of a time; an empty set for an earlier time without a frame."""
         if time_s + self.shift_s > self._gone_s + self.options.same_time_s:
             return None
         near = [each for each in self._past if abs(each[0] - time_s) <= self.options.same_time_s]
         return min(near, key=lambda each: abs(each[0] - time_s))[1] if near else frozenset()
 
     def _settle(self, now_s: float) -> None:
-        """Let frames go on that have waited long enough."""
+        """Release frames whose wait has expired."""
         for frame in self._open:
             if frame.reached_s is None and self._reached(frame):
                 frame.reached_s = now_s
@@ -276,7 +277,7 @@ class Grouper:
                 return
 
     def _make_room(self, now_s: float) -> None:
-        """Of too many frames that wait, the first goes on; but before it goes what one camera alone has come to.
+        """If too many frames wait, release the first; but first drop times that only one camera has reached.
 
         Its clock is ahead: the others' frames are not to suffer from that.
         """
@@ -287,7 +288,7 @@ class Grouper:
             self._drop(last)
 
     def _lead(self, now_s: float) -> None:
-        """Find the time that half of the cameras that are heard have come to, and two at least, if two are."""
+        """Find the time that half of the active cameras, and at least two, have reached."""
         lately_s = self.options.max_wait_s + _PERIODS * self._period_s
         times_s = sorted(
             self._newest_s[view]
@@ -297,19 +298,19 @@ class Grouper:
         most = min(max(2, (len(times_s) + 1) // 2), len(times_s))
         agreed_s = times_s[-most] if most else -math.inf
         if most == 1 and self._led_s is not None and not self._by_messages:
-            # One camera alone is believed what time it is as far as time has gone.
+            # A single camera defines the time only as far as the clock has advanced.
             agreed_s = min(agreed_s, self._led_s[0] + now_s - self._led_s[1])
         if agreed_s > (-math.inf if self._led_s is None else self._led_s[0]):
             self._led_s = (agreed_s, now_s)
 
     def _waited(self, head: _Open, now_s: float) -> bool:
-        """Whether a frame's time is up, and it is no time that one camera alone has come to, whose clock is ahead."""
+        """Return whether a frame has expired and is not a time that only one camera, ahead of the others, has reached."""
         if self._by_messages:
             return self._led_s is not None and self._led_s[0] >= head.time_s + self.options.max_wait_s
         return head.reached_s is not None and now_s >= self._up_s(head)
 
     def _up_s(self, frame: _Open) -> float:
-        """When a frame's time is up: counted from its first view, but from when most came to it if that was later."""
+        """Return when a frame expires: counted from its first view, or from when most cameras reached it if later."""
         wait_s = self.options.max_wait_s
         reached_s = frame.first_s if frame.reached_s is None else frame.reached_s
         return (reached_s if reached_s > frame.first_s + wait_s else frame.first_s) + wait_s
@@ -321,12 +322,12 @@ class Grouper:
         if len(frame.views) + sum(silent) < len(silent):
             return False
         if all(silent) and not self._by_messages and not self._reached(frame):
-            # One camera alone came to it, and now nobody says anything: that makes its clock no better.
+            # Only one camera reached it, and now all are silent, which does not confirm its clock.
             return False
         return all(view in frame.views or quiet for view, quiet in enumerate(silent))
 
     def _close_all(self, now_s: float) -> None:
-        """Whatever waits goes on, but for times that one camera alone has come to."""
+        """Release all waiting frames, except times that only one camera has reached."""
         for frame in list(self._open):
             if self._reached(frame):
                 self._close(frame, now_s, "ended")
@@ -334,7 +335,7 @@ class Grouper:
             self._drop(frame)
 
     def _drop(self, frame: _Open) -> None:
-        """What was taken for a frame is none."""
+        """Discard a frame that was not one."""
         self._open.remove(frame)
         for view in frame.views:
             self.counts[view].early += 1

@@ -117,7 +117,8 @@ class TrackerSettings(PickledByFields):
 def filter_memory_s(
     n_views: np.ndarray, single_view_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions
 ) -> np.ndarray:
-    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape (track,).
+    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape
+    (track,).
 
     Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
     filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an

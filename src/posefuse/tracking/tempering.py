@@ -1,9 +1,9 @@
 """The filter run again with less information per frame, from its states alone.
 
-The information of a frame about a body is the difference that the update made: with P' and P the covariances of pose and
-shape before and after the update, m' and m the means, the log likelihood has the curvature P^-1 - P'^-1 and at m the
-gradient P'^-1 (m - m'). Correlated errors leave a fraction of both. No detections are needed, and each frame costs a few
-products of small matrices. See docs/methods/smoothing.md.
+The information of a frame about a body is the difference that the update made: with P' and P the covariances of pose
+and shape before and after the update, m' and m the means, the log likelihood has the curvature P^-1 - P'^-1 and at m
+the gradient P'^-1 (m - m'). Correlated errors leave a fraction of both. No detections are needed, and each frame costs
+a few products of small matrices. See docs/methods/smoothing.md.
 """
 
 from dataclasses import dataclass

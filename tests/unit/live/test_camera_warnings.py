@@ -31,7 +31,9 @@ def test_a_wrong_clock_is_reported_with_its_direction():
     warnings, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
     for count, used in ((counts[0], 25), (counts[1], 0)):
         count.received, count.used, count.early = 25, used, 25 - used
-    assert warnings.check(counts, GOOD, 0) == ["right sends times ahead of the others' clocks; its messages are dropped."]
+    assert warnings.check(counts, GOOD, 0) == [
+        "right sends times ahead of the others' clocks; its messages are dropped."
+    ]
     counts[1].received, counts[1].late = 50, 25
     assert warnings.check(counts, GOOD, 0) == [
         "right sends times behind the others, or too late; its messages are dropped."

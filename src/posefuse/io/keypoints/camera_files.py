@@ -78,7 +78,7 @@ def _is_damaged_camera(file: Path, kind: FileKind) -> bool:
 
 
 def _candidates(path: Path, pattern: str, kind: FileKind) -> list[Path]:
-    """Return visible files with the suffixes, or none if there are so many that they must be frames, not cameras."""
+    """Return visible files with the suffixes, or none if there are too many to be cameras."""
     files = [file for file in path.glob(pattern) if file.suffix in kind.suffixes and not file.name.startswith(".")]
     return [file for file in files if file.is_file()] if len(files) <= _MAX_FILES else []
 

@@ -20,7 +20,7 @@ BODY = "body_25"
 
 @dataclass(frozen=True)
 class KeypointList:
-    """A list of keypoints beside that of the body.
+    """A list of keypoints in addition to that of the body.
 
     Attributes:
         key: Key of the list in the files.

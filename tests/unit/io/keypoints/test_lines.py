@@ -11,7 +11,7 @@ from posefuse.io.keypoints import replay
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.keypoint_files import WRITERS
-from tests.unit.io.test_keypoint_formats import some
+from tests.unit.io.keypoints.test_keypoint_formats import some
 
 
 def written(tmp_path):

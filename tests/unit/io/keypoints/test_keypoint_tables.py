@@ -15,7 +15,7 @@ from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.recording import find_recording
 from tests.keypoint_files import WRITERS
-from tests.unit.io.test_keypoint_formats import BODY, some
+from tests.unit.io.keypoints.test_keypoint_formats import BODY, some
 
 HEADER = "camera,frame,time_s,person,track,keypoint,x_px,y_px,confidence"
 

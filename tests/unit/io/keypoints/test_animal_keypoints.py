@@ -10,17 +10,17 @@ import posefuse
 from posefuse.errors import FileError
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from tests import keypoint_files
-from tests.unit.io.test_keypoint_formats import some
+from tests.unit.io.keypoints.test_keypoint_formats import some
 
-PARTS = ("nose", "ear_L", "ear_R", "tail")
+CHECKPOINT_FOLDER = ("nose", "ear_L", "ear_R", "tail")
 
 
 def write_deeplabcut(file, values):
     """Return values of shape (frame, part, 3)."""
     rows = [
-        ["scorer"] + ["net"] * 3 * len(PARTS),
-        ["bodyparts"] + [part for part in PARTS for _ in range(3)],
-        ["coords"] + ["x", "y", "likelihood"] * len(PARTS),
+        ["scorer"] + ["net"] * 3 * len(CHECKPOINT_FOLDER),
+        ["bodyparts"] + [part for part in CHECKPOINT_FOLDER for _ in range(3)],
+        ["coords"] + ["x", "y", "likelihood"] * len(CHECKPOINT_FOLDER),
         *[[n, *["" if np.isnan(v) else repr(float(v)) for v in row.ravel()]] for n, row in enumerate(values)],
     ]
     file.write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
@@ -31,7 +31,7 @@ def write_sleap(file, pixels, scores):
     with h5py.File(file, "w") as content:
         content["tracks"] = pixels.transpose(0, 3, 2, 1)
         content["point_scores"] = scores.transpose(0, 2, 1)
-        content["node_names"] = np.array([part.encode() for part in PARTS])
+        content["node_names"] = np.array([part.encode() for part in CHECKPOINT_FOLDER])
         content["edge_inds"] = np.array([[0, 1], [0, 2], [0, 3]])
 
 
@@ -48,7 +48,7 @@ def test_deeplabcut_survives_a_round_trip(tmp_path, values):
         write_deeplabcut(tmp_path / f"trial_1_Cam-{name}_resnet.csv", values + np.array([shift, 0.0, 0.0]))
     found = posefuse.read_detections(tmp_path)
     assert found.view_names == ("Cam-A", "Cam-B", "Cam-C")
-    assert found.skeleton.keypoints == PARTS
+    assert found.skeleton.keypoints == CHECKPOINT_FOLDER
     assert found.skeleton.pairs == (("ear_L", "ear_R"),)
     assert found.n_frames == 7
     pixels = np.asarray(found.keypoints_px).reshape(7, 3, 4, 2)
