@@ -30,7 +30,9 @@ def test_a_copied_camera_is_located_by_the_corners_of_a_board(shared_data):
     assert result.rig["side"].matrix[0, 0] == pytest.approx(good["side"].matrix[0, 0], rel=0.01)
     kept_back, _ = board.dense()
     points = posefuse.triangulate(good, board, ONE).layers["measured"].points_m[held_out_frames(board.n_frames), 0]
-    error = np.linalg.norm(result.rig["side"].project(points)[0] - kept_back[held_out_frames(board.n_frames), 2], axis=-1)
+    error = np.linalg.norm(
+        result.rig["side"].project(points)[0] - kept_back[held_out_frames(board.n_frames), 2], axis=-1
+    )
     assert np.nanmedian(error) < 1.0
 
 

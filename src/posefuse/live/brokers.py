@@ -1,4 +1,4 @@
-"""Lines from ZeroMQ and NATS; each message is one line, or several."""
+"""Receive lines from ZeroMQ and NATS; each message holds one or more lines."""
 
 import asyncio
 import socket
@@ -9,35 +9,38 @@ from typing import Any
 
 from posefuse.errors import StreamError
 from posefuse.live.addresses import Address
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.live.lines import Sender
 from posefuse.model.options.stream import StreamOptions
 
-_LOOK_MS = 100
-_MOST_HELD = 256
-"""Messages of a peer that ZeroMQ keeps, each of up to ``max_line_bytes``, until they are taken."""
+_POLL_MS = 100
+_MAX_BUFFERED = 256
+"""Maximum number of messages that ZeroMQ buffers per peer, each of up to ``max_line_bytes``."""
 _CONNECT_S = 5.0
 _EXTRA = "Install it: pip install 'posefuse[live]'."
 
 
 def open_zeromq(
-    address: Address, inbox: Inbox, options: StreamOptions, stop: threading.Event, limited: bool
+    address: Address, queue: LineQueue, options: StreamOptions, stop: threading.Event, limited: bool
 ) -> tuple[Address, Callable[[], None]]:
-    """Bind a PULL socket, or connect a SUB socket; where it listens, and what receives until told to stop.
+    """Bind a PULL socket, or connect a SUB socket.
+
+    Returns:
+        The address, with the port if the system chose it, and a function that receives until ``stop`` is set.
 
     Raises:
-        StreamError: if pyzmq is not there, or the address cannot be listened on.
+        StreamError: if pyzmq is not installed, or the socket cannot be bound.
     """
     try:
         import zmq
     except ImportError:
-        raise StreamError(f"{address} needs pyzmq, which is not there. {_EXTRA}") from None
+        raise StreamError(f"{address} needs pyzmq, which is not installed. {_EXTRA}") from None
     pulls = address.kind == "zmq+pull"
     context = zmq.Context()
     receiver: Any = context.socket(zmq.PULL if pulls else zmq.SUB)
     receiver.setsockopt(zmq.LINGER, 0)
     receiver.setsockopt(zmq.MAXMSGSIZE, options.max_line_bytes)
-    receiver.setsockopt(zmq.RCVHWM, min(options.queue_messages, _MOST_HELD))
+    receiver.setsockopt(zmq.RCVHWM, min(options.queue_messages, _MAX_BUFFERED))
     try:
         if pulls:
             receiver.bind(f"tcp://{address.host}:{address.port or '*'}")
@@ -50,11 +53,11 @@ def open_zeromq(
         raise StreamError(f"Cannot open {address}: {error.strerror}.") from None
 
     def work() -> None:
-        sender = Sender(inbox, options, limited=limited)
+        sender = Sender(queue, options, limited=limited)
         try:
             while not stop.is_set():
-                if receiver.poll(_LOOK_MS):
-                    # A publisher may put a topic before the message.
+                if receiver.poll(_POLL_MS):
+                    # A publisher may send a topic before the message.
                     sender.feed(receiver.recv_multipart()[-1] + b"\n")
         finally:
             context.destroy(linger=0)
@@ -63,17 +66,17 @@ def open_zeromq(
 
 
 def open_nats(
-    address: Address, inbox: Inbox, options: StreamOptions, stop: threading.Event, limited: bool
+    address: Address, queue: LineQueue, options: StreamOptions, stop: threading.Event, limited: bool
 ) -> Callable[[], None]:
-    """What subscribes to a subject and receives until told to stop; lost connections are taken up again.
+    """Return a function that subscribes to a subject and receives until ``stop`` is set, reconnecting when necessary.
 
     Raises:
-        StreamError: if nats-py is not there, or no server is.
+        StreamError: if nats-py is not installed, or no server can be reached.
     """
     try:
         import nats
     except ImportError:
-        raise StreamError(f"{address} needs nats-py, which is not there. {_EXTRA}") from None
+        raise StreamError(f"{address} needs nats-py, which is not installed. {_EXTRA}") from None
 
     server = f"nats://{address.host}:{address.port}"
     try:
@@ -82,24 +85,24 @@ def open_nats(
         raise StreamError(f"Cannot reach a NATS server at {server}: {error}. Is it running?") from None
 
     async def receive() -> None:
-        sender = Sender(inbox, options, limited=limited)
+        sender = Sender(queue, options, limited=limited)
 
         async def take(message: Any) -> None:
             sender.feed(message.data + b"\n")
 
         async def ignore(_: Exception) -> None:
-            """It tries again; meanwhile no messages come, which is counted as missing."""
+            """Do nothing: the client reconnects, and lost messages are counted as missing."""
 
-        # Once reached, it is sought again for ever.
+        # After the first connection the client reconnects without limit.
         connecting = nats.connect(server, connect_timeout=_CONNECT_S, max_reconnect_attempts=-1, error_cb=ignore)
         try:
             client = await asyncio.wait_for(connecting, 2.0 * _CONNECT_S)
         except Exception as error:
             why = str(error) or type(error).__name__
-            raise StreamError(f"No NATS server answers at {server}: {why}. Is it one?") from None
+            raise StreamError(f"No NATS server answers at {server}: {why}. Check the address.") from None
         await client.subscribe(address.name, cb=take, pending_msgs_limit=options.queue_messages)
         while not stop.is_set():
-            await asyncio.sleep(_LOOK_MS / 1000.0)
+            await asyncio.sleep(_POLL_MS / 1000.0)
         await client.close()
 
     return lambda: asyncio.run(receive())

@@ -1,37 +1,37 @@
-"""Bytes become lines, none longer and no more a second than said."""
+"""Split bytes into lines of limited length and rate."""
 
 from codecs import BOM_UTF8
 
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.model.options.stream import StreamOptions
 
 TOO_LONG, TOO_FAST = "longer than max_line_bytes", "more than max_messages_hz"
 
 
 class LineSplitter:
-    """Cuts a stream of bytes into lines, in bounded memory.
+    """Splits a stream of bytes into lines in bounded memory.
 
     Args:
-        most_bytes: of a line; of longer ones nothing is kept.
+        most_bytes: maximum length of a line; longer lines are dropped.
     """
 
     def __init__(self, most_bytes: int) -> None:
         self.most_bytes = most_bytes
         self.number = 0
-        """Of the last line that ended."""
+        """Number of the last complete line."""
         self.too_long = 0
         self._begun = b""
         self._skipping = False
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Numbers from 1 on, and the lines that end in these bytes, without their ends; empty ones are left out."""
+        """Return the non-empty lines that end in these bytes, with their numbers from 1 on."""
         *ended, rest = data.split(b"\n")
         lines = []
         for piece in ended:
             self.number += 1
             whole = self._begun + piece
             if self.number == 1:
-                # What some editors and consoles put before a text.
+                # Some editors and consoles write a byte order mark.
                 whole = whole.removeprefix(BOM_UTF8)
             if self._skipping or len(whole) > self.most_bytes:
                 self.too_long += 1
@@ -46,16 +46,16 @@ class LineSplitter:
         return lines
 
     def end(self) -> list[tuple[int, bytes]]:
-        """The last line, where it lacks its end."""
+        """Return the last line if it has no line ending."""
         return self.feed(b"\n") if self._begun or self._skipping else []
 
 
-class Allowance:
-    """How many messages a sender may send: so many a second, and those of one second at once.
+class RateLimiter:
+    """Limits the rate of messages, allowing bursts of one second.
 
     Args:
-        rate_hz: on average.
-        now_s: the time.
+        rate_hz: maximum average rate.
+        now_s: current time.
     """
 
     def __init__(self, rate_hz: float, now_s: float) -> None:
@@ -63,7 +63,7 @@ class Allowance:
         self._left, self._last_s = max(rate_hz, 1.0), now_s
 
     def spend(self, now_s: float) -> bool:
-        """Whether one more is allowed."""
+        """Return whether one more message is allowed, and count it."""
         earned = (now_s - self._last_s) * self.rate_hz
         self._left = min(max(self.rate_hz, 1.0), self._left + max(0.0, earned))
         self._last_s = now_s
@@ -74,26 +74,26 @@ class Allowance:
 
 
 class Sender:
-    """Whoever sends: puts lines into the inbox, and counts what it may not send.
+    """Puts the lines of one sender into the queue and counts those beyond its limits.
 
     Args:
-        inbox: where to.
-        options: of the stream.
-        limited: whether messages a second are; where the sender waits, there are never too many.
-        name: of the sender, where there are several.
+        queue: queue of the stream.
+        options: options of the stream.
+        limited: whether the message rate is limited; not needed where senders wait.
+        name: name of the sender, if there are several.
     """
 
-    def __init__(self, inbox: Inbox, options: StreamOptions, *, limited: bool, name: str = "") -> None:
-        self._inbox, self._name = inbox, name
+    def __init__(self, queue: LineQueue, options: StreamOptions, *, limited: bool, name: str = "") -> None:
+        self._inbox, self._name = queue, name
         self._splitter = LineSplitter(options.max_line_bytes)
-        self._allowance = Allowance(options.max_messages_hz, inbox.clock()) if limited else None
+        self._limiter = RateLimiter(options.max_messages_hz, queue.clock()) if limited else None
 
     def feed(self, data: bytes) -> None:
-        """Bytes came in."""
+        """Process received bytes."""
         self._put(self._splitter.feed(data))
 
     def end(self) -> None:
-        """No more will."""
+        """Process the end of the input."""
         self._put(self._splitter.end())
 
     def _put(self, lines: list[tuple[int, bytes]]) -> None:
@@ -101,7 +101,7 @@ class Sender:
             self._inbox.lose(TOO_LONG)
         self._splitter.too_long = 0
         for number, line in lines:
-            if self._allowance is None or self._allowance.spend(self._inbox.clock()):
+            if self._limiter is None or self._limiter.spend(self._inbox.clock()):
                 self._inbox.put(line, self._name, number)
             else:
                 self._inbox.lose(TOO_FAST)

@@ -1,4 +1,4 @@
-"""People as the lines of a stream tell of them."""
+"""People and events in the form of a stream's output lines."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ from posefuse.tracking.records import Person
 _LABELS = {int(code): code.label for code in PointStatus}
 
 
-def told_person(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
-    """One person, by name of what is told.
+def person_message(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
+    """Return the fields of one person.
 
     Args:
-        person: as followed.
-        place: among the people of the frame.
-        measured: of all of them.
-        cameras: names.
+        person: tracked person.
+        place: index among the people of the frame.
+        measured: triangulated points of all people.
+        cameras: names of the cameras.
     """
     points = measured.points_m[place]
     return {
@@ -38,6 +38,6 @@ def told_person(person: Person, place: int, measured: MeasuredPoints, cameras: S
     }
 
 
-def told_events(events: Sequence[Event]) -> list[dict[str, str]]:
-    """What happened."""
+def event_messages(events: Sequence[Event]) -> list[dict[str, str]]:
+    """Return the fields of events."""
     return [{"person": event.person, "what": event.what, "why": event.why} for event in events]

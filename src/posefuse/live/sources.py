@@ -1,4 +1,4 @@
-"""Lines from stdin and from sockets, each in a thread of its own; see :mod:`posefuse.live.brokers` for the others."""
+"""Receive lines from stdin and sockets in a thread; see :mod:`posefuse.live.brokers` for ZeroMQ and NATS."""
 
 import contextlib
 import os
@@ -14,36 +14,36 @@ from pathlib import Path
 
 from posefuse.errors import PosefuseError, StreamError
 from posefuse.live.addresses import Address
-from posefuse.live.inbox import Inbox
+from posefuse.live.line_queue import LineQueue
 from posefuse.live.lines import Sender
 from posefuse.model.options.stream import StreamOptions
 
 _BLOCK = 1 << 16
-_LOOK_S = 0.1
-TURNED_AWAY = "more senders than max_connections"
+_POLL_S = 0.1
+TOO_MANY_SENDERS = "more senders than max_connections"
 
 
 class Source:
-    """Receives lines until it is told to stop.
+    """Receives lines until it is closed.
 
     Args:
-        address: where from.
-        inbox: where to.
-        options: of the stream.
+        address: address to receive from.
+        queue: queue to put lines into.
+        options: options of the stream.
     """
 
-    def __init__(self, address: Address, inbox: Inbox, options: StreamOptions) -> None:
-        self.address, self.inbox, self.options = address, inbox, options
+    def __init__(self, address: Address, queue: LineQueue, options: StreamOptions) -> None:
+        self.address, self.queue, self.options = address, queue, options
         self.stop = threading.Event()
         self._connections = 0
         self.limited = options.when_behind == "drop"
         self._thread = threading.Thread(target=self._receive, name=f"posefuse {address.kind}", daemon=True)
 
     def start(self) -> Address:
-        """Begin; where it listens, with the port that the system chose if it was to.
+        """Start receiving, and return the address, with the port if the system chose it.
 
         Raises:
-            StreamError: if the address cannot be listened on or reached.
+            StreamError: if it cannot listen on the address, or the address cannot be reached.
         """
         receive = {
             "stdin": self._stdin,
@@ -58,39 +58,39 @@ class Source:
         return self.address
 
     def close(self) -> None:
-        """Stop receiving, and wait until that is done."""
+        """Stop receiving and wait for the thread."""
         self.stop.set()
-        self.inbox.close()
+        self.queue.close()
         if self._thread.is_alive():
             self._thread.join(5.0)
 
     def _receive(self) -> None:
         try:
             self._work()
-            self.inbox.close()
+            self.queue.close()
         except PosefuseError as error:
-            self.inbox.close(error)
+            self.queue.close(error)
         except Exception as error:
-            self.inbox.close(StreamError(f"{self.address}: receiving ended: {type(error).__name__}: {error}"))
+            self.queue.close(StreamError(f"{self.address}: receiving failed: {type(error).__name__}: {error}"))
 
     def _zeromq(self) -> Callable[[], None]:
         from posefuse.live.brokers import open_zeromq
 
-        self.address, work = open_zeromq(self.address, self.inbox, self.options, self.stop, self.limited)
+        self.address, work = open_zeromq(self.address, self.queue, self.options, self.stop, self.limited)
         return work
 
     def _nats(self) -> Callable[[], None]:
         from posefuse.live.brokers import open_nats
 
-        return open_nats(self.address, self.inbox, self.options, self.stop, self.limited)
+        return open_nats(self.address, self.queue, self.options, self.stop, self.limited)
 
     def _stdin(self) -> Callable[[], None]:
         descriptor = sys.stdin.fileno()
 
         def work() -> None:
-            sender = Sender(self.inbox, self.options, limited=self.limited)
+            sender = Sender(self.queue, self.options, limited=self.limited)
             while not self.stop.is_set():
-                if select.select([descriptor], [], [], _LOOK_S)[0]:
+                if select.select([descriptor], [], [], _POLL_S)[0]:
                     data = os.read(descriptor, _BLOCK)
                     if not data:
                         break
@@ -109,14 +109,14 @@ class Source:
                 listener.setblocking(False)
                 selector.register(listener, selectors.EVENT_READ, None)
                 while not self.stop.is_set():
-                    for key, _ in selector.select(_LOOK_S):
+                    for key, _ in selector.select(_POLL_S):
                         if key.data is None:
                             self._accept(listener, selector)
                         else:
                             self._read(key, selector)
                 for key in list(selector.get_map().values()):
                     if key.data is not None:
-                        _hang_up(key, selector)
+                        _disconnect(key, selector)
             if self.address.kind == "unix":
                 Path(self.address.name).unlink(missing_ok=True)
 
@@ -128,11 +128,11 @@ class Source:
             self._connections += 1
             name = f"{peer[0]}:{peer[1]}" if peer else f"connection {self._connections}"
             if len(selector.get_map()) > self.options.max_connections:
-                self.inbox.lose(TURNED_AWAY)
+                self.queue.lose(TOO_MANY_SENDERS)
                 connection.close()
                 return
             connection.setblocking(False)
-            sender = Sender(self.inbox, self.options, limited=self.limited, name=name)
+            sender = Sender(self.queue, self.options, limited=self.limited, name=name)
             selector.register(connection, selectors.EVENT_READ, sender)
 
     def _read(self, key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
@@ -146,10 +146,10 @@ class Source:
         if data:
             key.data.feed(data)
         else:
-            _hang_up(key, selector)
+            _disconnect(key, selector)
 
 
-def _hang_up(key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
+def _disconnect(key: selectors.SelectorKey, selector: selectors.BaseSelector) -> None:
     key.data.end()
     selector.unregister(key.fileobj)
     key.fileobj.close()  # type: ignore[union-attr]
@@ -179,7 +179,7 @@ def _unix(address: Address) -> socket.socket:
 
 
 def _answers(path: Path) -> bool:
-    """Whether somebody listens on a socket's file."""
+    """Return whether a process listens on a socket's file."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
         try:
             other.connect(str(path))

@@ -1,4 +1,4 @@
-"""What is counted of a stream: in bounded memory, however long it runs."""
+"""Statistics of a stream in bounded memory."""
 
 import math
 from collections import Counter
@@ -9,17 +9,17 @@ _LEAST_S, _MOST_S, _PER_DECADE = 1e-5, 1e3, 40
 
 @dataclass
 class ViewCounts:
-    """Of one camera's messages.
+    """Counts of one camera's messages.
 
     Attributes:
-        received: that could be read.
-        used: that went into a frame.
-        late: whose frame had gone on, or farther back than ``max_jump_s``.
-        early: farther ahead than ``max_jump_s``.
-        duplicate: the second of the same time.
-        out_of_order: of those used, that came after a later one.
-        malformed: that named the camera and could not be used.
-        missing: frames that went on without it.
+        received: messages that could be read.
+        used: messages that became part of a frame.
+        late: messages whose frame had been processed, or that were more than ``max_jump_s`` behind.
+        early: messages more than ``max_jump_s`` ahead.
+        duplicate: second messages of the same time.
+        out_of_order: used messages that arrived after a later one.
+        malformed: messages that named the camera and could not be used.
+        missing: frames processed without the camera.
     """
 
     received: int = 0
@@ -33,14 +33,14 @@ class ViewCounts:
 
 
 class Latencies:
-    """How long things took, as counts between steps of 6 %."""
+    """A histogram of latencies with bins of 6 %."""
 
     def __init__(self) -> None:
         self._counts: Counter[int] = Counter()
         self.most_s = 0.0
 
     def add(self, latency_s: float) -> None:
-        """One more."""
+        """Add a latency."""
         bounded = min(max(latency_s, _LEAST_S), _MOST_S)
         self._counts[math.ceil(_PER_DECADE * math.log10(bounded / _LEAST_S))] += 1
         self.most_s = max(self.most_s, latency_s)
@@ -49,29 +49,29 @@ class Latencies:
         return self._counts.total()
 
     def quantile_s(self, share: float) -> float:
-        """So many were no longer, at most 6 % too much; NaN of none."""
-        wanted, seen = share * len(self), 0
+        """Return a quantile of the latencies, at most 6 % too large; NaN if there is none."""
+        target, count = share * len(self), 0
         for step in sorted(self._counts):
-            seen += self._counts[step]
-            if seen >= wanted:
+            count += self._counts[step]
+            if count >= target:
                 return min(_LEAST_S * 10.0 ** (step / _PER_DECADE), self.most_s)
         return math.nan
 
 
 @dataclass
 class StreamCounts:
-    """Of a whole stream.
+    """Counts of a whole stream.
 
     Attributes:
-        lines: that came in and were read.
-        malformed: of them, by what was wrong.
-        lost: what never became a line or was not read, by why.
-        complete: frames in which every camera is.
-        incomplete: frames without some.
-        frames_dropped: frames that were dropped because following them was behind.
-        refused: frames that the tracker would not take.
+        lines: lines read.
+        malformed: malformed lines by fault.
+        lost: input that never became a line or was not read, by reason.
+        complete: frames with every camera.
+        incomplete: frames without some camera.
+        frames_dropped: frames dropped because tracking was behind.
+        refused: frames that the tracker rejected.
         complete_s: latencies of complete frames.
-        incomplete_s: of the others.
+        incomplete_s: latencies of incomplete frames.
     """
 
     lines: int = 0

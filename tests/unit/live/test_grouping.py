@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from posefuse.live.grouping import Group, Grouper
 from posefuse.model.options.stream import StreamOptions
-from posefuse.model.view_message import SeenView
+from posefuse.model.view_message import ViewMessage
 from tests.laws import examples
 
 OPTIONS = StreamOptions()
 PERIOD_S = 0.02
 
 
-def view(camera: int, time_s: float) -> SeenView:
-    return SeenView(camera, time_s, np.empty((0, 17, 2)), np.empty((0, 17)), np.empty(0, dtype=np.int64))
+def view(camera: int, time_s: float) -> ViewMessage:
+    return ViewMessage(camera, time_s, np.empty((0, 17, 2)), np.empty((0, 17)), np.empty(0, dtype=np.int64))
 
 
 def feed(grouper: Grouper, messages: Iterable[tuple[float, int, float]]) -> list[Group]:

@@ -1,4 +1,4 @@
-"""Bytes to lines to the inbox: bounded whatever comes."""
+"""Bytes to lines to the queue: bounded whatever comes."""
 
 import threading
 
@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from posefuse.errors import OptionsError
 from posefuse.live.addresses import parse_address
-from posefuse.live.inbox import Inbox
-from posefuse.live.lines import Allowance, LineSplitter, Sender
+from posefuse.live.line_queue import LineQueue
+from posefuse.live.lines import LineSplitter, RateLimiter, Sender
 from posefuse.live.statistics import Latencies
 from posefuse.model.options.stream import StreamOptions
 from tests.laws import examples
@@ -46,57 +46,57 @@ def test_what_stands_before_a_text_is_no_part_of_its_first_line():
 
 
 def test_a_line_is_known_by_its_sender_and_number():
-    inbox = Inbox(10, waits=False)
-    Sender(inbox, StreamOptions(), limited=False).feed(b"\na\n")
-    Sender(inbox, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
-    assert [each.origin for each in inbox.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
+    queue = LineQueue(10, waits=False)
+    Sender(queue, StreamOptions(), limited=False).feed(b"\na\n")
+    Sender(queue, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
+    assert [each.origin for each in queue.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
 
 
 def test_so_many_a_second_and_those_of_one_at_once():
-    allowance = Allowance(10.0, 0.0)
+    allowance = RateLimiter(10.0, 0.0)
     assert [allowance.spend(0.0) for _ in range(12)].count(True) == 10
     assert sum(allowance.spend(1.0 + 0.01 * i) for i in range(1000)) == pytest.approx(10 + 100, abs=1)
 
 
 def test_a_flood_is_counted():
-    inbox = Inbox(1000, waits=False, clock=lambda: 0.0)
-    sender = Sender(inbox, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
+    queue = LineQueue(1000, waits=False, clock=lambda: 0.0)
+    sender = Sender(queue, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
     sender.feed(b"a\n" * 7 + b"much too long\n")
-    assert [each.line for each in inbox.take(0.0)[0]] == [b"a"] * 5
-    assert inbox.lost == {"more than max_messages_hz": 2, "longer than max_line_bytes": 1}
+    assert [each.line for each in queue.take(0.0)[0]] == [b"a"] * 5
+    assert queue.lost == {"more than max_messages_hz": 2, "longer than max_line_bytes": 1}
 
 
 def test_the_oldest_are_dropped_and_counted():
-    inbox = Inbox(3, waits=False)
+    queue = LineQueue(3, waits=False)
     for i in range(5):
-        inbox.put(b"%d" % i)
-    assert [each.line for each in inbox.take(0.0)[0]] == [b"2", b"3", b"4"]
-    assert inbox.lost == {"too many waited": 2}
+        queue.put(b"%d" % i)
+    assert [each.line for each in queue.take(0.0)[0]] == [b"2", b"3", b"4"]
+    assert queue.lost == {"too many waited": 2}
 
 
 def test_the_sender_waits_where_it_is_to():
-    inbox = Inbox(3, waits=True)
-    thread = threading.Thread(target=lambda: [inbox.put(b"%d" % i) for i in range(50)])
+    queue = LineQueue(3, waits=True)
+    thread = threading.Thread(target=lambda: [queue.put(b"%d" % i) for i in range(50)])
     thread.start()
     taken = []
     while len(taken) < 50:
-        lines, _ = inbox.take(1.0, 1)
+        lines, _ = queue.take(1.0, 1)
         taken += [int(each.line) for each in lines]
     thread.join()
     assert taken == list(range(50))
-    assert not inbox.lost
+    assert not queue.lost
 
 
 def test_nothing_waits_for_ever_for_a_closed_inbox():
-    inbox = Inbox(1, waits=True)
-    inbox.put(b"a")
-    inbox.close()
-    inbox.put(b"b")
-    assert not inbox.finished
-    assert [each.line for each in inbox.take(60.0)[0]] == [b"a"]
-    assert inbox.lost == {"came after the end": 1}
-    assert inbox.finished
-    assert inbox.take(60.0)[0] == []
+    queue = LineQueue(1, waits=True)
+    queue.put(b"a")
+    queue.close()
+    queue.put(b"b")
+    assert not queue.finished
+    assert [each.line for each in queue.take(60.0)[0]] == [b"a"]
+    assert queue.lost == {"came after the end": 1}
+    assert queue.finished
+    assert queue.take(60.0)[0] == []
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def session_of(scene: CrowdScene, stream: StreamOptions = ARRIVAL) -> Session:
 def told(session: Session, now_s: float = 0.0) -> list[dict]:
     found = []
     while session.waiting:
-        line = session.follow(lambda: now_s)
+        line = session.process_frame(lambda: now_s)
         if line is not None:
             assert line.endswith(b"\n")
             assert line.count(b"\n") == 1
