@@ -1,5 +1,6 @@
 """``posefuse convert``: convert 2D keypoints, calibrations and results between formats."""
 
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,31 @@ from posefuse.model.options.options import LayerName, LengthUnit, Options, Third
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
+@dataclass(frozen=True)
+class _Interpretation:
+    """Flags of what the input's files do not state."""
+
+    layer: Annotated[LayerName | None, Parameter(help="Layer of a result; by default the best one.")] = None
+    skeleton: Annotated[str | None, Parameter(help="Keypoint set, if the files do not state it.")] = None
+    rate_hz: Annotated[float | None, Parameter(help="Frame rate, if the files do not state it.")] = None
+    third_channel: Annotated[
+        ThirdChannel | None, Parameter(help="Meaning of the third number of a keypoint array.")
+    ] = None
+    image_size: Annotated[
+        tuple[int, int] | None, Parameter(help="Width and height in px, for keypoints given as fractions of the image.")
+    ] = None
+    length_unit: Annotated[
+        LengthUnit | None, Parameter(help="Length unit of a calibration, if its format does not define it.")
+    ] = None
+    up: Annotated[UpAxis | None, Parameter(help="Up axis of a calibration, if its format does not define it.")] = None
+
+    @property
+    def options(self) -> Options:
+        """The flags as options; invalid values raise OptionsError."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Options(**{**values, "image_size": self.image_size or ()})
+
+
 def convert(
     path: Annotated[Path, Parameter(help="File to convert, or a folder that holds it.")],
     output: Annotated[
@@ -26,39 +52,19 @@ def convert(
     *,
     to: Annotated[str | None, Parameter(help="Format to write; by default by the end of the output's name.")] = None,
     onto: Annotated[str | None, Parameter(help="Skeleton to convert the keypoints to, such as body_20.")] = None,
-    layer: Annotated[LayerName | None, Parameter(help="Layer of a result; by default the best one.")] = None,
-    skeleton: Annotated[str | None, Parameter(help="Keypoint set, if the files do not state it.")] = None,
-    rate_hz: Annotated[float | None, Parameter(help="Frame rate, if the files do not state it.")] = None,
-    third_channel: Annotated[
-        ThirdChannel | None, Parameter(help="Meaning of the third number of a keypoint array.")
-    ] = None,
-    image_size: Annotated[
-        tuple[int, int] | None, Parameter(help="Width and height in px, for keypoints given as fractions of the image.")
-    ] = None,
-    length_unit: Annotated[
-        LengthUnit | None, Parameter(help="Length unit of a calibration, if its format does not define it.")
-    ] = None,
-    up: Annotated[UpAxis | None, Parameter(help="Up axis of a calibration, if its format does not define it.")] = None,
+    interpretation: Annotated[_Interpretation, Parameter(name="*", group="Input")] = _Interpretation(),
 ) -> None:
     """Convert 2D keypoints, a calibration or a stored result to another format.
 
     posefuse formats lists the formats. A note states what the new format cannot hold. Existing files are not
     overwritten.
     """
-    options = Options(
-        skeleton=skeleton,
-        rate_hz=rate_hz,
-        third_channel=third_channel,
-        image_size=image_size or (),
-        length_unit=length_unit,
-        up=up,
-        layer=layer,
-    )
+    options = interpretation.options
     _must_be_new(output)
     if _is_result(path):
         from posefuse.cli.convert_result import convert_result
 
-        convert_result(path, to, output, layer)
+        convert_result(path, to, output, options.layer)
         return
     written = (*KEYPOINTS.written(), *CALIBRATIONS.written())
     names = list(dict.fromkeys(form.name for form in written))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import count, note, percent, say, table
+from posefuse.cli.types import Result
 from posefuse.errors import ResultError
 from posefuse.evaluation.accuracy import Accuracy, Truth
 from posefuse.evaluation.head_points import HeadRule
@@ -31,7 +32,7 @@ UNDEFINED = "-"
 
 
 def evaluate(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     truth: Annotated[
         tuple[Path, ...],
         Parameter(

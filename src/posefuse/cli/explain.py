@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, warn
-from posefuse.cli.types import TimestampsPath
+from posefuse.cli.types import Result, TimestampsPath
 from posefuse.errors import MatchError, choices
 from posefuse.explain import AROUND_S
 from posefuse.model.detections import Detections
@@ -21,7 +21,7 @@ _MOST_NAMED = 12
 
 
 def explain(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     frame: Annotated[int, Parameter(help="Frame number, as in keypoints.csv.")],
     person: Annotated[

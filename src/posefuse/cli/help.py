@@ -44,7 +44,7 @@ class HelpFormatter:
         fitting = [len(label) for label in labels if len(label) <= _MAX_LABEL]
         width = max([_MIN_LABEL, *fitting])
         for entry, label in zip(entries, labels, strict=True):
-            _print_entry(console, options.max_width, label, self._text(console, entry), width)
+            _print_entry(console, options.max_width, label, self._text(console, panel, entry), width)
         hidden = len(panel.entries) - len(entries)
         if hidden:
             console.print(Text(f"  ... and {hidden} more: --help-all lists them, docs/options.md explains them."))
@@ -52,13 +52,11 @@ class HelpFormatter:
     def _is_shown(self, panel: HelpPanel, entry: HelpEntry) -> bool:
         if self.show_all:
             return True
-        if str(panel.title) not in (OPTIONS_GROUP, STREAM_GROUP):
-            return not any("." in name for name in entry.positive_names)
-        option = _option_of(entry)
-        return option is None or option.bounds.common
+        option = _option_of(panel, entry)
+        return not any("." in name for name in entry.positive_names) if option is None else option.bounds.common
 
-    def _text(self, console: Console, entry: HelpEntry) -> str:
-        option = _option_of(entry)
+    def _text(self, console: Console, panel: HelpPanel, entry: HelpEntry) -> str:
+        option = _option_of(panel, entry)
         text = _plain(console, entry.description)
         if option is None:
             brackets = [", ".join(entry.choices)] if entry.choices else []
@@ -88,8 +86,10 @@ class HelpFormatter:
             console.print()
 
 
-def _option_of(entry: HelpEntry) -> OptionEntry | None:
-    """Return the option that a help entry describes, or None."""
+def _option_of(panel: HelpPanel, entry: HelpEntry) -> OptionEntry | None:
+    """Return the option of a reconstruction or a stream that a help entry describes, or None."""
+    if str(panel.title) not in (OPTIONS_GROUP, STREAM_GROUP):
+        return None
     for name in entry.positive_names:
         option = _entries().get(name.removeprefix("--").replace("-", "_"))
         if option is not None:

@@ -6,13 +6,14 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import note, wrote
+from posefuse.cli.types import Result
 from posefuse.errors import OptionsError, choices
 from posefuse.model.options.options import LayerName
 from posefuse.report.plots.registry import PLOT_NAMES, find_plot
 
 
 def plot(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"], help="Folder for the figures.")],
     figure: Annotated[

@@ -6,10 +6,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note
+from posefuse.cli.types import Result
 
 
 def report(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     truth: Annotated[Path | None, Parameter(help="Ground truth to compare with, such as a truth.nc.")] = None,
     output: Annotated[

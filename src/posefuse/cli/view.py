@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, note, say
+from posefuse.cli.types import Result
 from posefuse.cli.videos import Offsets, Videos
 from posefuse.model.reconstruction import Reconstruction
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def view(
-    result: Annotated[Path, Parameter(help="Folder of a result, or its reconstruction.nc.")],
+    result: Result,
     *,
     recording: Annotated[Path | None, Parameter(help="Folder of the recording, to show its detections.")] = None,
     video: Videos = (),

@@ -6,8 +6,9 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import Detections
 from posefuse.model.tracks import Tracks
+from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.skeleton.skeletons import Skeleton
 
 _MAX_COLUMNS = 52
@@ -136,7 +137,7 @@ def _view_times(detections: Detections) -> tuple[np.ndarray, float, bool]:
     rate = detections.rate_hz or 25.0
     for v in range(times.shape[1]):
         if known[v] > 1:
-            times[:, v] = with_lacking_times(times[:, v], detections.frame_numbers)
+            times[:, v] = fill_missing_times(times[:, v], detections.frame_numbers)
         else:
             times[:, v] = numbers / rate
     steps = np.diff(times, axis=0) / np.diff(numbers)[:, None]

@@ -146,7 +146,6 @@ class Detections:
         time_s: np.ndarray | None = None,
         depth: np.ndarray | None = None,
         frame_numbers: np.ndarray | None = None,
-        notes: tuple[str, ...] = (),
     ) -> "Detections":
         """Build detections with one person per view and frame.
 
@@ -159,7 +158,6 @@ class Detections:
             time_s: shape (frame, view); default: frame / rate_hz, or NaN without a rate.
             depth: shape (frame, view, keypoint), or None.
             frame_numbers: shape (frame,); default: from 0.
-            notes: notes for the result.
 
         Raises:
             DetectionsError: if the arrays do not match.
@@ -189,7 +187,6 @@ class Detections:
             track_ids=np.full(rows, -1),
             depth=flat(depth),
             rate_hz=rate_hz,
-            notes=notes,
         )
 
     @property
@@ -385,22 +382,3 @@ def frame_times(frame_numbers: np.ndarray, n_views: int, rate_hz: float | None) 
 
 def _starts(counts: np.ndarray) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(counts.ravel())]).astype(np.int64)
-
-
-def with_lacking_times(time_s: np.ndarray, frame_numbers: np.ndarray) -> np.ndarray:
-    """Interpolate missing frame times by frame number; unchanged if fewer than two are known.
-
-    Args:
-        time_s: shape (frame,), NaN if unknown.
-        frame_numbers: shape (frame,), ascending.
-    """
-    there = np.isfinite(time_s)
-    if there.sum() < 2:
-        return time_s
-    known_s, numbers = time_s[there], np.asarray(frame_numbers, dtype=float)
-    times_s = np.interp(numbers, numbers[there], known_s)
-    period_s = np.median(np.diff(known_s) / np.diff(numbers[there]))
-    first, final = np.flatnonzero(there)[[0, -1]]
-    times_s[:first] = known_s[0] - period_s * (numbers[first] - numbers[:first])
-    times_s[final + 1 :] = known_s[-1] + period_s * (numbers[final + 1 :] - numbers[final])
-    return times_s

@@ -9,7 +9,7 @@ import numpy as np
 
 from posefuse.arrays import ranges
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import Detections
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
 from posefuse.model.options.trajectory import TrajectoryOptions
@@ -19,6 +19,7 @@ from posefuse.pipeline.reprojection_errors import with_reprojection_errors
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
 from posefuse.postprocess.recipe import margin_s, postprocess
+from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.observations import MeasuredRange
 from posefuse.trajectory.priors import RecordingPriors, estimate_priors
@@ -306,7 +307,7 @@ def clock_of(detections: Detections) -> Clock:
     Raises:
         DetectionsError: if no times are known.
     """
-    return Clock.of(with_lacking_times(mean_times(detections), detections.frame_numbers), detections.rate_hz)
+    return Clock.of(fill_missing_times(mean_times(detections), detections.frame_numbers), detections.rate_hz)
 
 
 def mean_times(detections: Detections) -> np.ndarray:

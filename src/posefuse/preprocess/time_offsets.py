@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.errors import DetectionsError, MatchError, suggestion
-from posefuse.model.detections import Detections, with_lacking_times
+from posefuse.model.detections import Detections
 from posefuse.model.options.sync import NEAR_FRAMES, SyncOptions
 from posefuse.model.subjects import Subjects
+from posefuse.preprocess.timeline import fill_missing_times
 
 _MAX_FRAMES_APART = 2.1
 
@@ -55,7 +56,7 @@ def shift_views(detections: Detections, cameras: tuple[str, ...], sync: SyncOpti
     if not np.isfinite(stated).any():
         raise DetectionsError("sync needs times, and the files give no frame rate. Add --rate-hz.")
     for v in range(stated.shape[1]):
-        stated[:, v] = with_lacking_times(stated[:, v], everything.frame_numbers)
+        stated[:, v] = fill_missing_times(stated[:, v], everything.frame_numbers)
     common = np.nanmean(stated, axis=1)
     true = np.stack([stated[:, v] + sync.offset_at(name, stated[:, v]) for v, name in enumerate(cameras)], axis=1)
     source = np.stack([_nearest(common, true[:, v]) for v in range(len(cameras))], axis=1)

@@ -288,3 +288,22 @@ def _by_number(detections: Detections) -> bool:
         return not known.any()
     times = np.repeat(detections.frame_numbers[:, None] / detections.rate_hz, detections.n_views, axis=1)
     return bool(np.allclose(detections.time_s[known], times[known], rtol=0.0, atol=1e-9))
+
+
+def fill_missing_times(time_s: np.ndarray, frame_numbers: np.ndarray) -> np.ndarray:
+    """Interpolate missing frame times by frame number; unchanged if fewer than two are known.
+
+    Args:
+        time_s: shape (frame,), NaN if unknown.
+        frame_numbers: shape (frame,), ascending.
+    """
+    there = np.isfinite(time_s)
+    if there.sum() < 2:
+        return time_s
+    known_s, numbers = time_s[there], np.asarray(frame_numbers, dtype=float)
+    times_s = np.interp(numbers, numbers[there], known_s)
+    period_s = np.median(np.diff(known_s) / np.diff(numbers[there]))
+    first, final = np.flatnonzero(there)[[0, -1]]
+    times_s[:first] = known_s[0] - period_s * (numbers[first] - numbers[:first])
+    times_s[final + 1 :] = known_s[-1] + period_s * (numbers[final + 1 :] - numbers[final])
+    return times_s

@@ -1,12 +1,11 @@
-"""What a detector makes of several people: the law of each keypoint, and faults that only crowds have.
+"""Simulate the detections of several people: keypoint errors, and faults that occur in crowds.
 
-Keypoints err as one person's do (:mod:`posefuse.synthetic.detector`), with errors of their own for every person in
-every view. On top, people hide each other, melt into one detection where they overlap, are detected twice or not at
-all, and the detector sees people where there are none; all of it in on_intervals, as real faults last.
+Keypoint errors are those of one person (:mod:`posefuse.synthetic.detector`), independent for every person and view. In
+addition people occlude each other, merge into one detection where they overlap, are detected twice or not at all, and
+false people appear; all faults last for intervals.
 """
 
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -16,6 +15,7 @@ from posefuse.model.detections import Detections, frame_times
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.synthetic.bodies import Capsules, bodies_of, hidden_keypoints
 from posefuse.synthetic.crowd_options import CrowdFaults
+from posefuse.synthetic.crowd_records import CrowdDetections, DetectionSlots, Kind, Staging
 from posefuse.synthetic.detector import Hidden, add_errors, correlated_noise, on_intervals
 from posefuse.synthetic.options import DetectorOptions
 
@@ -23,95 +23,6 @@ _MISS_DWELL_S, _MERGE_DWELL_S, _DUPLICATE_DWELL_S, _FALSE_DWELL_S = 0.3, 0.4, 0.
 _FALSE_PER_VIEW = 2
 _JITTER_PX_AT_1000 = 4.0
 _FALSE_DRIFT_PX_S = 15.0
-
-
-class Kind(IntEnum):
-    """What a detection is of."""
-
-    PERSON = 0
-    """One person."""
-    MERGED = 1
-    """Two people: each keypoint is of either."""
-    DUPLICATE = 2
-    """A person who is detected already."""
-    FALSE = 3
-    """Nobody."""
-
-
-@dataclass(frozen=True)
-class Staging:
-    """What happens in a scene beside people walking.
-
-    Attributes:
-        things: what hides people.
-        dark: shape (frame, view), bool: where a camera shows nothing.
-        turned: shape (frame, view), bool: where a camera is the one of ``turned_rig``.
-        turned_rig: the cameras as they stand after somebody bumped into them; those of the rig otherwise.
-        merged: shape (frame,), bool: when the first two people are one detection in every view.
-        spared_view: a view that never merges people by chance, -1 for none.
-    """
-
-    things: Capsules
-    dark: np.ndarray
-    turned: np.ndarray
-    turned_rig: CameraRig
-    merged: np.ndarray
-    spared_view: int = -1
-
-    @classmethod
-    def plain(cls, rig: CameraRig, n_frames: int) -> "Staging":
-        """Nothing happens."""
-        nowhere = np.zeros((n_frames, len(rig)), dtype=bool)
-        return cls(Capsules.none(n_frames), nowhere, nowhere, rig, np.zeros(n_frames, dtype=bool))
-
-
-@dataclass(frozen=True)
-class CrowdDetections:
-    """Detections, and what each is of.
-
-    Attributes:
-        detections: of all views, with people in the order the detector gives them.
-        owner: shape (row,), int64: the person each is of, -1 for nobody; of two, the one who gave more keypoints.
-        other: shape (row,), int64: the second person of a merged detection, else -1.
-        kind: shape (row,), int64: :class:`Kind`.
-    """
-
-    detections: Detections
-    owner: np.ndarray
-    other: np.ndarray
-    kind: np.ndarray
-
-
-@dataclass
-class _Sightings:
-    """Detections before they stand in rows: (frame, view, slot), NaN where a slot is empty."""
-
-    pixels: np.ndarray
-    confidence: np.ndarray
-    owner: np.ndarray
-    other: np.ndarray
-    kind: np.ndarray
-    ids: np.ndarray
-
-    @classmethod
-    def of(cls, pixels: np.ndarray, confidence: np.ndarray, owner: np.ndarray | int, kind: Kind) -> "_Sightings":
-        shape = pixels.shape[:3]
-        return cls(
-            pixels,
-            confidence,
-            np.broadcast_to(owner, shape).copy(),
-            np.full(shape, -1),
-            np.full(shape, int(kind)),
-            np.full(shape, -1),
-        )
-
-    @property
-    def there(self) -> np.ndarray:
-        return np.asarray(np.isfinite(self.pixels[..., 0]).any(axis=-1))
-
-    def drop(self, where: np.ndarray) -> None:
-        self.pixels[where] = np.nan
-        self.confidence[where] = np.nan
 
 
 def detect_crowd(
@@ -124,39 +35,39 @@ def detect_crowd(
     staging: Staging,
     rng: np.random.Generator,
 ) -> CrowdDetections:
-    """What the detector sees of several people.
+    """Simulate the detections of several people.
 
     Args:
-        rig: the cameras.
-        points_m: shape (frame, person, keypoint, 3): where everybody's keypoints are; NaN while away.
-        skeleton: of the keypoints.
-        rate_hz: frames per second.
-        law: how keypoints err.
-        faults: how the detector errs where there are several people.
-        staging: what else happens.
-        rng: where the errors come from.
+        rig: cameras.
+        points_m: shape (frame, person, keypoint, 3): true positions; NaN while absent.
+        skeleton: skeleton of the keypoints.
+        rate_hz: frame rate.
+        law: errors of keypoints.
+        faults: faults with several people.
+        staging: staged events.
+        rng: random generator.
     """
     exact = _exact(rig, points_m, staging)
     sizes = np.array([camera.size_px for camera in rig.cameras])
     capsules = Capsules.concatenate([bodies_of(points_m, skeleton), staging.things])
     behind = hidden_keypoints(rig, points_m, capsules, 1.0 if skeleton.tree is None else skeleton.tree.scale)
-    people = _see(exact, behind, sizes, skeleton, rate_hz, law, faults, rng)
+    people = _single_detections(exact, behind, sizes, skeleton, rate_hz, law, faults, rng)
     overlaps = _overlaps(exact, people.there, faults)
     if faults.track_ids:
         people.ids[:] = _identities(people.there, overlaps, rate_hz, faults, rng)
     _merge(people, overlaps, staging, rate_hz, faults, rng)
     doubles = _duplicates(people, sizes, rate_hz, faults, rng)
-    nobody = _false_people(exact, sizes, rate_hz, faults, rng)
-    parts = [people, doubles, nobody]
+    false_people = _false_people(exact, sizes, rate_hz, faults, rng)
+    parts = [people, doubles, false_people]
     for part in parts:
         part.drop(staging.dark[..., None] & part.there)
     if faults.track_ids:
-        _name_the_rest(doubles, nobody, int(people.ids.max(initial=-1)))
+        _identify_false_detections(doubles, false_people, int(people.ids.max(initial=-1)))
     return _rows(parts, rig, skeleton, rate_hz, faults, rng)
 
 
 def _exact(rig: CameraRig, points_m: np.ndarray, staging: Staging) -> np.ndarray:
-    """Shape (frame, view, person, keypoint, 2): projections into the cameras as they really stand."""
+    """Project into the cameras with their true poses, shape (frame, view, person, keypoint, 2)."""
     exact = np.moveaxis(rig.project(points_m), 0, 1)
     if staging.turned.any():
         turned = np.moveaxis(staging.turned_rig.project(points_m), 0, 1)
@@ -164,7 +75,7 @@ def _exact(rig: CameraRig, points_m: np.ndarray, staging: Staging) -> np.ndarray
     return np.ascontiguousarray(exact)
 
 
-def _see(
+def _single_detections(
     exact: np.ndarray,
     behind: np.ndarray,
     sizes: np.ndarray,
@@ -173,8 +84,8 @@ def _see(
     law: DetectorOptions,
     faults: CrowdFaults,
     rng: np.random.Generator,
-) -> _Sightings:
-    """Everybody as the detector sees them alone: each with errors of their own, hidden by the others."""
+) -> DetectionSlots:
+    """Return single detections of all people, with independent errors and occlusion."""
     n_frames, n_views, n_people, n_keypoints, _ = exact.shape
     columns = (n_frames, n_views * n_people, n_keypoints)
     if law.swap_shares:
@@ -183,14 +94,14 @@ def _see(
     column_sizes = np.repeat(sizes, n_people, axis=0)
     pixels, confidence = add_errors(exact.reshape(*columns, 2), column_sizes, skeleton, rate_hz, law, rng, hidden)
     shape = exact.shape[:4]
-    seen = _Sightings.of(pixels.reshape(*shape, 2), confidence.reshape(shape), np.arange(n_people), Kind.PERSON)
+    seen = DetectionSlots.of(pixels.reshape(*shape, 2), confidence.reshape(shape), np.arange(n_people), Kind.PERSON)
     missed = on_intervals(shape[:3], faults.miss_share, _MISS_DWELL_S, rate_hz, rng)
     seen.drop(missed | ~_noticeable(exact, behind, sizes, faults))
     return seen
 
 
 def _noticeable(exact: np.ndarray, behind: np.ndarray, sizes: np.ndarray, faults: CrowdFaults) -> np.ndarray:
-    """Shape (frame, view, person), bool: large enough in the image, and enough of them in sight."""
+    """Return shape (frame, view, person), bool: large enough in the image and sufficiently visible."""
     inside = ((exact > -0.5) & (exact < sizes[:, None, None] - 0.5)).all(axis=-1)
     visible = (inside & ~behind).mean(axis=-1)
     _, height = _middle_and_height(exact)
@@ -198,7 +109,7 @@ def _noticeable(exact: np.ndarray, behind: np.ndarray, sizes: np.ndarray, faults
 
 
 def _middle_and_height(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape (frame, view, person, 2), the mean keypoint, and (frame, view, person), the larger extent, px.
+    """Return the mean keypoint, (frame, view, person, 2), and the larger extent, (frame, view, person), in px.
 
     NaN and 0 where nothing is to be seen.
     """
@@ -211,7 +122,7 @@ def _middle_and_height(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _overlaps(exact: np.ndarray, there: np.ndarray, faults: CrowdFaults) -> dict[tuple[int, int], np.ndarray]:
-    """Two people to where they overlap, shape (frame, view), bool."""
+    """Return, per pair of people, where they overlap, shape (frame, view), bool."""
     middle, height = _middle_and_height(exact)
     found = {}
     for p, q in combinations(range(exact.shape[2]), 2):
@@ -224,14 +135,14 @@ def _overlaps(exact: np.ndarray, there: np.ndarray, faults: CrowdFaults) -> dict
 
 
 def _merge(
-    people: _Sightings,
+    people: DetectionSlots,
     overlaps: dict[tuple[int, int], np.ndarray],
     staging: Staging,
     rate_hz: float,
     faults: CrowdFaults,
     rng: np.random.Generator,
 ) -> None:
-    """Let one detection come of two people where they overlap, for spells."""
+    """Merge two people into one detection where they overlap, for intervals."""
     shape = people.there.shape[:2]
     taken = np.zeros(people.there.shape, dtype=bool)
     for (p, q), overlap in overlaps.items():
@@ -247,9 +158,9 @@ def _merge(
 
 
 def _mix_keypoints(
-    people: _Sightings, p: int, q: int, merged: np.ndarray, rate_hz: float, rng: np.random.Generator
+    people: DetectionSlots, p: int, q: int, merged: np.ndarray, rate_hz: float, rng: np.random.Generator
 ) -> None:
-    """Keypoints of either for the first slot, nothing for the second; which is whose lasts as errors do."""
+    """Fill the first slot with keypoints of either person, with correlated choice, and empty the second."""
     if not merged.any():
         return
     one, two = people.pixels[:, :, p], people.pixels[:, :, q]
@@ -275,16 +186,16 @@ def _mix_keypoints(
 
 
 def _duplicates(
-    people: _Sightings, sizes: np.ndarray, rate_hz: float, faults: CrowdFaults, rng: np.random.Generator
-) -> _Sightings:
-    """Second detections of single people: shaken, less sure, with two fifths of the keypoints missing."""
+    people: DetectionSlots, sizes: np.ndarray, rate_hz: float, faults: CrowdFaults, rng: np.random.Generator
+) -> DetectionSlots:
+    """Return second detections of people: displaced, less confident, two fifths of the keypoints missing."""
     shape = people.confidence.shape
     doubled = on_intervals(shape[:3], faults.duplicate_share, _DUPLICATE_DWELL_S, rate_hz, rng)
     doubled &= people.there & (people.kind == Kind.PERSON)
     shake = _JITTER_PX_AT_1000 * sizes[:, 0] / 1000.0
     pixels = people.pixels + shake[:, None, None, None] * correlated_noise((*shape, 2), rate_hz, rng)
     keep = doubled[..., None] & ~on_intervals(shape, 0.4, _DUPLICATE_DWELL_S, rate_hz, rng)
-    return _Sightings.of(
+    return DetectionSlots.of(
         np.where(keep[..., None], pixels, np.nan),
         np.where(keep, 0.8 * people.confidence, np.nan),
         np.where(people.owner >= 0, people.owner, -1),
@@ -294,10 +205,10 @@ def _duplicates(
 
 def _false_people(
     exact: np.ndarray, sizes: np.ndarray, rate_hz: float, faults: CrowdFaults, rng: np.random.Generator
-) -> _Sightings:
-    """Figures in one view where nobody is: a poster, a coat, a mirror. Each stands or drifts for a spell.
+) -> DetectionSlots:
+    """Return false people in one view (poster, coat, mirror), standing or drifting for an interval.
 
-    Their poses are those of people of the scene at some time in some view, of another size and at another place.
+    Their poses are those of people at another time in some view, with another size and position.
     """
     n_frames, n_views, _, n_keypoints, _ = exact.shape
     shape = (n_frames, n_views, _FALSE_PER_VIEW)
@@ -314,7 +225,7 @@ def _false_people(
         frames = slice(first, first + off[0] if len(off) else n_frames)
         pose = exact[tuple(places[rng.integers(len(places))])]
         length = frames.stop - first
-        pixels[frames, view, slot] = _apparition(pose, sizes[view], np.arange(length) / rate_hz, rng)
+        pixels[frames, view, slot] = _false_pose(pose, sizes[view], np.arange(length) / rate_hz, rng)
         sure = np.clip(rng.uniform(0.25, 0.7) + 0.1 * correlated_noise((length, n_keypoints), rate_hz, rng), 0.05, 0.95)
         confidence[frames, view, slot] = sure
         gone = rng.random(n_keypoints) < 0.25
@@ -322,18 +233,18 @@ def _false_people(
     outside = ((pixels < -0.5) | (pixels > sizes[:, None, None] - 0.5)).any(axis=-1)
     pixels[outside] = np.nan
     confidence[~np.isfinite(pixels[..., 0])] = np.nan
-    return _Sightings.of(pixels, confidence, -1, Kind.FALSE)
+    return DetectionSlots.of(pixels, confidence, -1, Kind.FALSE)
 
 
-def _apparition(pose: np.ndarray, size: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Shape (time, keypoint, 2): a pose of another size somewhere in the image, standing or drifting."""
-    centred = pose - pose.mean(axis=0)
-    extent = max(float(np.ptp(centred, axis=0).max()), 1.0)
+def _false_pose(pose: np.ndarray, size: np.ndarray, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a pose with random size and position, standing or drifting, shape (time, keypoint, 2)."""
+    centered = pose - pose.mean(axis=0)
+    extent = max(float(np.ptp(centered, axis=0).max()), 1.0)
     scale = size[1] * rng.uniform(0.15, 0.45) / extent
     place = size * rng.uniform(0.15, 0.85, 2)
     drift = rng.normal(0.0, _FALSE_DRIFT_PX_S, 2) * (rng.random() < 0.5)
     shake = rng.normal(0.0, 1.5, (len(time_s), len(pose), 2))
-    return place + scale * centred + drift * time_s[:, None, None] + shake
+    return place + scale * centered + drift * time_s[:, None, None] + shake
 
 
 def _identities(
@@ -343,10 +254,10 @@ def _identities(
     faults: CrowdFaults,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Shape (frame, view, person): a tracker's identities in each view, which change and get mixed up."""
+    """Return 2D identities per view, shape (frame, view, person), which change and are swapped at random."""
     n_frames, n_views, n_people = there.shape
     renewed = rng.random(there.shape) < faults.id_change_hz / rate_hz
-    renewed |= _back_after(there, round(0.5 * rate_hz))
+    renewed |= _reappears_after(there, round(0.5 * rate_hz))
     which = np.broadcast_to(np.arange(n_people), there.shape).copy()
     for (p, q), overlap in overlaps.items():
         ends = overlap[:-1] & ~overlap[1:]
@@ -361,31 +272,31 @@ def _identities(
     return ids
 
 
-def _back_after(there: np.ndarray, n_frames: int) -> np.ndarray:
-    """Where somebody is there again who was not for longer than so many frames."""
+def _reappears_after(there: np.ndarray, n_frames: int) -> np.ndarray:
+    """Return where a person is detected again after more than ``n_frames`` frames."""
     frame = np.arange(len(there))[:, None, None]
     last = np.maximum.accumulate(np.where(there, frame, -1), axis=0)
     before = np.concatenate([np.full((1, *there.shape[1:]), -1), last[:-1]])
     return there & (before >= 0) & (frame - before > n_frames)
 
 
-def _name_the_rest(doubles: _Sightings, nobody: _Sightings, last: int) -> None:
-    """Identities for duplicates and false people: each slot of a view has one."""
-    for part in (doubles, nobody):
+def _identify_false_detections(doubles: DetectionSlots, false_people: DetectionSlots, last: int) -> None:
+    """Set identities of duplicates and false people: one per slot of a view."""
+    for part in (doubles, false_people):
         n_slots = part.ids.shape[2]
         part.ids[:] = last + 1 + np.arange(n_slots)
         last += n_slots
 
 
 def _rows(
-    parts: list[_Sightings],
+    parts: list[DetectionSlots],
     rig: CameraRig,
     skeleton: Skeleton,
     rate_hz: float,
     faults: CrowdFaults,
     rng: np.random.Generator,
 ) -> CrowdDetections:
-    """Everything seen as rows by frame, then view, then in the order the detector gives them."""
+    """Sort all slots into rows by frame, view and detector order."""
     there = np.concatenate([part.there for part in parts], axis=2)
     n_frames, n_views, _ = there.shape
     order = rng.random(there.shape) if faults.shuffled else np.broadcast_to(np.arange(there.shape[2]), there.shape)

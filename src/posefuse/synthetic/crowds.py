@@ -1,4 +1,4 @@
-"""Scenes with several people: who moves how, what happens to the cameras, and what a detector makes of it."""
+"""Simulated scenes with several people: motion, camera faults and detections."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,8 +12,9 @@ from posefuse.model.detections import Detections
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 from posefuse.synthetic.bodies import Capsules
-from posefuse.synthetic.crowd_detector import Kind, Staging, detect_crowd
+from posefuse.synthetic.crowd_detector import detect_crowd
 from posefuse.synthetic.crowd_options import CrowdFaults, CrowdOptions, Scenario
+from posefuse.synthetic.crowd_records import CrowdDetections, Kind, Staging
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.options import DetectorOptions
 from posefuse.synthetic.rigs import build_rig
@@ -28,14 +29,14 @@ _TURN_DEG = 20.0
 
 @dataclass(frozen=True)
 class Span:
-    """Something that happens for a while.
+    """An interval of a scripted event.
 
     Attributes:
         what: ``present``, ``hug``, ``merged``, ``hidden``, ``dark`` or ``bumped``.
-        from_s: when it begins.
-        to_s: when it is over; infinity if never.
-        person: whom it happens to, or None.
-        view: the view it happens in, for ``hidden`` the only one that still sees the person; or None.
+        from_s: start time in seconds.
+        to_s: end time in seconds; infinity without an end.
+        person: affected person, or None.
+        view: affected view, for ``hidden`` the only one that sees the person; or None.
     """
 
     what: str
@@ -47,17 +48,18 @@ class Span:
 
 @dataclass(frozen=True)
 class CrowdScene:
-    """What was simulated of several people.
+    """A simulated recording of several people.
 
     Attributes:
-        rig: The cameras as they were calibrated.
-        detections: What the detector made of it.
-        truth: Where the keypoints really were; NaN, and NOT_SEEN, while a person is away.
-        owner: Shape (row,), int64: the person each detection is of, -1 for nobody; of two, who gave more keypoints.
-        other: Shape (row,), int64: the second person of a merged detection, else -1.
-        kind: Shape (row,), int64: :class:`Kind` of each detection.
-        true_rig: The cameras as they really stand in the end; another than ``rig`` if one was bumped.
-        spans: What happened when.
+        rig: calibrated cameras.
+        detections: simulated detections.
+        truth: true keypoint positions; NaN and NOT_SEEN while a person is absent.
+        owner: shape (row,), int64: person of each detection, -1 for a false one; of a merged one, the person with more
+            keypoints.
+        other: shape (row,), int64: second person of a merged detection, otherwise -1.
+        kind: shape (row,), int64: :class:`Kind` of each detection.
+        true_rig: cameras with their true poses at the end; differs from ``rig`` if one was bumped.
+        spans: scripted events.
     """
 
     rig: CameraRig
@@ -69,10 +71,24 @@ class CrowdScene:
     true_rig: CameraRig
     spans: tuple[Span, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        rig: CameraRig,
+        detected: CrowdDetections,
+        truth: Reconstruction,
+        staging: Staging,
+        spans: tuple[Span, ...],
+    ) -> "CrowdScene":
+        """Combine detections, truth and scripted events."""
+        return cls(
+            rig, detected.detections, truth, detected.owner, detected.other, detected.kind, staging.turned_rig, spans
+        )
+
 
 @dataclass(frozen=True)
 class _Script:
-    """A scenario made up: everybody's way, and what is staged."""
+    """The script of a scenario: walks and staged events."""
 
     walks: list[Walk]
     staging: Staging
@@ -83,8 +99,8 @@ def simulate_crowd(options: CrowdOptions | None = None) -> CrowdScene:
     """Simulate a recording of several people.
 
     Raises:
-        OptionsError: on options that make no scene.
-        SkeletonError: if there is no such skeleton, or humans do not have it.
+        OptionsError: if the options are invalid.
+        SkeletonError: if the skeleton does not exist, or is not human.
     """
     options = options or CrowdOptions()
     motion_seed, detector_seed = np.random.SeedSequence(options.seed).spawn(2)
@@ -96,17 +112,12 @@ def simulate_crowd(options: CrowdOptions | None = None) -> CrowdScene:
     script = _SCENARIOS[options.scenario](options, rig, time_s, rng)
     points = np.stack([_keypoints(w, s, skeleton, time_s) for w, s in zip(script.walks, statures, strict=True)], axis=1)
     present = [Span("present", *span, person=p) for p, walk in enumerate(script.walks) for span in walk.spans_s]
-    return _detected(
-        points,
-        rig,
-        skeleton,
-        options.rate_hz,
-        options.detector,
-        options.faults,
-        script.staging,
-        (*present, *script.spans),
+    detected = detect_crowd(
+        rig, points, skeleton, options.rate_hz, options.detector, options.faults, script.staging,
         np.random.default_rng(detector_seed),
-    )
+    )  # fmt: skip
+    truth = truth_of(rig, skeleton, points, options.rate_hz)
+    return CrowdScene.of(rig, detected, truth, script.staging, (*present, *script.spans))
 
 
 def crowd_of_points(
@@ -119,14 +130,14 @@ def crowd_of_points(
     faults: CrowdFaults | None = None,
     seed: int = 0,
 ) -> CrowdScene:
-    """What the simulated detector makes of known motion, a recorded one for example.
+    """Simulate the detections of known motion, such as motion capture.
 
     Args:
-        points_m: shape (frame, person, keypoint, 3), in the rig's world; NaN where a keypoint is not there.
-        rig: the cameras.
-        skeleton: of the keypoints.
-        rate_hz: frames per second.
-        detector: how keypoints err.
+        points_m: shape (frame, person, keypoint, 3), in the rig's world; NaN if absent.
+        rig: cameras.
+        skeleton: skeleton of the keypoints.
+        rate_hz: frame rate.
+        detector: errors of keypoints.
         faults: how it errs where there are several people.
         seed: of everything random.
 
@@ -142,23 +153,8 @@ def crowd_of_points(
     staging = Staging.plain(rig, len(points))
     rng = np.random.default_rng(seed)
     law, faults = detector or DetectorOptions(), faults or CrowdFaults()
-    return _detected(points, rig, skeleton, rate_hz, law, faults, staging, (), rng)
-
-
-def _detected(
-    points: np.ndarray,
-    rig: CameraRig,
-    skeleton: Skeleton,
-    rate_hz: float,
-    law: DetectorOptions,
-    faults: CrowdFaults,
-    staging: Staging,
-    spans: tuple[Span, ...],
-    rng: np.random.Generator,
-) -> CrowdScene:
-    found = detect_crowd(rig, points, skeleton, rate_hz, law, faults, staging, rng)
-    truth = truth_of(rig, skeleton, points, rate_hz)
-    return CrowdScene(rig, found.detections, truth, found.owner, found.other, found.kind, staging.turned_rig, spans)
+    detected = detect_crowd(rig, points, skeleton, rate_hz, law, faults, staging, rng)
+    return CrowdScene.of(rig, detected, truth_of(rig, skeleton, points, rate_hz), staging, ())
 
 
 def _statures(options: CrowdOptions, rng: np.random.Generator) -> tuple[float, ...]:
@@ -173,7 +169,7 @@ def _statures(options: CrowdOptions, rng: np.random.Generator) -> tuple[float, .
 
 
 def _half_room_m(options: CrowdOptions) -> float:
-    """Half the room: 2 m, and more for more people than four."""
+    """Return half the room size: 2 m, more for more than four people."""
     return max(2.0, float(np.sqrt(options.n_people)))
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.errors import ResultError
-from posefuse.model.detections import with_lacking_times
 from posefuse.model.reconstruction import Reconstruction
+from posefuse.preprocess.timeline import fill_missing_times
 
 _TOLERANCE = 1.02
 """Files round times, so slightly more than half a period still counts as the nearest frame."""
@@ -37,7 +37,7 @@ class FrameTimes:
             rate_hz: frame rate if the result has none; 30 Hz if that is missing, too.
         """
         numbers = result.frame_numbers
-        times_s = with_lacking_times(np.asarray(result.time_s), numbers)
+        times_s = fill_missing_times(np.asarray(result.time_s), numbers)
         if not len(numbers) or not np.isfinite(times_s).all():
             period_s = 1.0 / (result.rate_hz or rate_hz or 30.0)
             return cls(numbers, numbers * period_s, period_s, timed=False)

@@ -36,3 +36,7 @@ def test_help_shows_common_options_and_help_all_shows_all(shown):
 def test_every_command_is_listed(shown):
     text = "\n".join(shown("--help"))
     assert [name for name in COMMANDS if f"\n  {name} " not in text] == []
+
+
+def test_flags_of_a_command_keep_their_own_text(shown):
+    assert "Layer to draw; by default the best one available." in " ".join(" ".join(shown("overlay", "--help")).split())

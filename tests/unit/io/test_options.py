@@ -41,7 +41,6 @@ def test_examples_in_the_templates_are_valid(template):
     data = tomllib.loads(re.sub(r"(?m)^# (\w+ = )", r"\1", template))
     for key in (*PROJECT_KEYS, "exclude_camera"):
         data.pop(key, None)
-    data.get("tracker", {}).pop("known_m", None)
     if "length_m" in data["align"]:
         for key in ("height_m", "floor", "origin", "forward"):
             data["align"].pop(key)

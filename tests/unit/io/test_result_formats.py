@@ -400,7 +400,7 @@ def test_a_heap_that_the_library_would_follow_without_end(people, tmp_path):
         at += 16 + -(-int.from_bytes(content[at + 8 : at + 16], "little") // 8) * 8
     content[at + 8 : at + 16] = (8).to_bytes(8, "little")
     (tmp_path / "movement.nc").write_bytes(content)
-    with pytest.raises(FileError, match=f"its texts at byte {start} are broken"):
+    with pytest.raises(FileError, match=f"its strings at byte {start} are broken"):
         posefuse.read_points(tmp_path / "movement.nc", "movement")
 
 

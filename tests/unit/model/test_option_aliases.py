@@ -38,8 +38,6 @@ def test_siblings_come_first():
 def test_former_names_are_replaced_in_their_table_only():
     data = {"trajectory": {"rounds": 2, "prior": "jerk"}, "rounds": 1}
     assert with_current_names(data) == {"trajectory": {"iterations": 2, "prior": "jerk"}, "rounds": 1}
-    unit = {"triangulation": {"weighted_subsets": {"target_unit": "normalised"}}}
-    assert with_current_names(unit)["triangulation"]["weighted_subsets"]["target_unit"] == "normalized"
 
 
 @pytest.mark.parametrize("entry", list(list_options()), ids=lambda entry: entry.name)

@@ -238,7 +238,7 @@ class TestDetector:
             DetectorOptions(**change)
 
     def test_one_share_for_each_view(self):
-        with pytest.raises(OptionsError, match="one share for each of 5 views, got 2"):
+        with pytest.raises(OptionsError, match="one fraction per view \\(5\\), got 2"):
             simulate(SceneOptions(duration_s=0.1, detector=DetectorOptions(swap_shares=(0.1, 0.2))))
 
 

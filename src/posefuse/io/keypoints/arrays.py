@@ -101,7 +101,8 @@ def from_array(
     try:
         if origin.any():
             notes = (*notes, f"{int(origin.sum())} keypoints at exactly (0, 0) px are read as missing.")
-        return Detections.from_dense(skeleton, view_names, pixels, rate_hz=rate_hz, notes=notes, **third)
+        detections = Detections.from_dense(skeleton, view_names, pixels, rate_hz=rate_hz, **third)
+        return replace(detections, notes=notes)
     except DetectionsError as error:
         raise DetectionsError(f"{path}: {error}") from None
 

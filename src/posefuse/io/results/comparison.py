@@ -1,4 +1,4 @@
-"""A comparison of methods as CSV: a row a method, units in the columns' names, empty where there is no number."""
+"""A comparison of methods as CSV: one row per method, units in the column names, empty cells for missing numbers."""
 
 import csv
 import math
@@ -24,7 +24,7 @@ COLUMNS: dict[str, Callable[[MethodNumbers], float | str | None]] = {
 
 
 def write(comparison: Comparison, path: Path) -> None:
-    """Write every column that at least one method has a number for."""
+    """Write the columns for which at least one method has a value."""
     cells = {name: [_cell(value(row)) for row in comparison.methods] for name, value in COLUMNS.items()}
     kept = {name: column for name, column in cells.items() if any(column)}
     with path.open("w", encoding="utf-8", newline="") as file:

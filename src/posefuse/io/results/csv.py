@@ -1,4 +1,4 @@
-"""Tidy CSV: a row a frame, person and keypoint (or angle, or an event). Missing is empty; numbers in full."""
+"""Tidy CSV: one row per frame, person and keypoint (or angle or event). Missing cells are empty; full precision."""
 
 import csv as text_csv
 import io
@@ -32,7 +32,7 @@ _SOURCE = np.array([next((s.label for s in Source if s == code), "") for code in
 
 
 def columns(unit: str) -> tuple[str, ...]:
-    """The column names; lengths carry their unit."""
+    """Return the column names; lengths have their unit as suffix."""
     positions = tuple(f"{axis}_{unit}" for axis in "xyz")
     deviations = tuple(f"sd_{axis}_{unit}" for axis in "xyz")
     return (
@@ -55,7 +55,7 @@ def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None
 
 
 def write_events(events: Iterable[Event], path: Path) -> None:
-    """Write what happened to people: ``frame, time_s, person, what, why``."""
+    """Write the events of tracks and cameras: ``frame, time_s, person, what, why``."""
     rows = list(events)
     data = [
         pa.array([event.number for event in rows], pa.int64()),
@@ -66,17 +66,17 @@ def write_events(events: Iterable[Event], path: Path) -> None:
 
 
 def write_angles(parts: Iterable[Reconstruction], path: Path, angles: Angles) -> None:
-    """Write joint angles of consecutive ranges of frames, with standard deviations, saying of which layer."""
+    """Write joint angles of consecutive ranges of frames, with standard deviations and the layer."""
     _write_tables((_angles_table(part, *angles(part)) for part in parts), path)
 
 
 def write_columns(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> None:
-    """Write consecutive tables of the same columns as one; NaN is an empty cell."""
+    """Write consecutive tables with the same columns as one table; NaN is an empty cell."""
     _write_tables((_columns_table(columns) for columns in tables), path)
 
 
 def write_plain(tables: Iterable[Mapping[str, np.ndarray]], path: Path) -> None:
-    """The same with names in quotes only where they must be: some programs split the first row at its commas."""
+    """Write tables with quotes only where necessary, because some programs split the first row at commas."""
     layout = csv.WriteOptions(include_header=False, quoting_style="needed")
     with replacing(path) as temporary, temporary.open("wb") as file, ExitStack() as open_file:
         writer: Any = None
@@ -108,7 +108,7 @@ def _write_tables(tables: Iterable[pa.Table], path: Path) -> None:
 
 
 def table_of(part: Reconstruction, name: LayerName) -> pa.Table:
-    """A layer as a tidy table."""
+    """Return a layer as a tidy table."""
     layer = part.layers[name]
     points = np.asarray(layer.points_m[:]).reshape(-1, 3)
     deviations = layer.sd_m.reshape(-1, 3)
@@ -131,7 +131,7 @@ def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarra
 
 
 def _whose(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:
-    """The first four columns: of every frame all people, of every person all names."""
+    """Return the first four columns; names vary fastest, then people, then frames."""
     people, each = len(part.person_ids), len(names)
     return [
         pa.array(np.repeat(part.frame_numbers, people * each)),
@@ -155,7 +155,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a layer; which one, its file does not tell unless by its name.
+    """Read a layer; the name of the layer follows from the file name, if at all.
 
     Raises:
         FileError: if it is not such a table, or truncated.

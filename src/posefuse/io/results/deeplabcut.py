@@ -1,4 +1,4 @@
-"""DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z a body part, a row a frame.
+"""DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z per body part, one row per frame.
 
 Header rows: scorer (``posefuse_<layer>``), (individuals, where there are several,) bodyparts, coords. Meters. The
 index is the frame's number; numbers without a frame are rows without points. The h5 file has the group ``posefuse``
@@ -50,7 +50,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
 
 
 def _columns(result: Reconstruction, layer: LayerName) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Names of the levels, and a name of so many levels for each column."""
+    """Return the names of the levels, and the names of each column at all levels."""
     scorer, keypoints = f"{_SCORER}{layer}", result.skeleton.keypoints
     if len(result.person_ids) == 1:
         return _ONE, [(scorer, part, axis) for part in keypoints for axis in "xyz"]
@@ -87,7 +87,7 @@ def _is_3d(columns: list[tuple[str, ...]]) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of DeepLabCut's or of ours. One individual that is not named is the file's name.
+    """Read a file of DeepLabCut or posefuse. A single individual without a name is named after the file.
 
     Raises:
         FileError: if it is not such a file, or truncated.

@@ -1,4 +1,4 @@
-"""The group ``posefuse`` of HDF5 files: what the program that a file is for has no place for.
+"""The group ``posefuse`` of HDF5 files: fields for which the format itself has no place.
 
 Attributes ``layer``, ``unit``, ``rate_hz``; names ``keypoints``, ``people``, ``views`` and ``edges`` (edge, 2);
 ``frame_number`` and ``time_s`` (frame); ``covariance`` (frame, person, keypoint, 6: xx xy xz yy yz zz), ``status``,
@@ -54,12 +54,12 @@ def write_group(file: h5py.File, result: Reconstruction, name: LayerName) -> Non
 
 
 def add_names(group: h5py.Group, key: str, names: tuple[str, ...]) -> None:
-    """A list of texts."""
+    """Write a list of texts."""
     group.create_dataset(key, data=np.array(names, dtype=object), dtype=h5py.string_dtype())
 
 
 def add_rows(group: h5py.Group, key: str, source: ArraySource) -> h5py.Dataset:
-    """An array by ranges of its first axis, compressed."""
+    """Write an array by ranges of its first axis, compressed."""
     shape = tuple(source.shape)
     packed: dict[str, Any] = {}
     if all(shape):
@@ -72,20 +72,20 @@ def add_rows(group: h5py.Group, key: str, source: ArraySource) -> h5py.Dataset:
 
 
 def read_names(group: h5py.Group, key: str) -> tuple[str, ...]:
-    """A list of texts."""
+    """Read a list of texts."""
     return tuple(each.decode() if isinstance(each, bytes) else str(each) for each in np.asarray(group[key]).tolist())
 
 
 def read_group(file: h5py.File, path: Path, points: np.ndarray) -> StoredPoints:
-    """What the group tells, with the points that stand elsewhere in the file.
+    """Read the group, combined with the points that are stored elsewhere in the file.
 
     Args:
-        file: open, and has the group.
-        path: of the file.
-        points: shape (row, person, keypoint, 3), a row each number from the first frame's on.
+        file: an open file with the group.
+        path: path of the file.
+        points: shape (row, person, keypoint, 3), one row per frame number, starting with that of the first frame.
 
     Raises:
-        FileError: if group and points do not fit each other.
+        FileError: if the group and the points are inconsistent.
     """
     group: Any = file[GROUP]
     frame_numbers = np.asarray(group["frame_number"])

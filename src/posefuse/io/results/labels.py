@@ -1,4 +1,4 @@
-"""Codes as the words that files carry, and back."""
+"""Conversion between codes and the labels in files."""
 
 from enum import IntEnum
 from pathlib import Path
@@ -10,7 +10,7 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 
 
 def _labels(codes: type[IntEnum]) -> np.ndarray:
-    """Shape (256,), texts: the label of each code, also of one that was an unsigned byte; empty where there is none."""
+    """Return the label of each code, also of codes read as unsigned bytes, shape (256,); empty for unused codes."""
     out = np.full(256, "", dtype=object)
     for code in codes:
         out[code.value] = code.label  # type: ignore[attr-defined]
@@ -21,10 +21,10 @@ STATUSES, SOURCES, VIEW_STATUSES = _labels(PointStatus), _labels(Source), _label
 
 
 def codes_of(words: np.ndarray, labels: np.ndarray, path: Path) -> np.ndarray:
-    """The codes of words, int8; -1 for none, or 0 where that is the code of no word.
+    """Return the codes of labels, int8; an empty text gives -1, or 0 if that is the code without a label.
 
     Raises:
-        FileError: on a word that is no label.
+        FileError: if a text is not a label.
     """
     known = {label: code for code, label in enumerate(labels) if label}
     known[""] = 0 if not labels[0] else -1

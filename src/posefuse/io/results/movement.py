@@ -60,7 +60,7 @@ def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progre
 
 
 def _turned(layer: Layer, attribute: str, axes: int) -> np.ndarray:
-    """From (frame, person, keypoint, ...) to movement's order of axes."""
+    """Convert (frame, person, keypoint, ...) to movement's order of axes."""
     values = np.asarray(getattr(layer, attribute)[:])
     return values.transpose(0, 2, 1) if axes == 3 else values.transpose(0, 3, 2, 1)
 
@@ -106,7 +106,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of movement's, of either naming of dimensions, or of ours.
+    """Read a file of movement, with either naming of dimensions, or of posefuse.
 
     Raises:
         FileError: if it is no such file, broken, or of poses in 2D.
@@ -149,7 +149,7 @@ def _times(file: h5py.File) -> dict[str, np.ndarray]:
 
 
 def _more(file: h5py.File) -> dict[str, Any]:
-    """What ours has beside movement's."""
+    """Return the fields that posefuse adds to movement's."""
     if _text(file, "source_software") != "posefuse":
         return {}
     found: dict[str, Any] = {"view_names": strings(file["view"])}

@@ -1,4 +1,4 @@
-"""Names that files and their parts can have, made of names that people and keypoints have."""
+"""Safe file names from the names of people and keypoints."""
 
 import unicodedata
 from collections.abc import Sequence
@@ -9,11 +9,10 @@ _LONGEST_BYTES = 100
 
 
 def safe_names(names: Sequence[str]) -> tuple[str, ...]:
-    """A name for each that is one on every file system and leads nowhere else.
+    """Return a file name for each name that is valid on every file system and stays in its folder.
 
-    All are different, also to whoever ignores case or how accents are spelt.
-
-    What is safe already stays as it is, unless somebody before has it.
+    The file names differ even if case and the encoding of accents are ignored. Safe names are unchanged unless an
+    earlier name already uses them.
     """
     taken: set[str] = set()
     found = []
@@ -35,5 +34,5 @@ def _safe(name: str) -> str:
 
 
 def _told_apart(name: str) -> str:
-    """What of a name every file system tells from others."""
+    """Return the part of a name that every file system distinguishes."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

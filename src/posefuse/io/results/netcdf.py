@@ -61,11 +61,11 @@ _LAYER_VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | Non
 
 
 def write(parts: Iterable[Reconstruction], path: Path) -> None:
-    """Write consecutive ranges of frames of one reconstruction, each as it comes.
+    """Write consecutive ranges of frames of one reconstruction, one at a time.
 
     Args:
-        parts: at least one; what does not depend on the frame is taken from the first.
-        path: the file; it appears when all parts are in it.
+        parts: at least one range; fields that do not depend on the frame come from the first one.
+        path: the file; it appears when all parts are written.
     """
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         start = 0
@@ -80,7 +80,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
 
 
 def read_reconstruction(path: str | Path) -> Reconstruction:
-    """Open a reconstruction; its layers stay in the file and are read by ranges.
+    """Open a reconstruction; layers remain in the file and are read by ranges of frames.
 
     Args:
         path: a ``reconstruction.nc``.
@@ -262,7 +262,7 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
 
 
 def _begin_poses(file: h5netcdf.File, poses: Poses) -> None:
-    """Room for how bodies stand, and their lengths."""
+    """Create the variables of articulated poses and write their lengths."""
     named = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
     for axis, names in named.items():
         file.dimensions[f"pose_{axis}"] = len(names)

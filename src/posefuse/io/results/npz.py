@@ -1,4 +1,4 @@
-"""One ``.npz`` a person with the arrays of :mod:`posefuse.io.results.freemocap`, by their files' names without folders.
+"""One ``.npz`` per person with the arrays of :mod:`posefuse.io.results.freemocap`, named by their file names.
 
 Millimeters, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
 """
@@ -32,7 +32,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
     ):
         for array in arrays:
-            # Entries of a zip have dates: a name alone gives the same one always.
+            # Entries of a zip have dates; an entry created by name alone always has the same one.
             entry = zipfile.ZipInfo(f"{array.name.rsplit('/')[-1]}.npy")
             entry.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(entry, "w", force_zip64=True) as file:
@@ -49,7 +49,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file that we wrote.
+    """Read a file that posefuse wrote.
 
     Raises:
         FileError: if it is not such a file, or corrupt.
@@ -64,7 +64,7 @@ def read(path: Path) -> StoredPoints:
 
 
 def _refuse_bombs(path: Path) -> None:
-    """A short file that unfolds to any size is no recording."""
+    """Check the decompressed size, because a small file could expand to any size."""
     with zipfile.ZipFile(path) as archive:
         check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))
 

@@ -1,10 +1,10 @@
-"""OpenPose JSON of a result's points as each camera would see them, to overlay on its video.
+"""OpenPose JSON of a result's points projected into each camera, for overlays on its video.
 
-A folder a camera, ``<camera>_json``, a file a frame, as OpenPose and Pose2Sim name them. Points are projected through
-the camera's lens: nothing is a detection. The third number is 1 where there is a point, and 0 0 0 where there is none
-or the camera cannot have it in its image; hands and faces of openpose_137 are in lists of their own. Beside the
-keypoints OpenPose's ``person_id`` is the person's number, and ``posefuse`` holds what readers of OpenPose pass over:
-name, layer, and the points' statuses and sources, in the skeleton's order.
+One folder per camera, ``<camera>_json``, and one file per frame, as OpenPose and Pose2Sim name them. Points are
+projected with lens distortion; they are not detections. The third number is 1 for a point; 0 0 0 means that there is
+no point or it is outside the image. Hands and faces of openpose_137 are in separate lists. OpenPose's ``person_id`` is
+the index of the person, and ``posefuse`` has fields that readers of OpenPose ignore: name, layer, and status and source
+of each point, in the skeleton's order.
 """
 
 import json
@@ -33,7 +33,7 @@ _EMPTY = (
 
 
 def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Progress | None = None) -> list[str]:
-    """Write all people as all cameras would see them.
+    """Write the projections of all people into all cameras.
 
     Returns:
         Notes on what the files do not contain, in sentences.
@@ -66,7 +66,7 @@ def _write_view(part: Reconstruction, camera: Camera, layer: LayerName, folder: 
 
 
 def _seen_px(camera: Camera, points_m: np.ndarray) -> np.ndarray:
-    """Shape (..., 2): where points are in the image; NaN where they are not in it."""
+    """Return the projections of points, shape (..., 2); NaN outside the image."""
     pixels, _ = camera.project(points_m)
     width, height = camera.size_px
     most = np.array([width, height]) - 0.5
@@ -75,7 +75,7 @@ def _seen_px(camera: Camera, points_m: np.ndarray) -> np.ndarray:
 
 
 def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.ndarray) -> dict[str, Any] | None:
-    """One person as OpenPose writes them, None for one of whom nothing is in the image."""
+    """Return one person as in OpenPose's files, or None if no point is in the image."""
     there = np.all(np.isfinite(pixels), axis=-1, keepdims=True)
     if not np.any(there):
         return None

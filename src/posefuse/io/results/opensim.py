@@ -1,4 +1,4 @@
-"""OpenSim: a folder with each person's TRC in OpenSim's marker names, and set-ups to scale a model and solve angles.
+"""OpenSim: a folder with a TRC of OpenSim's marker set and setup files for scaling and inverse kinematics per person.
 
 Names are those that Pose2Sim and OpenPose use (``RKnee``, ``LBigToe``). ``markers.xml`` puts them on the bodies of the
 full-body model that comes with OpenSim (Rajagopal et al. 2016, ``Rajagopal2016.osim``; not part of posefuse), at its
@@ -37,7 +37,7 @@ _ACCURACY = 1e-5
 def write(
     result: Reconstruction, people: Sequence[str], folder: Path, layer: LayerName, progress: Progress | None = None
 ) -> list[str]:
-    """Write people, each their TRC and set-ups, and the markers.
+    """Write the TRC and setup files of each person, and the marker set.
 
     Returns:
         Notes on what the files do not contain, in sentences.
@@ -71,9 +71,9 @@ def write(
 
 
 def marker_names(skeleton: Skeleton) -> dict[str, str]:
-    """OpenSim's names of a skeleton's keypoints; its own where OpenSim has none.
+    """Return OpenSim's marker names of a skeleton's keypoints; keypoints without a marker keep their names.
 
-    Two keypoints that are one marker (ankle joints by another name) keep their own names but the first.
+    If several keypoints correspond to one marker, only the first gets its name.
     """
     out: dict[str, str] = {}
     for name in skeleton.keypoints:
@@ -91,7 +91,7 @@ def _write_person(
     known: list[str],
     progress: Progress | None,
 ) -> list[str]:
-    """Write one person's files; what is to be said of them."""
+    """Write the files of one person and return notes."""
     there, whole = _presence(result, person, layer, [k for k, name in names.items() if name in known])
     if not there.any():
         return [f"opensim: {person} has no point in any frame: only the TRC is written."]
@@ -117,7 +117,7 @@ def _write_person(
 
 
 def _renamed(skeleton: Skeleton, names: dict[str, str]) -> dict[str, object]:
-    """What of a skeleton changes with the names of its keypoints; a TRC holds nothing else of it."""
+    """Return the fields of a skeleton with renamed keypoints; other fields, which a TRC does not contain, are empty."""
     return {
         "keypoints": tuple(names[name] for name in skeleton.keypoints), "edges": (), "pairs": (), "chains": {},
         "derived": {}, "plausible_m": (), "names": {}, "core": (), "tree": None, "parts": (),
@@ -128,7 +128,7 @@ def _renamed(skeleton: Skeleton, names: dict[str, str]) -> dict[str, object]:
 def _presence(
     result: Reconstruction, person: str, layer: LayerName, keypoints: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shape (frame,), bool, each: whether some of the points are there, and whether all are."""
+    """Return whether some, and whether all of the points are present, each of shape (frame,), bool."""
     places = [result.skeleton.index(name) for name in keypoints]
     points, p = result.layers[layer].points_m, result.person_ids.index(person)
     known = [
@@ -141,7 +141,7 @@ def _presence(
 
 
 def _row_times(result: Reconstruction, rate: float) -> np.ndarray:
-    """Shape (frame,): the times that the TRC gives frames."""
+    """Return the times of the frames in the TRC, shape (frame,)."""
     start = result.time_s[0] if np.isfinite(result.time_s[0]) else result.frame_numbers[0] / rate
     return start + regular_rows(result)[0] / rate
 
@@ -152,7 +152,7 @@ def _span(there: np.ndarray) -> tuple[int, int]:
 
 
 def _longest(there: np.ndarray) -> tuple[int, int]:
-    """The first and last frame of the longest stretch."""
+    """Return the first and last frame of the longest interval."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
     best = int(np.argmax(edges[1::2] - edges[::2]))
     return int(edges[2 * best]), int(edges[2 * best + 1]) - 1
@@ -169,7 +169,7 @@ def _put(parent: ElementTree.Element, tag: str, text: str | None = None, **attri
 
 
 def _objects(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
-    """A set and what stands in it."""
+    """Add a set and return its list of objects."""
     return _put(_put(parent, tag), "objects")
 
 
@@ -197,7 +197,7 @@ def _times(span: tuple[float, float]) -> str:
 
 
 def _scaling(person: str, known: list[str], span: tuple[float, float], mass_kg: float | None) -> ElementTree.Element:
-    """The set-up of OpenSim's scale tool."""
+    """Return the setup of OpenSim's scale tool."""
     root = _document()
     tool = _put(root, "ScaleTool", name=person)
     _put(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
@@ -216,7 +216,7 @@ def _scaling(person: str, known: list[str], span: tuple[float, float], mass_kg: 
     _put(scaler, "time_range", _times(span))
     _put(scaler, "preserve_mass_distribution", "true")
     _put(scaler, "output_model_file", f"{person}_scaled.osim")
-    # Without a MarkerPlacer: keypoints are joint centers; moving them to where a frame has them builds its errors in.
+    # No MarkerPlacer: keypoints are joint centers, and moving them to their positions in one frame adds its errors.
     return root
 
 
@@ -232,7 +232,7 @@ def _add_measurement(objects: ElementTree.Element, measurement: Measurement, pai
 
 
 def _inverse_kinematics(person: str, known: list[str], span: tuple[float, float]) -> ElementTree.Element:
-    """The set-up of OpenSim's inverse kinematics tool."""
+    """Return the setup of OpenSim's inverse kinematics tool."""
     root = _document()
     tool = _put(root, "InverseKinematicsTool", name=person)
     _put(tool, "model_file", f"{person}_scaled.osim")

@@ -1,4 +1,4 @@
-"""Where markers are on the bodies of OpenSim's full-body model, and what tells how large its bodies are.
+"""Marker set of OpenSim's full-body model, and the measurements that scale its bodies.
 
 Joint centers are those of the model of Rajagopal et al. 2016, IEEE Trans Biomed Eng 63(10), to the mm; axes of bodies
 are OpenSim's: x forward, y up, z to the right.
@@ -12,9 +12,9 @@ class Marker:
     """A marker on a model.
 
     Attributes:
-        body: of the model.
-        place_m: in the body's axes.
-        weight: in inverse kinematics.
+        body: name of the body in the model.
+        place_m: position in the body's axes.
+        weight: weight in inverse kinematics.
     """
 
     body: str
@@ -24,13 +24,13 @@ class Marker:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What bodies are scaled by: the mean of distances between markers, next to the same in the model.
+    """A measurement that scales bodies: the mean distance between pairs of markers relative to that in the model.
 
     Attributes:
-        name: of what is measured.
-        pairs: of markers.
-        bodies: that it scales.
-        axes: along which.
+        name: name of the measurement.
+        pairs: pairs of markers.
+        bodies: the bodies that it scales.
+        axes: the axes along which it scales them.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Measurement:
 
 
 def _both(name: str, body: str, place_m: tuple[float, float, float], weight: float = 1.0) -> dict[str, Marker]:
-    """The right one, and its mirror image on the left."""
+    """Return a marker on the right body and its mirror image on the left body."""
     x, y, z = place_m
     return {
         f"R{name}": Marker(f"{body}_r", place_m, weight),
@@ -49,7 +49,7 @@ def _both(name: str, body: str, place_m: tuple[float, float, float], weight: flo
 
 
 def _on_trunk(name: str, body: str, place_m: tuple[float, float, float], weight: float = 1.0) -> dict[str, Marker]:
-    """The right and left one, both on one body."""
+    """Return a right and a left marker on the same body."""
     x, y, z = place_m
     return {f"R{name}": Marker(body, place_m, weight), f"L{name}": Marker(body, (x, y, -z), weight)}
 
@@ -67,7 +67,7 @@ MARKERS: dict[str, Marker] = {
     **_both("Elbow", "humerus", (0.013, -0.286, -0.010)),
     **_both("Wrist", "radius", (-0.009, -0.236, 0.014)),
 }
-"""By name, trunk and legs first. The head has none: in this model it does not turn on the trunk."""
+"""Markers by name, trunk and legs first. The head has none, because it does not move relative to the model's trunk."""
 
 _PARTS = {
     "hip": "Hip", "knee": "Knee", "ankle": "Ankle", "heel": "Heel", "big_toe": "BigToe", "small_toe": "SmallToe",

@@ -1,4 +1,4 @@
-"""Parquet: the rows and columns of the tidy CSV, with all that a layer holds; who reads tables in bulk reads this.
+"""Parquet: the rows and columns of the tidy CSV with all fields of a layer, for efficient reading of large tables.
 
 Beside the CSV's columns: ``covariance_xx_m2`` to ``covariance_zz_m2``; ``views``, the names of the cameras that the
 point rests on; ``view_status`` and ``view_error_px``, lists over all cameras in the order of the metadata's. The

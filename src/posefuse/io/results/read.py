@@ -1,4 +1,4 @@
-"""Read 3D points of any format."""
+"""Read 3D points of any supported format."""
 
 from pathlib import Path
 
@@ -13,15 +13,15 @@ _HDF5 = (".h5", ".nc", ".nwb")
 
 
 def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  # noqa: A002
-    """Read one layer of 3D points, of a file that posefuse or another program wrote.
+    """Read one layer of 3D points from a file of posefuse or another program.
 
     Args:
-        path: the file; of ``freemocap`` the folder that ``output_data`` is in.
-        format: its format's name, by default what its ending and content say.
+        path: the file; for ``freemocap``, the folder that contains ``output_data``.
+        format: name of the format; by default recognized by ending and content.
 
     Raises:
-        FileError: if there is no such file, it is broken, or of no format that is read.
-        ResultError: if there is no format of that name.
+        FileError: if there is no such file, it is corrupt, or its format is not supported.
+        ResultError: if there is no readable format of that name.
     """
     path = Path(path)
     form = None if format is None else next((each for each in RESULTS if each.name == format and each.read), None)
@@ -41,7 +41,7 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
 
 
 def holds_points(path: Path) -> bool:
-    """Whether a file is of a format of 3D points, by its ending and what it begins with."""
+    """Return whether a file is in a format of 3D points, judged by its ending and content."""
     return _find_format(path) is not None
 
 

@@ -1,4 +1,4 @@
-"""Rows of files in which the place of a row is the number of its frame: without gaps, from the first frame on."""
+"""Rows of files with one row per frame number, without gaps, starting with the first frame."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ _SPARSEST = 4
 
 
 def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
-    """The row of each frame, and how many rows there are.
+    """Return the row of each frame, and the number of rows.
 
     Raises:
         ResultError: if there are no frames, or almost all rows would be empty.
@@ -32,12 +32,12 @@ def rows_of(result: Reconstruction, form: str) -> tuple[np.ndarray, int]:
 
 
 def blocks(source: ArraySource, places: np.ndarray, missing: float = np.nan) -> Iterator[np.ndarray]:
-    """All rows of an array by ranges, shape (row, ...); ``missing`` where a row has no frame.
+    """Yield all rows of an array by ranges, shape (row, ...); ``missing`` in rows without a frame.
 
     Args:
         source: shape (frame, ...); read by ranges of frames.
         places: shape (frame,): the row of each frame, increasing from 0.
-        missing: what a row without a frame holds.
+        missing: value of rows without a frame.
     """
     done = 0
     for start, stop in ranges(len(places), CHUNK_FRAMES):

@@ -52,7 +52,7 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file of sleap-anipose's or of ours; without names, nodes are ``node_0`` and tracks ``track_0``.
+    """Read a file of sleap-anipose or posefuse; without names, nodes are ``node_0`` and tracks ``track_0``.
 
     Raises:
         FileError: if it is not such a file, or corrupt.

@@ -1,4 +1,4 @@
-"""Reading tables: CSV columns of known kinds, and columns as arrays."""
+"""Reading of tables: CSV columns of given types, and conversion of columns to arrays."""
 
 import csv
 from collections.abc import Mapping
@@ -15,10 +15,10 @@ _FAR = 2.0**53
 
 
 def header(path: Path) -> list[str]:
-    """The first row of a CSV file.
+    """Return the first row of a CSV file.
 
     Raises:
-        FileError: if there is none.
+        FileError: if the file cannot be read as CSV.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
@@ -30,10 +30,10 @@ def header(path: Path) -> list[str]:
 
 
 def read_csv(path: Path, kinds: Mapping[str, pa.DataType]) -> pa.Table:
-    """A whole CSV file; columns that ``kinds`` does not name are left out.
+    """Read a CSV file; columns that are not in ``kinds`` are left out.
 
     Raises:
-        FileError: if a row is not whole, or a cell is not of its column's kind.
+        FileError: if a row is incomplete, or a cell does not have the type of its column.
     """
     names = header(path)
     if len(set(names)) != len(names):
@@ -53,20 +53,20 @@ def read_csv(path: Path, kinds: Mapping[str, pa.DataType]) -> pa.Table:
 
 
 def numbers(column: pa.ChunkedArray) -> np.ndarray:
-    """Shape (row,): float64, NaN where empty."""
+    """Return a column of shape (row,), float64, NaN for empty cells."""
     return np.array(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
 
 
 def words(column: pa.ChunkedArray) -> np.ndarray:
-    """Shape (row,): texts, empty ones where there is none."""
+    """Return a column of texts, shape (row,), empty for empty cells."""
     return np.array(["" if word is None else word for word in column.to_pylist()], dtype=object)
 
 
 def whole(values: np.ndarray, path: Path, what: str) -> np.ndarray:
-    """The same numbers, int64.
+    """Convert numbers to int64.
 
     Raises:
-        FileError: if some are missing, or no whole numbers.
+        FileError: if some are missing or not integers.
     """
     fits = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < _FAR)
     if not fits.all():
@@ -75,16 +75,16 @@ def whole(values: np.ndarray, path: Path, what: str) -> np.ndarray:
 
 
 def counts(values: np.ndarray, path: Path) -> np.ndarray:
-    """Numbers of views, int64: 0 where there is none.
+    """Return numbers of views, int64; 0 for missing ones.
 
     Raises:
-        FileError: if some are no whole numbers.
+        FileError: if some are not integers.
     """
     return whole(np.nan_to_num(values, nan=0.0), path, "numbers of views")
 
 
 def increasing(frame_numbers: np.ndarray, path: Path) -> np.ndarray:
-    """The same frame numbers.
+    """Return the frame numbers after checking that they increase.
 
     Raises:
         FileError: if they do not increase.
@@ -99,5 +99,5 @@ def increasing(frame_numbers: np.ndarray, path: Path) -> np.ndarray:
 
 
 def in_order(names: np.ndarray) -> tuple[str, ...]:
-    """Different names, in the order in which they first come."""
+    """Return the distinct names in order of first occurrence."""
     return tuple(dict.fromkeys(names.tolist()))

@@ -1,4 +1,4 @@
-"""Tidy tables, a row a frame, person and keypoint, back as arrays."""
+"""Conversion of tidy tables, with one row per frame, person and keypoint, to arrays."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ WORDS = ("person", "keypoint", "status", "source")
 
 
 def unit_of(names: Sequence[str], path: Path) -> str:
-    """The unit that the columns' names tell.
+    """Return the unit in the column names.
 
     Raises:
         FileError: if the columns are not those of a tidy table.
@@ -38,10 +38,10 @@ def points_of(
     layer: str = "",
     rate_hz: float | None = None,
 ) -> StoredPoints:
-    """Points of a whole tidy table, whose rows must be complete: of every frame all people, of these all keypoints.
+    """Return the points of a tidy table, which must have all people and keypoints in every frame.
 
     Raises:
-        FileError: if the table is something else.
+        FileError: if rows are missing or in another order.
     """
     unit = unit_of(table.column_names, path)
     persons, names = tables.words(table["person"]), tables.words(table["keypoint"])

@@ -1,4 +1,4 @@
-"""The regular clock that motion-capture files need."""
+"""Constant frame rate for motion capture formats."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _UNEVEN = 0.02
 
 
 def export_rate(result: Reconstruction, form: str) -> float:
-    """Frames per second of a result, for formats that have one clock.
+    """Return the frame rate of a result, for formats with a constant rate.
 
     Raises:
         ResultError: if the rate is unknown, or frames are not evenly spaced.
@@ -32,6 +32,6 @@ def export_rate(result: Reconstruction, form: str) -> float:
 
 
 def regular_rows(result: Reconstruction) -> tuple[np.ndarray, int]:
-    """The place of each frame in a file without gaps, and how many rows that file has."""
+    """Return the row of each frame in a file without gaps, and the number of rows."""
     places = result.frame_numbers - result.frame_numbers[0]
     return places, int(places[-1]) + 1

@@ -1,8 +1,8 @@
-"""TRC, the text format of OpenSim: a file a person, y up where up is known, missing points as empty cells.
+"""TRC, the text format of OpenSim: one file per person, y up if the up axis is known; missing points are empty cells.
 
-Layout after OpenSim's documentation, "Marker (.trc) Files". The layer is named after the file name in the first line.
-The last cell of a row says ``nan`` where it is missing: OpenSim's reader of tables takes no notice of what is after the
-last tab, and refuses a row that then lacks a cell.
+Layout after OpenSim's documentation, "Marker (.trc) Files". The first line has the layer after the file name. A missing
+last cell of a row is written as ``nan``, because OpenSim's table reader ignores an empty cell after the last tab and
+then rejects the row.
 """
 
 import re
@@ -29,14 +29,14 @@ _FIRST = "PathFileType"
 
 @dataclass(frozen=True)
 class Trajectories:
-    """What a TRC file holds.
+    """The content of a TRC file.
 
     Attributes:
-        names: of the points, as written.
+        names: names of the points as in the file.
         time_s: shape (frame,).
         points_m: shape (frame, point, 3), in the file's axes, NaN where missing.
         rate_hz: frames per second.
-        unit: of the points: ``m``, into which cm and mm are turned, or ``px``.
+        unit: unit of the points: ``m``, to which cm and mm are converted, or ``px``.
     """
 
     names: tuple[str, ...]
@@ -85,13 +85,13 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
 
 
 def _cells(values: np.ndarray) -> str:
-    """The numbers of a row; missing ones are empty, but for the last."""
+    """Return the cells of a row; missing numbers are empty except for the last one."""
     *cells, last = ("" if value != value else f"{value:.6f}" for value in values)
     return "\t".join([*cells, last or "nan"])
 
 
 def _filled(result: Reconstruction, person: str, layer: LayerName) -> str:
-    """How many points were not measured but filled, where any were: the format has no other place for it."""
+    """Return the number of filled points as text, if there are any; the format has no other place for it."""
     source, index = result.layers[layer].source, result.person_ids.index(person)
     spans = ranges(result.n_frames, CHUNK_FRAMES)
     number = sum(int((np.asarray(source[start:stop])[:, index] == Source.FILLED).sum()) for start, stop in spans)
@@ -139,9 +139,9 @@ def matches(path: Path) -> bool:
 
 
 def read_points(path: Path) -> StoredPoints:
-    """The points of a TRC file of any program, of one person, who is called as the file is; in the file's axes.
+    """Read the points of a TRC file of any program as one person named after the file; in the file's axes.
 
-    Frames are counted from 0: the format numbers rows.
+    Frames are numbered from 0, because the format numbers only rows.
 
     Raises:
         FileError: if the file does not conform to the format.

@@ -1,4 +1,4 @@
-"""Write results in any format."""
+"""Write results in any supported format."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +20,12 @@ from posefuse.progress import Progress, Silent, report_ranges
 
 @dataclass(frozen=True)
 class Written:
-    """What was written.
+    """The files of a written result.
 
     Attributes:
-        files: in order; a folder where the format is one.
-        layer: which layer they hold, or None where they hold all.
-        notes: what they do not hold, in sentences.
+        files: written files in order, or the folder for formats of many files.
+        layer: layer in the files, or None if they have all layers.
+        notes: notes on what the files do not contain, in sentences.
     """
 
     files: tuple[Path, ...]
@@ -81,7 +81,7 @@ def write(
 
 
 def _others(result: Reconstruction, layer: LayerName) -> list[str]:
-    """What a result has that a file of one layer has not."""
+    """Return the parts of a result that a file with one layer does not contain."""
     parts = {
         "fitted bodies": result.poses is not None,
         "detections of each track": result.tracks is not None,
@@ -92,7 +92,7 @@ def _others(result: Reconstruction, layer: LayerName) -> list[str]:
 
 
 def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer: LayerName) -> Written:
-    """Write what needs more of a result than a layer, or holds no layer as it is."""
+    """Write formats that need more than one layer of a result."""
     people = people_with_frames(result)
     if form.write_figure is not None:
         targets = person_paths(path, people)
@@ -107,7 +107,7 @@ def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer:
 
 
 def _format_of(path: Path, name: str | None) -> ResultFormat:
-    """The format that is asked for, or that a path's name tells."""
+    """Return the format of a name, or the one selected by the path."""
     form = _format_named_by(path) if name is None else RESULTS.find_written(name)
     if form is not None:
         return form
@@ -119,7 +119,7 @@ def _format_of(path: Path, name: str | None) -> ResultFormat:
 
 
 def _format_named_by(path: Path) -> ResultFormat | None:
-    """The format that a path's ending selects; where several share it, a word of the name decides."""
+    """Return the format selected by a path's ending; among several, a word of the file name decides."""
     suffix, stem = path.suffix.lower(), path.stem.lower()
     fitting = [form for form in RESULTS.written() if suffix in form.endings]
     by_word = next((form for form in fitting if any(word in stem for word in form.name_words)), None)
@@ -127,10 +127,10 @@ def _format_named_by(path: Path) -> ResultFormat | None:
 
 
 def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
-    """A path a person, all beside ``path`` whatever people are called; ``path`` itself for one.
+    """Return one path per person, all in the folder of ``path``; ``path`` itself for a single person.
 
     Raises:
-        ResultError: if there is nobody.
+        ResultError: if the result has no people.
     """
     if not person_ids:
         raise ResultError(f"Nobody is in this result: there is no person to write to {path.name}.")
@@ -140,7 +140,7 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
 
 
 def _lacks(form: ResultFormat, path: Path) -> tuple[str, ...]:
-    """What of a layer a file has no place for."""
+    """Return which fields of a layer a file cannot contain."""
     whole = not form.lacks or path.suffix.lower() in form.complete_endings
     return () if whole else (f"{form.name} has no place for {form.lacks}.",)
 
@@ -169,7 +169,7 @@ def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tup
 
 
 def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
-    """Who is there in some frame: edits can leave a name without any."""
+    """Return the people who are present in some frame; edits can leave people without frames."""
     if result.tracks is None:
         return result.person_ids
     there = (np.asarray(result.tracks.state[:]) != TrackState.ABSENT).any(axis=0)

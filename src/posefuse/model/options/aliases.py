@@ -111,8 +111,6 @@ RENAMED: dict[str, str] = {
 REMOVED: frozenset[str] = frozenset()
 """Former options without a successor. Stored results that hold them are still read."""
 
-_RENAMED_VALUES = {("triangulation.weighted_subsets.target_unit", "normalised"): "normalized"}
-
 
 def matching_option(name: str, siblings: Iterable[str] = ()) -> str | None:
     """Return the dotted name of the option that an unknown name most probably means, or None.
@@ -168,6 +166,5 @@ def with_current_names(data: Mapping[str, Any], prefix: str = "") -> dict[str, A
         if isinstance(value, Mapping):
             current[new.rpartition(".")[2]] = with_current_names(value, f"{name}.")
         else:
-            known = _RENAMED_VALUES.get((new, value)) if isinstance(value, str) else None
-            current[new.rpartition(".")[2]] = value if known is None else known
+            current[new.rpartition(".")[2]] = value
     return current

@@ -18,7 +18,7 @@ class RefineOptions:
         refine: Parameters to refine: extrinsics, focal (also the focal length) or lens (also the first two distortion
             coefficients).
         fix: Cameras whose parameters stay fixed; they define the coordinate system.
-        relocate: Cameras whose pose is estimated from scratch, without the given pose.
+        relocate: Cameras whose pose is estimated without using the given pose.
         max_points: Maximum number of points in the bundle adjustment.
         seed: Random seed of the samples from which cameras are located.
         rigid: Treat the points as fixed on a rigid board that appears in many poses, instead of as a subject's.

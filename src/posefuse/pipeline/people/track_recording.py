@@ -10,7 +10,7 @@ from posefuse.arrays import ranges
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning
 from posefuse.model.cameras import CameraRig
-from posefuse.model.detections import CHUNK_FRAMES, Detections, with_lacking_times
+from posefuse.model.detections import CHUNK_FRAMES, Detections
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.subjects import Subjects
@@ -19,6 +19,7 @@ from posefuse.pipeline.people.initial_noise import initial_noise, sample_frames
 from posefuse.pipeline.people.recorder import Recorder
 from posefuse.pipeline.people.tracked_people import TrackedPeople
 from posefuse.pipeline.people.trackers import tracker_of, with_tree
+from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.progress import Progress
 from posefuse.tracking.history import History
 from posefuse.tracking.records import TrackedFrame
@@ -236,4 +237,4 @@ def _times(detections: Detections) -> np.ndarray:
     """Return frame times, shape (frame,), interpolated where no view recorded the frame; NaN if unknown."""
     known = np.asarray(detections.recorded) & np.isfinite(detections.time_s)
     last = np.where(known, detections.time_s, -np.inf).max(axis=1)
-    return with_lacking_times(np.where(np.isfinite(last), last, np.nan), detections.frame_numbers)
+    return fill_missing_times(np.where(np.isfinite(last), last, np.nan), detections.frame_numbers)
