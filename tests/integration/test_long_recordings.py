@@ -101,7 +101,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
     code, said, wrong = run(*command)
     assert (code, wrong) == (0, "")
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert whole.n_frames == 30
     assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
@@ -109,7 +109,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert not (tmp_path / "out" / PARTS).exists()
 
 
-def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
+def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
     command = ("reconstruct", recording, "--chunk-frames", 10, "--triangulation.min-views", 9, "-o")
     code, _, warned = run(*command, tmp_path / "whole")
     assert code == 0
@@ -119,16 +119,16 @@ def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(r
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("posefuse.cli.reconstruct.write_beside", ended)
+        patched.setattr("posefuse.pipeline.reconstruct_recording.write_outputs", ended)
         assert run(*command, tmp_path / "out")[0] == 130
     kept = {path.name for path in (tmp_path / "out" / PARTS).rglob("*")}
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
         # Nothing is followed or triangulated again.
-        patched.setattr("posefuse.pipeline.reconstruct.prepare", ended)
+        patched.setattr("posefuse.pipeline.reconstruct_recording.prepare", ended)
         code, said, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
@@ -141,7 +141,7 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterru
     assert len(before) >= 3
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
 
 
@@ -200,7 +200,7 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
 def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
-    """CheckpointFolder, files of the result as they are written, and as they come to its folder; before and after in turn."""
+    """Interrupt before or after each rename: of parts, of result files, and of files moved to the output folder."""
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
         assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)[0] == 0

@@ -65,7 +65,7 @@ def _explain_write_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         raise FileError(
             f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are stored "
-            "there until the result is complete, and are kept. Free some space and run the same command again to resume."
+            "there until the result is complete, and are kept. Free some space and run the command again to resume."
         ) from None
 
 

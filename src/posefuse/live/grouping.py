@@ -254,7 +254,7 @@ class Grouper:
         return min(near, key=lambda each: abs(each.time_s - time_s), default=None)
 
     def _closed_views_at(self, time_s: float) -> frozenset[int] | None:
-        """Return the views of a closed frame by its time; empty for an earlier time without a frame, None for a later one."""
+        """Return the views of a closed frame: empty for an earlier time without a frame, None for a later time."""
         if time_s + self.shift_s > self._closed_time_s + self.options.same_time_s:
             return None
         near = [each for each in self._past if abs(each[0] - time_s) <= self.options.same_time_s]
@@ -312,7 +312,7 @@ class Grouper:
         return head.reached_s is not None and now_s >= self._wait_ends_s(head)
 
     def _wait_ends_s(self, frame: _OpenFrame) -> float:
-        """Return when a frame stops waiting, counted from its first view or, if later, from when most cameras reached it."""
+        """Return when a frame stops waiting, counted from its first view, or from when most cameras reached it."""
         wait_s = self.options.max_wait_s
         reached_s = frame.first_s if frame.reached_s is None else frame.reached_s
         return (reached_s if reached_s > frame.first_s + wait_s else frame.first_s) + wait_s

@@ -47,7 +47,7 @@ class StreamMonitor:
         self._jumps = jumps
         if self._jumpy == 2:
             sentences.append(
-                "The clocks of most cameras jump repeatedly. time_s must be in seconds; check that it is not in milliseconds."
+                "The clocks of most cameras jump repeatedly. time_s must be in seconds; is it in milliseconds?"
             )
         return sentences
 

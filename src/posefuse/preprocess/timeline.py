@@ -244,8 +244,8 @@ def _notes(detections: Detections, timeline: _Timeline, known: np.ndarray, perio
     rate = f"{1.0 / timeline.period_s:.4g}"
     n_frames = len(timeline.time_s)
     notes = [
-        f"Views are aligned by time: {n_frames} frames at {rate} Hz, following {detections.view_names[timeline.view]}; each "
-        f"view contributes its frame within {500.0 * timeline.period_s:.1f} ms."
+        f"Views are aligned by time: {n_frames} frames at {rate} Hz, following {detections.view_names[timeline.view]}; "
+        f"each view contributes its frame within {500.0 * timeline.period_s:.1f} ms."
     ]
     for v, name in enumerate(detections.view_names):
         has = timeline.source[:, v] >= 0

@@ -111,7 +111,7 @@ def test_finished_work_is_not_repeated(crowd, whole, tmp_path, monkeypatch):
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
     monkeypatch.setattr("posefuse.pipeline.measured_layer.measure", None)
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", None)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", None)
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
@@ -135,11 +135,11 @@ def test_an_interruption_keeps_finished_work(crowd, whole, tmp_path, moment, fra
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
-def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
+def test_an_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", interrupted)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare(*crowd, MANY, Silent())
 

@@ -63,7 +63,7 @@ def test_tcp():
         assert queue.lost == {"longer than max_line_bytes": 1}
 
 
-def test_tcp_turns_away_who_is_too_many():
+def test_tcp_rejects_too_many_senders():
     with receiving("tcp://:0", replace(OPTIONS, max_connections=1)) as (address, queue):
         one = socket.create_connection((address.host, address.port))
         one.sendall(b"first\n")
@@ -74,7 +74,7 @@ def test_tcp_turns_away_who_is_too_many():
         assert queue.lost == {"more senders than max_connections": 1}
 
 
-def test_a_port_that_is_taken_is_said():
+def test_a_port_in_use_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         for kind in ("tcp", "zmq+pull"):
@@ -187,7 +187,7 @@ def test_nats_server():
         server.wait()
 
 
-def test_a_nats_server_that_is_not_there():
+def test_a_missing_nats_server_is_an_error():
     pytest.importorskip("nats", reason="nats-py is not installed (extra live)")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
