@@ -27,12 +27,12 @@ LENSES: tuple[LensKind, ...] = ("pinhole", "barrel", "fisheye")
 TRAJECTORY = "trajectory pinhole"
 OUTLIER_SHARE = 0.05
 PROMISED = {"simple pinhole": 1.01, "consensus pinhole": 1.01, TRAJECTORY: 0.44}
-"""Median errors as a share of the oracle's, which knows nothing of time and bones; of other cases 1.03."""
+"""Maximum median error relative to the per-frame oracle, which uses neither time nor bones; 1.03 for other cases."""
 REGION_68, REGION_95 = 3.5059, 7.8147
 
 
 def oracle_points(data: Walk) -> np.ndarray:
-    """Shape (frame, keypoint, 3): the best any estimator without prior knowledge can do; NaN below two inliers."""
+    """Return the best points without prior knowledge, shape (frame, keypoint, 3); NaN below two inliers."""
     points = np.full(data.points_m.shape, np.nan)
     for f, k in np.ndindex(points.shape[:2]):
         views = np.flatnonzero(data.inlier[f, :, k])
@@ -44,7 +44,7 @@ def oracle_points(data: Walk) -> np.ndarray:
 
 
 def against_oracle(methods: tuple[str, ...], lens: LensKind, frames: int) -> dict[str, dict[str, float]]:
-    """Median and 99 % error of methods as a share of the oracle's, on the same points."""
+    """Return the median and 99 % errors of methods relative to the oracle's, on the same points."""
     data = walk(frames, lens=lens)
     oracle = np.linalg.norm(oracle_points(data) - data.points_m, axis=-1)
     found = {}
@@ -66,12 +66,12 @@ def _shares(ours: np.ndarray, oracle: np.ndarray) -> dict[str, float]:
 
 
 def options_of(method: str) -> Options:
-    """Everything else as it is by default."""
+    """Return default options with this triangulation method."""
     return Options(pairs="labels", solve="frame", triangulation=TriangulationOptions(method=method))
 
 
 def coverage(method: str, lens: LensKind, frames: int) -> dict[str, float]:
-    """Share of points inside the 68 and 95 % regions of their covariance, the noise being estimated."""
+    """Return the share of points inside the 68 and 95 % regions of their covariance, with estimated noise."""
     data = walk(frames, lens=lens, seed=1)
     layer = reconstruct(data.rig, data.detections, options_of(method)).layers["measured"]
     return _covered(layer.points_m[:, 0] - data.points_m, layer)
@@ -83,7 +83,7 @@ def _covered(offset: np.ndarray, layer: Layer) -> dict[str, float]:
 
 
 def whole_trajectory(oracle_frames: int, coverage_frames: int) -> dict[str, float]:
-    """The whole trajectory, against the per-frame oracle on frames of its middle, beside its regions' coverage."""
+    """Compare the trajectory solve with the per-frame oracle on its middle frames, and measure its coverage."""
     data = walk(coverage_frames, outlier_share=OUTLIER_SHARE, seed=1)
     layer = solved(data.rig, data.detections)
     offset = np.asarray(layer.points_m)[:, 0] - data.points_m
@@ -95,7 +95,7 @@ def whole_trajectory(oracle_frames: int, coverage_frames: int) -> dict[str, floa
 def measure(
     oracle_frames: int = 40, coverage_frames: int = 2000, trajectory_frames: int = 400
 ) -> dict[str, dict[str, float]]:
-    """Every figure, by case; the same numbers on every run."""
+    """Return all figures by case; every run gives the same numbers."""
     figures = {}
     for lens in LENSES:
         for method, shares in against_oracle(METHODS, lens, oracle_frames).items():
@@ -105,7 +105,7 @@ def measure(
 
 
 def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str, float]]) -> list[str]:
-    """What is worse than the baseline by more than rounding and other machines explain, or breaks a promise."""
+    """Return figures that are worse than the baseline beyond machine differences, or that miss a limit."""
     said = []
     for case, figures in found.items():
         for name, value in figures.items():
@@ -119,7 +119,7 @@ def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str,
                 said.append(f"{case} {name}: {value:.4f}, baseline {reference:.4f}")
         limit = PROMISED.get(case, 1.03)
         if figures["median_of_oracle"] > limit:
-            said.append(f"{case}: median is {figures['median_of_oracle']:.4f} of the oracle's, promised {limit}")
+            said.append(f"{case}: median is {figures['median_of_oracle']:.4f} of the oracle's, limit {limit}")
         low, high = (0.91, 0.98) if case == TRAJECTORY else (0.93, 0.97)
         if not low <= figures["covered_95"] <= high:
             said.append(f"{case}: 95 % regions hold {figures['covered_95']:.3f}")
@@ -127,9 +127,9 @@ def shortfalls(found: dict[str, dict[str, float]], baseline: dict[str, dict[str,
 
 
 def main() -> int:
-    """Measure, print, compare."""
+    """Measure, print and compare with the baseline."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--update", action="store_true", help="replace the baseline by what is measured")
+    parser.add_argument("--update", action="store_true", help="replace the baseline by this measurement")
     update = parser.parse_args().update
     found = measure()
     for case, figures in found.items():

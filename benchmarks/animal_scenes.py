@@ -34,20 +34,20 @@ _CONTACT_SHARE, _CLIMB_SHARE = 0.45, 0.4
 
 @dataclass(frozen=True)
 class AnimalOptions:
-    """What to simulate of several animals.
+    """Options of a simulated scene with several animals.
 
     Attributes:
         scenario: ``arena``: all run about on a floor, stop, meet and climb over each other; ``still``: one of them does
             not leave its place; ``free``: a tank or the air, in which bodies turn any way up.
-        animals: How many.
+        animals: Number of animals.
         cameras: How many, evenly around, at two heights.
         duration_s: How long.
         rate_hz: Frames per second.
-        arena_m: How wide the arena is, or the tank.
-        skeleton: Whose tree bodies have.
-        seed: Of everything random; the same seed gives the same bytes.
-        detector: How keypoints err.
-        faults: How the detector errs where there are several animals.
+        arena_m: Width of the arena or tank.
+        skeleton: Skeleton whose tree the bodies use.
+        seed: Random seed; the same seed gives the same bytes.
+        detector: Keypoint errors.
+        faults: Detector errors specific to several animals.
     """
 
     scenario: AnimalScenario = "arena"
@@ -79,7 +79,7 @@ def simulate_animals(options: AnimalOptions | None = None) -> CrowdScene:
     """Simulate a recording of several animals.
 
     Raises:
-        OptionsError: on options that make no scene.
+        OptionsError: if the options are invalid.
         SkeletonError: if there is no such skeleton, or it has no tree with segments.
     """
     options = options or AnimalOptions()
@@ -117,7 +117,7 @@ def animal_rig(n_cameras: int, arena_m: float) -> CameraRig:
 
 
 def renamed(scene: CrowdScene, skeleton: Skeleton, of: dict[str, str]) -> CrowdScene:
-    """The same scene as another detector tells it, with keypoints of its own.
+    """Return the scene as observed by another detector with other keypoints.
 
     Args:
         scene: of some skeleton.
@@ -275,7 +275,7 @@ class _Rovers:
         self.runs, self.over = np.zeros(n, dtype=bool), np.zeros(n)
 
     def advance(self, time_s: float) -> None:
-        """From this time to the next on the grid."""
+        """Advance the state from this grid time to the next."""
         for a in range(len(self.place_m)):
             if time_s < self.until_s[a] and not (self.runs[a] and self._is_there(a)):
                 continue
@@ -318,10 +318,10 @@ class _Rovers:
         return place_m * min(1.0, self.reach_m / max(float(np.linalg.norm(place_m)), 1e-9))
 
     def _keep_apart(self) -> None:
-        """Nobody stands where another does, but for those who climb; who does not move is not moved."""
+        """Keep animals apart, except climbing ones; animals that stay in place are not moved."""
         apart = self.place_m[:, None] - self.place_m[None]
         gap = np.linalg.norm(apart, axis=-1) + 9.0 * np.eye(len(apart))
-        # Who is on top of another stays so until they have got down.
+        # An animal on top of another stays there until it has climbed down.
         self.over[~self.runs & (gap.min(axis=1) > _OVER * self.body_m)] = 0.0
         lack = np.maximum(0.0, _GAP * self.body_m - gap)
         lack[(self.over > 0)[:, None] | (self.over > 0)[None]] = 0.0

@@ -1,10 +1,10 @@
-"""Several animals followed through simulated scenes: what ``posefuse reconstruct`` and then ``evaluate`` say.
+"""Benchmark of tracking several animals in simulated scenes, with ``posefuse reconstruct`` and ``evaluate``.
 
 ``python -m benchmarks.animals [--only arena-2-5-30,...] [--seeds 10] [--first 0] [--known]``. A case is named by what
 happens, how many animals, cameras and frames a second; ``edges`` and ``list`` have 9 keypoints of which a skeleton
 knows the edges and the size, or nothing. Odd seeds have a tracker's identities in each view, which change and get mixed
 up.
-With ``--known`` the tracker is told how many animals there are.
+With ``--known`` the tracker is given the number of animals.
 """
 
 import argparse
@@ -36,7 +36,7 @@ edges = [
 [tree]
 size_m = 0.1
 """
-"""As somebody would write it who knows no more of their animal."""
+"""A skeleton as a user without a body model would write it."""
 OF = {
     "nose": "snout", "ear_l": "left_ear", "ear_r": "right_ear", "neck": "spine_front", "back": "spine_middle",
     "hip_l": "left_knee", "hip_r": "right_knee", "tail": "tail_base", "tail_tip": "tail_middle",
@@ -51,7 +51,7 @@ _FRAMES = 1200
 
 @dataclass(frozen=True)
 class Run:
-    """One scene followed."""
+    """Result of tracking one scene."""
 
     scores: PeopleScores
     frame_ms: float
@@ -94,7 +94,7 @@ HEAD = (
 
 
 def row(name: str, runs: Sequence[Run]) -> str:
-    """A line of the table: median (worst) of the seeds."""
+    """Return one row of the table: median (worst) of the seeds."""
     of = [run.scores for run in runs]
     clear = [scores.clear[0] for scores in of]
     ghosts = [max((ghost.longest for ghost in scores.ghosts), default=0) for scores in of]
@@ -125,7 +125,7 @@ def _said(values: Sequence[float], form: str, worst: object = max) -> str:
 
 
 def main() -> None:
-    """Print the table, a row as soon as it is known."""
+    """Print the table, each row when it is complete."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join(CASES))
     parser.add_argument("--seeds", type=int, default=10)

@@ -1,4 +1,4 @@
-"""Cross-view association by itself: people proposed in single frames, against an oracle that is told who is whose."""
+"""Scores of cross-view association in single frames, against an oracle that uses the true assignment."""
 
 import math
 from collections.abc import Sequence
@@ -12,21 +12,21 @@ from posefuse.evaluation.matching import GATE_M, assign, mean_distances_m
 
 @dataclass(frozen=True)
 class AssociationScores:
-    """Proposals of all frames. NaN where there is nothing to count by.
+    """Scores over all frames; NaN where nothing is counted.
 
     Attributes:
-        gate_m: the farthest a proposal may be from the person it is taken for.
-        n_true: people of the truth.
-        n_oracle: of them, those the oracle finds.
-        n_proposals: people proposed.
-        recall: share of the truth that is found.
-        oracle_recall: share that the oracle finds.
-        relative_recall: of the people the oracle finds, the share that is found.
-        error_mm: mean distance over keypoints, where people are found and the oracle has the keypoint.
-        oracle_error_mm: of the oracle's keypoints, over everybody it finds.
-        error_mm_by_views: number of views the oracle had of a keypoint to the mean distance.
-        oracle_error_mm_by_views: likewise of the oracle's.
-        false_share: proposals that are nobody, of all proposals.
+        gate_m: maximum distance between a proposal and its person.
+        n_true: number of true people.
+        n_oracle: number of true people that the oracle detects.
+        n_proposals: number of proposals.
+        recall: share of the true people that are detected.
+        oracle_recall: share that the oracle detects.
+        relative_recall: share of the oracle's people that are detected.
+        error_mm: mean error over keypoints of detected people that the oracle has too.
+        oracle_error_mm: mean error of the oracle's keypoints, over all people it detects.
+        error_mm_by_views: number of the oracle's views of a keypoint -> mean error.
+        oracle_error_mm_by_views: the same for the oracle.
+        false_share: share of proposals without a true person.
     """
 
     gate_m: float
@@ -57,21 +57,22 @@ def score_association(
     Args:
         proposals_m: by frame, shape (person, keypoint, 3), NaN where missing.
         truth_m: by frame, shape (truth, keypoint, 3).
-        oracle_m: by frame, of the truth's shape: triangulated from detections whose person is known; NaN for people
-            that cannot be had.
-        oracle_views: by frame, shape (truth, keypoint), int: views of each keypoint the oracle had.
-        counted: by frame, shape (person,), bool: whether an unmatched proposal is false; it is not where it may be
-            somebody the truth leaves out. By default every one is.
-        compared: keypoints whose errors count; the others (of another definition in the truth) only help to match.
-        gate_m: the farthest a match may be, as a mean over keypoints.
+        oracle_m: by frame, of the truth's shape: triangulated from correctly assigned detections; NaN for people
+            that cannot be triangulated.
+        oracle_views: by frame, shape (truth, keypoint), int: number of the oracle's views of each keypoint.
+        counted: by frame, shape (person,), bool: whether an unmatched proposal counts as false; not if it may
+            be a person missing from the truth. By default all count.
+        compared: keypoints whose errors count; the others (defined differently in the truth) are used for matching
+            only.
+        gate_m: maximum mean distance over keypoints of a match.
 
     Raises:
-        ResultError: where the frames do not fit each other.
+        ResultError: if the numbers of frames disagree.
     """
     n = {len(each) for each in (proposals_m, truth_m, oracle_m, oracle_views)}
     if len(n) != 1:
         raise ResultError(
-            f"Proposals, truth, oracle and its views must have one entry a frame, got {sorted(n)} frames."
+            f"Proposals, truth, oracle and its views must have one entry per frame, got {sorted(n)} frames."
         )
     found, matched = _matched(proposals_m, truth_m, gate_m)
     own = [np.asarray(each, dtype=np.float64) for each in oracle_m]
@@ -104,7 +105,7 @@ def score_association(
 def _matched(
     proposals_m: Sequence[np.ndarray], truth_m: Sequence[np.ndarray], gate_m: float
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """By frame: what is proposed for each person of the truth (NaN for nobody), and which proposals are somebody."""
+    """Return by frame the proposal of each true person (NaN without one), and which proposals are matched."""
     found, matched = [], []
     for proposals, truth in zip(proposals_m, truth_m, strict=True):
         points = np.full(np.shape(truth), np.nan)
@@ -120,13 +121,13 @@ def _matched(
 
 
 def _errors_mm(points_m: Sequence[np.ndarray], truth_m: Sequence[np.ndarray]) -> np.ndarray:
-    """Shape (truth of all frames, keypoint)."""
+    """Return errors, shape (true people of all frames, keypoint)."""
     offsets = [np.linalg.norm(a - b, axis=-1) for a, b in zip(points_m, truth_m, strict=True)]
     return 1000.0 * np.concatenate(offsets) if offsets else np.empty((0, 0))
 
 
 def _is_hit(errors_mm: np.ndarray, gate_m: float) -> np.ndarray:
-    """Shape (truth of all frames,): whose mean distance is within the gate."""
+    """Return whether the mean distance is within the gate, shape (true people of all frames,)."""
     known = np.isfinite(errors_mm)
     n = known.sum(axis=-1)
     total = np.where(known, errors_mm, 0.0).sum(axis=-1)

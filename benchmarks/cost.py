@@ -48,7 +48,7 @@ SCALED = 8
 
 @dataclass(frozen=True)
 class Case:
-    """So many of each, people on average, and the CPU milliseconds a frame that they take."""
+    """Size of a scene (people on average) and its CPU milliseconds per frame."""
 
     people: float
     cameras: int

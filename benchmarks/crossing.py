@@ -1,9 +1,10 @@
-"""People who cross in a small room, before five cameras at two metres, as OpenPose might give them: in pieces, too.
+"""Benchmark of people who cross in a small room: five cameras at 2 m, OpenPose-like detections, also split ones.
 
 ``python -m benchmarks.crossing [--seeds 5] [--rate 25] [--pieces 0.3]``. BODY_25, no identities in 2D, 1032 x 776 px,
-four people for 30 s; missed, merged, double and false people more often than usual. For a share of the time, half a
-second at a stretch, a view gives somebody as two detections: legs, and the rest. Causal, as each frame was told when it
-was the last. PCP is the mean over everybody, by the Campus head rule, from the first frame somebody is there.
+four people for 30 s; missed, merged, double and false detections are more frequent than by default. For a share
+of the time, in spells of 0.5 s, a view splits a person into two detections: the legs and the rest. Results are causal:
+each frame as reported when it was the latest. PCP is the mean over people by the Campus head rule, from the first frame
+of each person's presence.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from posefuse.synthetic.detector import on_intervals
 from posefuse.synthetic.figures import human
 from posefuse.synthetic.options import DetectorOptions
 from posefuse.synthetic.rigs import look_at
-from posefuse.synthetic.walkers import Plan, stroll
+from posefuse.synthetic.walkers import Attendance, stroll
 
 _SIZE_PX, _FOCAL_PX = (1032, 776), 1060.0
 _PLACES_M = ((3.2, 2.6, 2.1), (-3.2, 2.6, 2.3), (-3.4, -2.5, 2.0), (3.1, -2.7, 2.2), (0.2, 3.9, 1.9))
@@ -37,7 +38,7 @@ _LAW = DetectorOptions(outlier_share=0.04, miss_share=0.1, swap_share=0.012)
 
 
 def room() -> CameraRig:
-    """Five cameras at the corners and a wall, two metres up."""
+    """Return five cameras at the corners and one wall, 2 m above the floor."""
     matrix = np.array([[_FOCAL_PX, 0.0, 515.5], [0.0, _FOCAL_PX, 387.5], [0.0, 0.0, 1.0]])
     poses = [look_at(np.array(place), np.array([0.0, 0.0, 0.95])) for place in _PLACES_M]
     return CameraRig(
@@ -46,11 +47,11 @@ def room() -> CameraRig:
 
 
 def crossing(seed: int, rate_hz: float, pieces: float) -> CrowdScene:
-    """Four people; two are there all along."""
+    """Return the motion of four people; two are always present."""
     rng = np.random.default_rng(seed)
     skeleton = find_skeleton("body_25")
     comes, goes = rng.uniform(1.0, 6.0, 2), rng.uniform(18.0, 26.0, 2)
-    plans = (Plan(), Plan(), *(Plan(float(a), float(b)) for a, b in zip(comes, goes, strict=True)))
+    plans = (Attendance(), Attendance(), *(Attendance(float(a), float(b)) for a, b in zip(comes, goes, strict=True)))
     walks = stroll(plans, _HALF_ROOM_M, _LASTS_S, rng)
     time_s = np.arange(round(_LASTS_S * rate_hz)) / rate_hz
     figures = [human(float(stature)) for stature in rng.uniform(1.6, 1.9, len(plans))]
@@ -64,7 +65,7 @@ def crossing(seed: int, rate_hz: float, pieces: float) -> CrowdScene:
 
 
 def in_pieces(scene: CrowdScene, share: float, rng: np.random.Generator) -> CrowdScene:
-    """The same where views give single people as two detections, for that share of the time."""
+    """Return the scene with people split into two detections per view for a share of the time."""
     whole, legs = scene.detections, _legs(scene.detections.skeleton)
     cells = np.repeat(np.arange(len(whole.offsets) - 1), np.diff(whole.offsets))
     views, people = whole.n_views, scene.truth.layers["measured"].points_m.shape[1]
@@ -94,7 +95,7 @@ def _legs(skeleton: Skeleton) -> np.ndarray:
 
 
 def main() -> None:
-    """Print a line a recording."""
+    """Print one line per recording."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--rate", type=float, default=25.0)

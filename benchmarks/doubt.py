@@ -1,6 +1,6 @@
-"""What not believing the labels of followed people is worth: nowhere, everywhere, and where they look wrong.
+"""Benchmark of left/right correction for tracked people: nowhere, everywhere, and where labels look wrong.
 
-``python -m benchmarks.doubt``: points of keypoints that come in pairs, beside the truth, of four people walking.
+``python -m benchmarks.doubt``: errors of paired keypoints of four walking people.
 """
 
 import time
@@ -23,7 +23,7 @@ _THEIRS_M = 0.4
 
 
 def numbers(layer: Layer, truth: np.ndarray, pairs: np.ndarray) -> str:
-    """Mean, 95 % percentile in mm, and the share missing; people are those whose middles are nearest."""
+    """Format mean and 95th percentile in mm, and the share missing; people match by the nearest centers."""
     points = np.asarray(layer.points_m)
     away = np.linalg.norm(np.nanmean(points, axis=2)[:, :, None] - np.nanmean(truth, axis=2)[:, None], axis=-1)
     away = np.where(np.isnan(away), np.inf, away)
@@ -33,8 +33,10 @@ def numbers(layer: Layer, truth: np.ndarray, pairs: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Measure and print; ms are CPU time a frame."""
-    print("| swapped | believed: mean, 95 %, missing | doubted everywhere | doubted where they look wrong | ms | ms |")
+    """Measure and print; ms are CPU time per frame."""
+    print(
+        "| swapped | labels as given: mean, 95 %, missing | corrected everywhere | where labels look wrong | ms | ms |"
+    )
     print("|---|---|---|---|---|---|")
     for share in SHARES:
         crowd = CrowdOptions("crowd", seed=0, duration_s=DURATION_S)

@@ -1,4 +1,4 @@
-"""Recordings with something wrong with them, and healthy ones: what a health check has to tell apart."""
+"""Recordings with planted faults, and healthy ones, for the recording check."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -42,12 +42,12 @@ FAULTS: tuple[Fault, ...] = get_args(Fault)
 
 @dataclass(frozen=True)
 class Planted:
-    """A fault that was planted.
+    """A planted fault.
 
     Attributes:
         fault: what.
         cameras: names of those that have it; empty where all do.
-        size: in the fault's own unit: degrees, metres, frames, ppm, a factor or a share.
+        size: in the fault's own unit: degrees, meters, frames, ppm, a factor or a share.
     """
 
     fault: Fault
@@ -391,7 +391,7 @@ USUAL: dict[Fault, float] = {
     "confidence": 1.0,
     "another rig": 0.0,
 }
-"""How large a fault is that nobody said the size of."""
+"""Default size of a fault."""
 
 _PLANTERS: dict[Fault, Callable[[Scene, tuple[int, ...], float, np.random.Generator], Scene]] = {
     "turned": _turned,

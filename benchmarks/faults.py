@@ -1,4 +1,4 @@
-"""Are planted faults named, and are healthy recordings left in peace?
+"""Benchmark of the recording check: planted faults must be named, healthy recordings must have no findings.
 
 ``python -m benchmarks.faults`` plants each fault alone, and in pairs of different cameras, and looks at healthy
 recordings. Every seed is another rig, person, walk, skeleton and frame rate, seen by a detector that errs as measured
@@ -56,13 +56,13 @@ def views_of(fault: Fault, first: int) -> tuple[int, ...]:
 
 
 def is_named(planted: Planted, findings: Sequence[Finding]) -> bool:
-    """Whether a finding names a planted fault and its camera."""
+    """Return whether a finding names a planted fault and its camera."""
     wanted = planted.cameras[:1] if planted.fault == "copied pose" else planted.cameras
     return any(f.kind in NAMED_AS[planted.fault] and set(f.cameras) == set(wanted) for f in findings)
 
 
 def others(planted: Sequence[Planted], findings: Sequence[Finding]) -> list[Finding]:
-    """Findings about cameras or things that nobody planted."""
+    """Return findings about cameras or faults that were not planted."""
     return [f for f in findings if not any(is_named(p, [f]) for p in planted)]
 
 
@@ -82,7 +82,7 @@ def cases(first: int, seeds: int, healthy: int, pairs: int) -> Iterator[tuple[tu
     """Faults and seeds, in rounds: each fault alone, and as large a share of the healthy and of the pairs."""
     beside: list[Fault] = [fault for fault in FAULTS if fault not in ALONE]
     every = list(combinations(beside, 2))
-    # Neighbours in the list are alike: a step that has no divisor in common with its length visits all, well mixed.
+    # Neighbors in the list are alike: a step that has no divisor in common with its length visits all, well mixed.
     step = next(k for k in range(int(0.62 * len(every)), len(every)) if np.gcd(k, len(every)) == 1)
     rounds = max(seeds, 1)
     for number in range(rounds):
@@ -96,7 +96,7 @@ def cases(first: int, seeds: int, healthy: int, pairs: int) -> Iterator[tuple[tu
 
 
 def record(faults: Sequence[Fault], seed: int) -> dict:
-    """What became of one case."""
+    """Outcome of one case."""
     planted, findings, seconds = check(faults, seed)
     return {
         "faults": list(faults),
@@ -113,7 +113,7 @@ def summary(records: Iterable[dict]) -> None:
     for one in records:
         faults, named, more = one["faults"], one["named"], len(one["others"])
         if not faults:
-            tallies["healthy: nothing said"].append((more == 0, more))
+            tallies["healthy: no findings"].append((more == 0, more))
         elif len(faults) == 1:
             tallies[faults[0]].append((named[0], more))
         else:
@@ -158,7 +158,9 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1000, help="seed")
     parser.add_argument("--healthy", type=int, default=300)
     parser.add_argument("--pairs", type=int, default=3, help="seeds of each pair")
-    parser.add_argument("--log", type=Path, default=Path("faults.jsonl"), help="a line a case; read if it is there")
+    parser.add_argument(
+        "--log", type=Path, default=Path("faults.jsonl"), help="log with one line per case; read if it exists"
+    )
     parser.add_argument("--timing", action="store_true")
     arguments = parser.parse_args()
     if arguments.timing:

@@ -1,6 +1,6 @@
-"""Plain filters that are told the truth: what smoothing without views, bones or doubt comes to when tuned perfectly.
+"""Filters tuned on the truth: the best that smoothing of 3D points alone can achieve.
 
-Points have shape (frame, keypoint, 3), metres; missing ones are NaN.
+Points have shape (frame, keypoint, 3), meters; missing points are NaN.
 """
 
 import numpy as np
@@ -8,11 +8,11 @@ from scipy.signal import butter, sosfiltfilt
 
 CUT_OFFS_HZ = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0, 20.0)
 DENSITIES = tuple(10.0 ** np.arange(1.0, 6.0, 0.5))
-"""Of white jerk, m^2 / s^5."""
+"""Spectral densities of white jerk, m^2 / s^5."""
 
 
 def filled(points_m: np.ndarray) -> np.ndarray:
-    """Gaps bridged by straight lines, ends held; a keypoint that is never there stays missing."""
+    """Interpolate gaps linearly and hold the ends; a keypoint without any point stays missing."""
     out = points_m.copy()
     frame = np.arange(len(out))
     for k in range(out.shape[1]):
@@ -23,7 +23,7 @@ def filled(points_m: np.ndarray) -> np.ndarray:
 
 
 def butterworth(points_m: np.ndarray, rate_hz: float, cut_off_hz: float) -> np.ndarray:
-    """Fourth order with zero phase (second order, forth and back), gaps bridged first."""
+    """Apply a zero-phase Butterworth filter of fourth order (second order, both directions) after filling gaps."""
     if cut_off_hz >= 0.5 * rate_hz or len(points_m) < 16:
         return filled(points_m)
     given = filled(points_m)
@@ -36,16 +36,16 @@ def butterworth(points_m: np.ndarray, rate_hz: float, cut_off_hz: float) -> np.n
 def smoother(
     points_m: np.ndarray, covariance_m2: np.ndarray, time_s: np.ndarray, density: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Each keypoint by itself under white jerk: Kalman filter, then Rauch, Tung and Striebel.
+    """Smooth each keypoint with a white-jerk Kalman filter and a Rauch-Tung-Striebel smoother.
 
     Args:
-        points_m: missing ones only predicted.
-        covariance_m2: shape (frame, keypoint, 3, 3), of the points.
+        points_m: points; missing ones are predicted only.
+        covariance_m2: shape (frame, keypoint, 3, 3): covariances of the points.
         time_s: shape (frame,).
         density: spectral density of the jerk, m^2 / s^5.
 
     Returns:
-        Points and covariances, everywhere between the first and the last point of a keypoint.
+        Points and covariances between the first and the last point of each keypoint.
     """
     frames, keypoints, _ = points_m.shape
     there = np.asarray(np.isfinite(points_m).all(axis=-1) & np.isfinite(covariance_m2).all(axis=(-1, -2)))
@@ -71,7 +71,7 @@ def smoother(
 def updated(
     state: np.ndarray, spread: np.ndarray, point_m: np.ndarray, covariance_m2: np.ndarray, there: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The Kalman update of the keypoints that are there, in Joseph's form."""
+    """Apply the Kalman update in Joseph form to the keypoints with a point."""
     state, spread = state.copy(), spread.copy()
     prior, noise = spread[there], covariance_m2[there]
     gain = np.swapaxes(np.linalg.solve(prior[:, :3, :3] + noise, prior[:, :3]), -1, -2)
@@ -83,7 +83,7 @@ def updated(
 
 
 def white_jerk(step_s: float, density: float) -> tuple[np.ndarray, np.ndarray]:
-    """Transition and noise, shape (9, 9), of position, velocity and acceleration over a step."""
+    """Return transition and process noise, shape (9, 9), of position, velocity and acceleration over a step."""
     t = step_s
     move = np.array([[1, t, t**2 / 2], [0, 1, t], [0, 0, 1]])
     noise = density * np.array(

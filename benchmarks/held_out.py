@@ -1,7 +1,7 @@
-"""Real recordings, one camera left out: how far it sees the keypoints from where the others put them.
+"""Held-out cameras of real recordings: distance between their detections and the points of the other cameras.
 
 ``python -m benchmarks.held_out FOLDER [--only NAME,...]``, the folder of recordings that tests read too. The points of
-the whole trajectory beside those of ``consensus`` frame by frame, over the observations both foretell; and how much
+the whole trajectory beside those of ``consensus`` frame by frame, over the observations that both predict; and how much
 bones vary in length with all cameras. The held-out camera's own errors are in all of these figures: they differ by less
 than the points do.
 """
@@ -33,19 +33,19 @@ METHODS: dict[str, Method] = {"consensus": per_frame, "trajectory": solved}
 
 @dataclass(frozen=True)
 class HeldOut:
-    """What one method's points foretell of cameras that had no part in them.
+    """Predictions of one method's points for held-out cameras.
 
     Attributes:
-        median_px, p90_px: distance between foretold and detected, over cameras, frames and keypoints that both methods
-            foretell.
-        foretold: share of the detections that the method foretells at all.
+        median_px, p90_px: distance between predicted and detected, over cameras, frames and keypoints that both methods
+            predict.
+        predicted: share of the detections that the method predicts.
         bones: how much bones vary in length, all cameras used; NaN without bones.
         missing: share of points missing, all cameras used.
     """
 
     median_px: float
     p90_px: float
-    foretold: float
+    predicted: float
     bones: float
     missing: float
 
@@ -91,9 +91,9 @@ def matched(rig: CameraRig, detections: Detections) -> tuple[CameraRig, Detectio
 
 
 def errors_px(rig: CameraRig, detections: Detections, method: Method) -> np.ndarray:
-    """Shape (view, frame, keypoint): how far each camera's detections are from what the others' points foretell.
+    """Shape (view, frame, keypoint): distance of each camera's detections to the others' points.
 
-    NaN where nothing was detected or nothing is foretold.
+    NaN where nothing was detected or nothing is predicted.
     """
     pixels, confidence = detections.dense()
     pixels = np.where((confidence >= MIN_CONFIDENCE)[..., None] | np.isnan(confidence)[..., None], pixels, np.nan)
@@ -101,8 +101,8 @@ def errors_px(rig: CameraRig, detections: Detections, method: Method) -> np.ndar
     for v, name in enumerate(rig.names):
         others = tuple(other for other in rig.names if other != name)
         layer = method(rig.select(others), detections.views(others))
-        foretold = rig.cameras[v].project(np.asarray(layer.points_m)[:, 0])[0]
-        found[v] = np.linalg.norm(foretold - pixels[:, v], axis=-1)
+        predicted = rig.cameras[v].project(np.asarray(layer.points_m)[:, 0])[0]
+        found[v] = np.linalg.norm(predicted - pixels[:, v], axis=-1)
     return found
 
 
@@ -133,12 +133,12 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(RECORDINGS), help=f"some of {', '.join(RECORDINGS)}")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'foretold', 'bones vary', 'missing'))} |")
+    print(f"| recording | method | {' | '.join(('median px', '90 % px', 'predicted', 'bones vary', 'missing'))} |")
     print("|---|---|---|---|---|---|---|")
     for name in given.only.split(","):
         for method, row in compare(*RECORDINGS[name](given.folder)).items():
             print(
-                f"| `{name}` | {method} | {row.median_px:.2f} | {row.p90_px:.2f} | {100 * row.foretold:.1f} % | "
+                f"| `{name}` | {method} | {row.median_px:.2f} | {row.p90_px:.2f} | {100 * row.predicted:.1f} % | "
                 f"{100 * row.bones:.2f} % | {100 * row.missing:.2f} % |",
                 flush=True,
             )

@@ -122,7 +122,7 @@ def resident_mb(what: str) -> float:
 
 
 def forget_peak() -> None:
-    """From here on ``VmHWM`` counts anew."""
+    """Reset the peak ``VmHWM``."""
     Path("/proc/self/clear_refs").write_text("5")
 
 

@@ -55,7 +55,7 @@ def with_lasting_noise(data: Walk, seed: int = 3) -> Walk:
 
 
 def acts(frames: int) -> Walk:
-    """Somebody walks, turns, reaches, sits and jumps, three seconds each, seen with the errors of the measured law."""
+    """A person walks, turns, reaches, sits and jumps, three seconds each, seen with the errors of the measured law."""
     points = figure_at(np.arange(frames) / RATE_HZ, ("walk", "turn", "reach", "sit", "jump"))
     return with_lasting_noise(observe(build_rig("ring", 5), points, np.random.default_rng(0)))
 
@@ -111,7 +111,7 @@ def panoptic_at_60_hz(folder: Path, frames: int, outlier_share: float = 0.05, st
 
 
 def waving(frames: int, rig: CameraRig | None = None, *, start_s: float = 0.0, end_s: float = np.inf) -> Walk:
-    """Somebody stands and waves the right hand at 3 Hz, 30 cm from side to side, forearm about the elbow.
+    """A person stands and waves the right hand at 3 Hz, 30 cm from side to side, forearm about the elbow.
 
     Args:
         frames: at 60 Hz.
@@ -134,7 +134,7 @@ def waving(frames: int, rig: CameraRig | None = None, *, start_s: float = 0.0, e
 
 
 def landing(jumps: int, rig: CameraRig | None = None, absorb_s: float = 0.04) -> Walk:
-    """Somebody drops 30 cm, again and again, at 100 fps; bones keep their lengths.
+    """A person drops 30 cm, again and again, at 100 fps; bones keep their lengths.
 
     Feet come to rest over ``absorb_s``, the pelvis over 0.25 s, knees bending meanwhile. Each drop takes two seconds:
     up slowly, held, down under gravity.
@@ -160,7 +160,7 @@ def drop_heights(since_s: np.ndarray, absorb_s: float) -> np.ndarray:
     """Shape (frame,): how high something is over where it stands, m.
 
     It is lifted in the first second and falls in the next; the velocity v of the fall is absorbed over ``absorb_s``,
-    v absorb_s / 2 below the start, whence it rises to 0.
+    v absorb_s / 2 below the start, then it rises to 0.
     """
     fall_s = np.sqrt(2 * DROP_M / _GRAVITY)
     speed = _GRAVITY * fall_s
@@ -187,7 +187,7 @@ def knees(hip: np.ndarray, ankle: np.ndarray, thigh_m: float, shank_m: float, fo
 
 
 def stand_then_jump(frames: int) -> Walk:
-    """Somebody stands still for three seconds, then jumps, over and over."""
+    """A person stands still for three seconds, then jumps, over and over."""
     points = figure_at(np.arange(frames) / RATE_HZ, ("stand", "jump"))
     return observe(build_rig("ring", 5), points, np.random.default_rng(0), outlier_share=0.05)
 

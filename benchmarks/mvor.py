@@ -1,7 +1,7 @@
-"""Association by itself, on real single frames: MVOR, an operating room before three cameras.
+"""Benchmark of association on real single frames: MVOR, an operating room with three cameras.
 
 ``python -m benchmarks.mvor FOLDER``, the folder of recordings that tests read too, prints what an oracle makes of the
-detections: one that is told by the manual annotation which detections are of one person. Then what this project's
+detections: one that uses the manual annotation of which detections show one person. Then what this project's
 proposals do, and those of the baseline; an associator's proposals are scored against the same by :func:`score`.
 """
 
@@ -47,7 +47,7 @@ SAME_PERSON_PX = 40.0
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Somebody annotated in one view of whom there is no 3D truth.
+    """A person annotated in one view without 3D truth.
 
     Attributes:
         view: its number.
@@ -65,7 +65,7 @@ class Mvor:
     """The data set; a frame a triplet of images, frames lie 75 s apart.
 
     Attributes:
-        rig: in metres, the world is camera 1; which way is up is not known.
+        rig: in meters, the world is camera 1; which way is up is not known.
         detections: OpenPose's people, COCO's 17 keypoints.
         truth_m: by frame, shape (truth, 10, 3), the joints as :data:`JOINTS`.
         persons: by frame, shape (truth,): their ids, as in ``annotated``.
@@ -224,7 +224,7 @@ def linear_points(rig: CameraRig, pixels: np.ndarray) -> np.ndarray:
 
 
 def is_unannotated(data: Mvor, frame: int, points_m: np.ndarray) -> np.ndarray:
-    """Shape (person,), bool: proposals that may be somebody of whom there is no 3D truth.
+    """Shape (person,), bool: proposals that may be a person without 3D truth.
 
     They are those of which at least half the joints lie in boxes of such a person in two views.
 

@@ -1,8 +1,8 @@
 """Time to read many OpenPose files: ``python -m benchmarks.openpose_files --frames 25000``.
 
-A recording of four views is written, a JSON file a frame and view, as OpenPose writes them (BODY_25, one person, some
-frames without), and read in a process of its own: wall and processor time, and memory. Several lengths show whether
-time is linear in frames; ``--cold`` reads what the system does not remember.
+A recording of four views is written, one JSON file per frame and view, as OpenPose writes them (BODY_25, one person,
+some frames without), and read in its own process, which measures wall and processor time and memory. Several lengths
+show whether time is linear in frames; ``--cold`` reads files that are not in the system's cache.
 """
 
 import json
@@ -18,7 +18,7 @@ _EMPTY_EVERY = 50
 
 
 def write(frames: int, folder: Path) -> None:
-    """Files named and filled as OpenPose does."""
+    """Write files with the names and content of OpenPose."""
     rng = np.random.default_rng(0)
     for v in range(_VIEWS):
         camera = folder / f"cam_{v}_json"
@@ -45,7 +45,7 @@ def read(folder: Path) -> dict[str, float]:
 
 
 def line(took: dict[str, float]) -> str:
-    """What is said of a recording."""
+    """Return the output line of a recording."""
     return (
         f"{took['files']:.0f} files: {took['wall_s']:.1f} s, processor {took['processor_s']:.1f} s, "
         f"{took['peak_mb']:.0f} MB"

@@ -1,4 +1,4 @@
-"""Pairs: two points from rays whose labels are wrong now and then, beside the oracle, the labels believed, and sds.
+"""Benchmark of paired keypoints with label swaps, compared with the oracle, labels as given, and sds.
 
 ``python -m benchmarks.pairs [--trials N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 to 2.5 m high, f 1500 px,
 5 px noise, pairs anywhere in a cube of 1 m, 300 mm apart; a view swaps with probability 0.25, one of its keypoints is
@@ -38,16 +38,16 @@ OPTIONS = TriangulationOptions(min_views=2)
 
 @dataclass(frozen=True)
 class Scene:
-    """Pairs seen by a ring of cameras, and what went wrong with each observation.
+    """Pairs observed by a ring of cameras, and the faults of each observation.
 
     Attributes:
         rig: the cameras.
         points_m: shape (trial, 2, 3).
-        pixels: shape (trial, view, 2, 2), as labelled.
-        truth: shape (trial, view, 2): which point the observation of each label is of.
-        inlier: shape (trial, view, 2), bool: there, and not a gross outlier.
-        sigma_px: of the noise.
-        pairs: how many pairs of keypoints a frame holds.
+        pixels: shape (trial, view, 2, 2), as labeled.
+        truth: shape (trial, view, 2): point that the observation of each label shows.
+        inlier: shape (trial, view, 2), bool: present, and not a gross outlier.
+        sigma_px: standard deviation of the noise.
+        pairs: number of keypoint pairs per frame.
     """
 
     rig: CameraRig
@@ -60,7 +60,7 @@ class Scene:
 
     @property
     def detections(self) -> Detections:
-        """What a method is given: frames of so many pairs."""
+        """Return the detections for a method, with ``pairs`` pairs per frame."""
         n, views = self.pixels.shape[:2]
         frames = n // self.pairs
         by_frame = self.pixels[: frames * self.pairs].reshape(frames, self.pairs, views, 2, 2)
@@ -71,19 +71,19 @@ class Scene:
 
     @property
     def tracks(self) -> Tracks:
-        """One person, always there."""
+        """Return tracks of one person who is always present."""
         frames = len(self.pixels) // self.pairs
         detection = np.zeros((frames, 1, len(self.rig)), dtype=np.int32)
         return Tracks(("p0",), detection, np.full((frames, 1), TrackState.ACTIVE, dtype=np.int8))
 
     @property
     def noise(self) -> NoiseModel:
-        """The true one."""
+        """Return the true noise model."""
         return NoiseModel(np.full(len(self.rig), self.sigma_px))
 
 
 def ring(cameras: int) -> CameraRig:
-    """Cameras evenly around, 4.5 m away, between 1.5 and 2.5 m high."""
+    """Return cameras evenly spaced on a ring of 4.5 m, 1.5 to 2.5 m high."""
     rig = build_rig("ring", cameras, focal_px=1500.0)
     angle = 2.0 * np.pi * np.arange(cameras) / cameras
     height = 1.5 + np.arange(cameras) * 0.618034 % 1.0
@@ -130,7 +130,7 @@ def scene(
     pairs: int = 1,
     seed: int = 0,
 ) -> Scene:
-    """Pairs with the faults of the table."""
+    """Simulate pairs with the faults of the table."""
     rng = np.random.default_rng(seed)
     rig = ring(cameras)
     points = walking(n, rng) if walk else scattered(n, apart_m, rng)
@@ -163,14 +163,14 @@ def oracle(data: Scene) -> np.ndarray:
 def call_of(
     data: Scene, method: Callable[..., SolvedPairs], pair_options: PairOptions | None = None
 ) -> Callable[[], SolvedPairs]:
-    """A method's call, all its arguments at hand."""
+    """Return a method's call with all arguments bound."""
     pairs = np.arange(2 * data.pairs).reshape(-1, 2)
     given = pair_options or PairOptions()
     return partial(method, data.rig, data.detections, data.tracks, data.noise, OPTIONS, pairs, given)
 
 
 def solved(data: Scene, method: Callable[..., SolvedPairs], pair_options: PairOptions | None = None) -> SolvedPairs:
-    """What a method makes of it."""
+    """Return the points of a method."""
     return call_of(data, method, pair_options)()
 
 
@@ -206,7 +206,7 @@ class Score:
 
     @classmethod
     def of(cls, points_m: np.ndarray, data: Scene, judged: np.ndarray) -> "Score":
-        """Over the trials judged."""
+        """Return the score of the scored trials."""
         error = errors_mm(points_m, data.points_m)[judged]
         there = np.isfinite(error)
         beyond = far(points_m, data.points_m)[judged][there]
@@ -229,11 +229,11 @@ CASES: dict[str, tuple[dict[str, object], float]] = {
 """Name to what is drawn, and by how many percent the share beyond 100 mm may exceed the oracle's."""
 
 PRIOR_M = 0.05
-"""How far ankles move from one frame to the next, 1/60 s."""
+"""Distance that ankles move in one frame of 1/60 s."""
 
 
 def table(trials: int) -> None:
-    """Every case: the oracle, ours, sds and the labels believed."""
+    """Print every case: the oracle, our methods, sds, and labels as given."""
     print(f"\n{trials} trials: median mm, 95 % mm, beyond 100 mm %, missing %; ratios of ours to the oracle's")
     print(f"{'':24}{'oracle':^29}{'enumerate':^29}{'med.':>7}{'p95':>7}{'+%':>7}{'may':>6}{'sds':^29}{'labels':^29}")
     for name, (drawn, allowed) in CASES.items():
@@ -278,7 +278,7 @@ def flags(trials: int) -> None:
 
 
 def unswapped(trials: int) -> None:
-    """With no swaps at all, what not believing the labels costs."""
+    """Print the cost of ignoring the labels when there are no swaps."""
     print("\nno swaps: mean error mm of the pair solve, of labels believed, ratio")
     for cameras in (4, 5, 8):
         for faults in ({}, {"outlier": 0.1, "missing": 0.1}):
@@ -296,7 +296,7 @@ def unswapped(trials: int) -> None:
 
 
 def speed(trials: int) -> None:
-    """CPU ms of a frame of 12 pairs, and how many times as long sds takes."""
+    """Print the CPU ms per frame of 12 pairs, and the ratio of sds."""
     print("\nCPU ms a frame of 12 pairs, one thread; sds; ratio")
     for cameras, asked in ((8, 0.25), (16, 2.0)):
         data = scene(12 * max(trials // 12, 40), cameras, outlier=0.1, missing=0.1, pairs=12)

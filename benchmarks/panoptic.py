@@ -1,6 +1,6 @@
-"""Real motion of a dome with hundreds of cameras, to simulate detections on: CMU Panoptic.
+"""Real motion from the CMU Panoptic dome, used to simulate detections.
 
-There are no 2D detections with it. Positions come in metres, in the dome's own axes: y points down, so up is -y.
+There are no 2D detections with it. Positions come in meters, in the dome's own axes: y points down, so up is -y.
 """
 
 import json
@@ -24,10 +24,10 @@ HD_CAMERAS = ("00_03", "00_06", "00_12", "00_13", "00_23")
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """People who move.
+    """Motion of people, with cameras.
 
     Attributes:
-        rig: chosen cameras, in metres, -y up.
+        rig: chosen cameras, in meters, -y up.
         skeleton: panoptic_19.
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
         person_ids: of the dome's own tracking.
@@ -81,13 +81,13 @@ def three_people(folder: Path, sequence: str = "160906_band1", cameras: Sequence
 
 
 def _joints(body: dict[str, Any]) -> np.ndarray:
-    """Shape (19, 3), in metres; a joint that was not found has a negative confidence."""
+    """Shape (19, 3), in meters; joints that were not detected have a negative confidence."""
     rows = np.array(body["joints19"], dtype=np.float64).reshape(-1, 4)
     return np.where(rows[:, 3:] >= 0, METRES_PER_UNIT * rows[:, :3], np.nan)
 
 
 def read_rig(file: Path, cameras: Sequence[str]) -> CameraRig:
-    """Chosen cameras of a dome's calibration, lens distortion and all."""
+    """Return the chosen cameras of a dome's calibration, with lens distortion."""
     known = {each["name"]: each for each in json.loads(file.read_text("utf-8"))["cameras"]}
     chosen = [_camera(name, known[name]) for name in cameras]
     return CameraRig(tuple(chosen), "-y", file.name, METRES_PER_UNIT)
@@ -96,6 +96,6 @@ def read_rig(file: Path, cameras: Sequence[str]) -> CameraRig:
 def _camera(name: str, numbers: dict[str, Any]) -> Camera:
     shift = METRES_PER_UNIT * np.array(numbers["t"], dtype=np.float64).ravel()
     rotation = np.array(numbers["R"], dtype=np.float64)
-    # Stored with few digits; made a rotation again, which moves no pixel by a hundredth.
+    # Stored with few digits: orthonormalize, which moves pixels by less than 0.01.
     u, _, v = np.linalg.svd(rotation)
     return Camera.from_opencv(name, numbers["resolution"], numbers["K"], numbers["distCoef"], u @ v, shift)

@@ -17,7 +17,7 @@ _PIECE = 2000
 
 
 def write(gigabytes: float, folder: Path) -> int:
-    """Tables of that size together; how many frames they have."""
+    """Write tables of a total size and return the number of frames."""
     import pyarrow.parquet as pq
 
     rng = np.random.default_rng(0)
@@ -65,7 +65,7 @@ def read(folder: Path) -> dict[str, float]:
 
 
 def read_ranges(path: Path, skeleton: str | None) -> dict[str, float]:
-    """Read what is at a path range by range, a thousand frames each."""
+    """Read a path range by range, a thousand frames each."""
     from posefuse import read_detections
 
     start = time.perf_counter()
@@ -78,7 +78,7 @@ def read_ranges(path: Path, skeleton: str | None) -> dict[str, float]:
 
 
 def line(took: dict[str, float]) -> str:
-    """What is said of a recording."""
+    """Return the output line of a recording."""
     return (
         f"{took['gigabytes']:.2f} GB, {took['frames']} frames, {took['people']} people: peak {took['peak_mb']:.0f} MB, "
         f"opened in {took['open_s']:.1f} s, read in {took['wall_s']:.1f} s (processor {took['processor_s']:.1f} s)"

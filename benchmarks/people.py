@@ -1,10 +1,10 @@
-"""People followed through simulated scenes, beside the baseline: who is who, how far off, how sure.
+"""Benchmark of tracking people in simulated scenes, compared with a baseline: identities, errors and coverage.
 
 ``python -m benchmarks.people [--only crowd,hug,...,equal,ablations] [--seeds 20] [--baseline-seeds 3]
-[--ablation-seeds 3]``. Prints tables as docs/benchmarks.md has them. Everything but the ablations' smoother is causal:
-each frame is scored as it was told when it was the last.
-Times are CPU times, of all threads together; ``benchmarks.tracking_speed`` looks at these more closely.
-Scenes are kept in the system's temporary folder; another version of the simulation makes them anew.
+[--ablation-seeds 3]``. Prints the tables of docs/benchmarks.md. All results except the smoother of the ablations are
+causal: each frame is scored as reported when it was the latest.
+Times are CPU times of all threads; ``benchmarks.tracking_speed`` measures them in more detail.
+Scenes are cached in the system's temporary folder; a new version of the simulation creates new ones.
 """
 
 import argparse
@@ -43,19 +43,19 @@ from posefuse.tracking.tracker import ArticulatedTracker
 _GATE_M = 0.5
 _END_S = 1.0
 _WIDE = 25.0
-"""By how much more (variance) people differ in their bones than is believed, where bones are hardly known."""
+"""Factor on the prior variance of bone lengths, for the ablation with weakly constrained bones."""
 _ABLATED_CROWD_S = 20.0
 _NAMES = (*SCENARIOS, "equal")
 
 
 @dataclass(frozen=True)
 class Alone:
-    """People whom one view alone shows: how far off they are along its ray, and how sure that is.
+    """People observed by a single view: errors along the ray and their standard deviations.
 
     Attributes:
-        off_m: shape (case,): mean over the body, away from the camera.
-        sd_m: shape (case,): what the covariance says of that, mean over the body.
-        squared: shape (case, keypoint): squared distance from the truth, in its own covariance.
+        off_m: shape (case,): mean error over the body, positive away from the camera.
+        sd_m: shape (case,): standard deviation along the ray, mean over the body.
+        squared: shape (case, keypoint): squared Mahalanobis distance from the truth.
     """
 
     off_m: np.ndarray
@@ -65,16 +65,16 @@ class Alone:
 
 @dataclass(frozen=True)
 class Run:
-    """One scene followed.
+    """Result of tracking one scene.
 
     Attributes:
-        scores: of people who are active.
-        right: whether each true person is called at the end what they were called first.
-        events: all.
-        refused: names of cameras that were.
-        moved: the name of the camera that moved, or None.
-        frame_s: shape (frame,): how long each frame took.
-        alone: people in the frames in which one view alone shows them.
+        scores: scores of active people.
+        right: whether each true person has the same name at the start and at the end.
+        events: all events.
+        refused: names of rejected cameras.
+        moved: name of the camera that moved, or None.
+        frame_s: shape (frame,): time per frame.
+        alone: people in frames in which a single view observes them.
     """
 
     scores: PeopleScores
@@ -87,13 +87,13 @@ class Run:
 
     @property
     def is_fine(self) -> bool:
-        """Whether identities are right, and the camera that moved is the only one refused."""
+        """Whether identities are correct and the camera that moved is the only rejected one."""
         return self.right and set(self.refused) == ({self.moved} if self.moved else set())
 
 
 def scene_of(options: CrowdOptions) -> CrowdScene:
-    """A scene, simulated once."""
-    # Scenes are pickled: what they are made of counts as well as how.
+    """Return a simulated scene from the cache."""
+    # Scenes are pickled, so the cache key includes the code of the records as well as that of the simulation.
     sources = sorted(
         file for folder in ("synthetic", "model") for file in (Path(posefuse.__file__).parent / folder).glob("*.py")
     )
@@ -108,14 +108,14 @@ def scene_of(options: CrowdOptions) -> CrowdScene:
 
 
 def scenario_of(name: str, seed: int) -> CrowdOptions:
-    """By name; ``equal`` is a hug of two people whose bones tell them not apart."""
+    """Return the options of a scene; ``equal`` is a hug of two people with equal bone lengths."""
     if name == "equal":
         return CrowdOptions("hug", seed=seed, equal_statures=True)
     return CrowdOptions(next(each for each in SCENARIOS if each == name), seed=seed)
 
 
 def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracker:
-    """A live tracker, as the public one makes it."""
+    """Return a live tracker, configured like the public one."""
     chosen = Options(tracker=options)
     return tracker_of(scene.rig, scene.detections.skeleton, default_noise(scene.rig, chosen), chosen)
 
@@ -123,7 +123,7 @@ def tracker_for(scene: CrowdScene, options: TrackerOptions) -> ArticulatedTracke
 def follow(
     scene: CrowdScene, tracker: ArticulatedTracker, *, smoothed: bool = False, scoring: ScoringOptions | None = None
 ) -> Run:
-    """Follow everybody, frame by frame.
+    """Track all people, frame by frame.
 
     Args:
         scene: what is followed.
@@ -159,7 +159,7 @@ def follow(
 
 
 def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
-    """Everybody active whom one view alone shows, by a detection of one person, beside that person."""
+    """Return active people observed by a single view, in a detection of one person, with that person's truth."""
     truth, views = np.asarray(scene.truth.layers["measured"].points_m), len(scene.rig)
     off, sd, squared = [], [], []
     for f, people in enumerate(told):
@@ -182,7 +182,7 @@ def exclusive_folder(scene: CrowdScene, told: Sequence[People]) -> Alone:
 
 
 def _smoothed(history: History, told: Sequence[People], numbers: Sequence[dict[str, int]]) -> list[People]:
-    """The same people where the smoother has them; ``numbers`` are their bodies', by frame and name."""
+    """Return the same people as smoothed; ``numbers`` are the numbers of their bodies by frame and name."""
     places: dict[tuple[int, int | None], tuple[np.ndarray, np.ndarray]] = {}
     for each in PeopleSmoother(history).take(len(told)):
         for i, place in enumerate(each.places):
@@ -213,7 +213,7 @@ def _points(scene: CrowdScene, told: Sequence[People]) -> PeoplePoints:
 
 
 def is_right(data: PeoplePoints) -> bool:
-    """Whether each true person is called in their last second what they were called first.
+    """Return whether each true person has the same name in the last second as at first.
 
     Raises:
         ValueError: if the data have no times.
@@ -232,7 +232,7 @@ def is_right(data: PeoplePoints) -> bool:
 
 
 def baseline(scene: CrowdScene) -> PeopleScores:
-    """The same scene by pairs, nearest poses and a Kalman filter per keypoint."""
+    """Track the scene with the baseline: pairwise proposals, nearest poses and a Kalman filter per keypoint."""
     noise = default_noise(scene.rig, Options())
     names, points = rpt_kalman.follow(scene.rig, scene.detections, noise)
     truth = scene.truth
@@ -277,7 +277,7 @@ def row(name: str, runs: Sequence[Run], others: Sequence[PeopleScores]) -> str:
 
 
 def _common_cells(runs: Sequence[Run]) -> list[str]:
-    """What all tables say of a scene, from who is right to the NEES: median (worst) of the seeds."""
+    """Return the columns that all tables share, from identities to NEES: median (worst) of the seeds."""
     scores = [run.scores for run in runs]
     covered = [[100 * getattr(each.nees, share) for each in scores] for share in ("covered_68", "covered_95")]
     return [
@@ -298,7 +298,7 @@ def _median_worst(values: Sequence[float], form: str, *, least: bool = False) ->
 
 
 def scenes(names: Sequence[str], seeds: int, baseline_seeds: int) -> None:
-    """Print the table of scenes, a row as soon as it is known, and then what there is to remark."""
+    """Print the table of scenes, each row when it is complete, and then the remarks."""
     print(HEAD, flush=True)
     remarks: list[str] = []
     for name in names:
@@ -316,35 +316,35 @@ def scenes(names: Sequence[str], seeds: int, baseline_seeds: int) -> None:
 
 
 def _remarks(name: str, runs: Sequence[Run]) -> list[str]:
-    """What a table does not say: which seeds are wrong, and what was said of identities and cameras."""
-    said = [f"{name}: not right are the seeds {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
+    """Return remarks on failed seeds, identity events and rejected cameras."""
+    said = [f"{name}: failed seeds: {[seed for seed, run in enumerate(runs) if not run.is_fine]}"]
     if name in ("hug", "equal"):
         for what in ("possible_identity_switch", "identities_swapped"):
             n = sum(any(event.what == what for event in run.events) for run in runs)
-            said.append(f"{name}: {what!r} is said in {n} of {len(runs)}")
+            said.append(f"{name}: {what!r} is reported in {n} of {len(runs)}")
     if name == "one_camera":
-        said.append(f"{name}: {_said_of_alone([run.alone for run in runs])}")
+        said.append(f"{name}: {_single_view_remark([run.alone for run in runs])}")
     if any(run.moved for run in runs):
         named = sum(run.refused == (run.moved,) for run in runs)
-        said.append(f"{name}: the camera that moved, and only it, is refused in {named} of {len(runs)}")
+        said.append(f"{name}: only the camera that moved is rejected in {named} of {len(runs)}")
     elif any(run.refused for run in runs):
-        said.append(f"{name}: cameras that stand still are refused in {sum(bool(run.refused) for run in runs)}")
+        said.append(f"{name}: static cameras are rejected in {sum(bool(run.refused) for run in runs)}")
     return said
 
 
-def _said_of_alone(all_runs: Sequence[Alone]) -> str:
+def _single_view_remark(all_runs: Sequence[Alone]) -> str:
     off, sd, squared = (np.concatenate([getattr(a, part) for a in all_runs]) for part in ("off_m", "sd_m", "squared"))
     inside = [100 * np.mean(squared <= chi2.ppf(share, 3)) for share in (0.68, 0.95)]
     return (
-        f"in {len(off)} frames one view alone shows somebody: {off.mean():+.2f} m along its ray, "
-        f"{np.sqrt((off**2).mean()):.2f} m rms, said to be {np.sqrt((sd**2).mean()):.2f} m; "
+        f"in {len(off)} frames a single view observes a person: {off.mean():+.2f} m along its ray, "
+        f"{np.sqrt((off**2).mean()):.2f} m rms, estimated as {np.sqrt((sd**2).mean()):.2f} m; "
         f"inside the 68 / 95 % region {inside[0]:.0f} / {inside[1]:.0f} %"
     )
 
 
 @dataclass(frozen=True)
 class Ablation:
-    """The tracker without one of its parts, or with another one.
+    """Variant of the tracker without one of its parts, or with another one.
 
     Attributes:
         what: Label of the row.
@@ -436,7 +436,7 @@ def _say(what: str) -> None:
 
 
 def main() -> None:
-    """Print all tables, or those asked for."""
+    """Print all tables, or the selected ones."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join((*_NAMES, "ablations")))
     parser.add_argument("--seeds", type=int, default=20)

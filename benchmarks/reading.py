@@ -1,4 +1,4 @@
-"""What benchmarks of reading share: recordings of several sizes are written, and each read in a process of its own."""
+"""Shared code of the reading benchmarks: write recordings of several sizes and read each in its own process."""
 
 import argparse
 import json
@@ -19,14 +19,14 @@ class Benchmark:
     """A benchmark of reading.
 
     Attributes:
-        module: that is run, as ``python -m`` takes it.
-        about: what it says of itself.
-        flag: of the sizes.
-        sizes: by default.
-        kind: of a size.
-        write: makes a recording of a size in a folder.
-        read: reads the recording in a folder, and tells what it found.
-        line: what is said of what was found and what it took.
+        module: module for ``python -m``.
+        about: description for the command line.
+        flag: command-line flag of the sizes.
+        sizes: default sizes.
+        kind: type of a size.
+        write: writes a recording of a size to a folder.
+        read: reads the recording in a folder and returns figures about its content.
+        line: formats the figures and costs as one line.
     """
 
     module: str
@@ -40,7 +40,7 @@ class Benchmark:
 
 
 def measured(read: Callable[[Path], dict[str, float]], folder: Path) -> dict[str, float]:
-    """What was found, seconds of wall and processors, and MB at most."""
+    """Return the figures of ``read``, wall and processor seconds, and peak MB."""
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     wall, used = time.perf_counter(), time.process_time()
     found = read(folder)
@@ -55,7 +55,7 @@ def measured(read: Callable[[Path], dict[str, float]], folder: Path) -> dict[str
 
 
 def forget(folder: Path) -> None:
-    """Have the system forget what is in the files; it must have written them first."""
+    """Flush files to disk and drop them from the system's cache."""
     os.sync()
     for file in folder.rglob("*"):
         if file.is_file():
@@ -65,7 +65,7 @@ def forget(folder: Path) -> None:
 
 
 def run(benchmark: Benchmark) -> None:
-    """Write and read recordings of the sizes that the command line gives."""
+    """Write and read recordings of the sizes given on the command line."""
     parser = argparse.ArgumentParser(description=benchmark.about)
     parser.add_argument(f"--{benchmark.flag}", dest="sizes", type=benchmark.kind, nargs="+", default=benchmark.sizes)
     parser.add_argument("--folder", type=Path, help="a recording to read; by default one of each size is made")

@@ -1,8 +1,8 @@
-"""The baseline of following people: proposed anew in every frame, linked in 3D, a Kalman filter for each keypoint.
+"""Baseline tracker: proposals in every frame, linked in 3D, with a Kalman filter per keypoint.
 
-Proposals after RapidPoseTriangulation (association method ``rpt``), linked by the nearest foreseen pose, one to one.
-The filter has constant velocity and accelerations of 2 m/s^2, as in the measurements that this project is to beat. How
-far a point errs comes from its proposal, times a factor that was sought for the baseline's sake: on the first 16 s of
+Proposals follow RapidPoseTriangulation (association method ``rpt``) and are linked one to one to the nearest predicted
+pose. The filter assumes constant velocity with accelerations of 2 m/s^2, as in the reference measurements. The error of
+a point comes from its proposal, times a factor tuned in favor of the baseline: on the first 16 s of
 the scene "crowd", seed 0, 1.0 gives 80 mm, 0.5 73 mm and 0.3 72.0 mm; accelerations of 5 to 40 m/s^2 with factors of
 0.3 to 1.0 give 71.8 mm at best.
 """
@@ -24,22 +24,22 @@ _GATE_M = 0.5
 _KEPT_S = 0.4
 _CONFIRMED_FRAMES = 3
 _FIRST_SPEED_M_S = 1.5
-_LEAST_SD_M = 0.01
+_MIN_SD_M = 0.01
 _ERROR_FACTOR = 0.3
 _FAR = 1e6
 
 
 @dataclass(eq=False)
 class _Track:
-    """Somebody, as a filter per keypoint: the three axes alike.
+    """A track with one filter per keypoint, shared by the three axes.
 
     Attributes:
-        name: of the person.
-        points_m: shape (keypoint, 3), NaN where never seen.
+        name: name of the person.
+        points_m: shape (keypoint, 3), NaN before the first observation.
         velocity_m_s: shape (keypoint, 3).
-        covariance: shape (keypoint, 2, 2): of a place and a speed along any axis.
-        seen_s: when they were last.
-        frames: in how many frames they were seen.
+        covariance: shape (keypoint, 2, 2): covariance of position and velocity along any axis.
+        seen_s: time of the last observation.
+        frames: number of frames with an observation.
     """
 
     name: str
@@ -49,15 +49,15 @@ class _Track:
     seen_s: float
     frames: int = 1
 
-    def foresee(self, dt_s: float) -> None:
-        """Go on by so much time."""
+    def predict(self, dt_s: float) -> None:
+        """Predict the state after a time step."""
         self.points_m = self.points_m + dt_s * self.velocity_m_s
         step = np.array([[1.0, dt_s], [0.0, 1.0]])
         gain = np.array([0.5 * dt_s**2, dt_s])
         self.covariance = step @ self.covariance @ step.T + ACCELERATION_M_S2**2 * np.outer(gain, gain)
 
-    def put_right(self, points_m: np.ndarray, variance_m2: np.ndarray) -> None:
-        """Take what a frame shows: shapes (keypoint, 3) and (keypoint,), NaN where it shows nothing."""
+    def update(self, points_m: np.ndarray, variance_m2: np.ndarray) -> None:
+        """Update with the points of a frame, shapes (keypoint, 3) and (keypoint,), NaN if missing."""
         new = np.isnan(self.points_m[:, 0]) & np.isfinite(points_m[:, 0])
         self._begin(new, points_m, variance_m2)
         seen = np.isfinite(points_m[:, 0]) & ~new
@@ -75,19 +75,19 @@ class _Track:
 
 @dataclass(eq=False)
 class _Linker:
-    """Everybody followed."""
+    """All tracks of the baseline."""
 
     tracks: list[_Track] = field(default_factory=list)
     names: int = 0
 
     def take(self, points_m: np.ndarray, variance_m2: np.ndarray, time_s: float, dt_s: float) -> None:
-        """Give each person followed the nearest of those a frame shows; the others are new."""
+        """Assign the nearest proposal to each track; unassigned proposals start new tracks."""
         for track in self.tracks:
-            track.foresee(dt_s)
+            track.predict(dt_s)
         self.tracks = [track for track in self.tracks if time_s - track.seen_s <= _KEPT_S]
         left = set(range(len(points_m)))
         for t, p in self._pairs(points_m):
-            self.tracks[t].put_right(points_m[p], variance_m2[p])
+            self.tracks[t].update(points_m[p], variance_m2[p])
             self.tracks[t].seen_s, self.tracks[t].frames = time_s, self.tracks[t].frames + 1
             left.discard(p)
         for p in sorted(left):
@@ -96,7 +96,7 @@ class _Linker:
             track = _Track(
                 f"person_{self.names}", np.full((k, 3), np.nan), np.zeros((k, 3)), np.zeros((k, 2, 2)), time_s
             )
-            track.put_right(points_m[p], variance_m2[p])
+            track.update(points_m[p], variance_m2[p])
             self.tracks.append(track)
 
     def _pairs(self, points_m: np.ndarray) -> list[tuple[int, int]]:
@@ -110,7 +110,7 @@ class _Linker:
 
 
 def follow(rig: CameraRig, detections: Detections, noise: NoiseModel) -> tuple[tuple[str, ...], np.ndarray]:
-    """Everybody in a recording, causally.
+    """Track all people in a recording, causally.
 
     Args:
         rig: the cameras.
@@ -118,7 +118,7 @@ def follow(rig: CameraRig, detections: Detections, noise: NoiseModel) -> tuple[t
         noise: of the detections.
 
     Returns:
-        Names, and shape (frame, person, keypoint, 3), NaN where somebody is not, or not yet, believed.
+        Names, and shape (frame, person, keypoint, 3), NaN before a track is confirmed and while it is absent.
     """
     options = AssociationOptions(method="rpt", rpt=RptOptions(min_pairs=2))
     linker, before_s = _Linker(), np.nan
@@ -127,7 +127,7 @@ def follow(rig: CameraRig, detections: Detections, noise: NoiseModel) -> tuple[t
         frame = Frame.of(detections, i)
         found = propose(rig, frame, noise, detections.skeleton, np.ones(len(frame.view), dtype=bool), options)
         variance = found.covariance_m2[:, :, (0, 3, 5)].mean(axis=-1)
-        variance = np.maximum(_ERROR_FACTOR**2 * variance, _LEAST_SD_M**2)
+        variance = np.maximum(_ERROR_FACTOR**2 * variance, _MIN_SD_M**2)
         time_s = float(np.nanmean(frame.time_s))
         linker.take(found.points_m, variance, time_s, 0.0 if np.isnan(before_s) else time_s - before_s)
         before_s = time_s

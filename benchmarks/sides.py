@@ -1,4 +1,4 @@
-"""SideAssignment: which of two points is left, on a walking, a turning and a side-on figure whose labels are swapped.
+"""Benchmark of left/right assignment on a walking, a turning and a side-on figure with swapped labels.
 
 ``python -m benchmarks.sides [--seconds N] [--seeds N] [--only NAME,...]``. Cameras in a ring of 4.5 m, 1.5 and 2.5 m
 high, f 1500 px, 5 px noise, 30 Hz, the keypoints of Halpe and of COCO. Labels are swapped a quarter of the time: (a)
@@ -70,14 +70,14 @@ class Recording:
 
 @dataclass(frozen=True)
 class Score:
-    """Counts that add up over recordings.
+    """Counts that are summed over recordings.
 
     Attributes:
-        scored: joint-frames.
-        wrong: of these, with the wrong side.
-        flips: pair-frames that differ from both neighbours in being wrong.
+        scored: number of joint-frames.
+        wrong: number of joint-frames with the wrong side.
+        flips: pair-frames that differ from both neighbors in being wrong.
         spent_s: CPU time of the decisions.
-        frames: decided.
+        frames: number of frames.
     """
 
     scored: int = 0
@@ -91,12 +91,12 @@ class Score:
 
     @property
     def percent(self) -> float:
-        """Wrong, in percent."""
+        """Share of wrong joint-frames in percent."""
         return 100.0 * self.wrong / max(self.scored, 1)
 
 
 def body(sequence: str, seconds: float, skeleton: str, rng: np.random.Generator) -> np.ndarray:
-    """Shape (frame, keypoint, 3): a figure that walks in a circle, turns on the spot, or walks on a treadmill.
+    """Return a figure that walks in a circle, turns on the spot, or walks on a treadmill, shape (frame, keypoint, 3).
 
     On the treadmill it faces y: the first camera of the ring sees it from the side all the time.
     """
@@ -119,7 +119,7 @@ def recording(
     seconds: float = 20.0,
     seed: int = 0,
 ) -> Recording:
-    """A figure seen by a ring of cameras, its pairs solved.
+    """Simulate a figure before a ring of cameras and solve its pairs.
 
     Args:
         sequence: one of SEQUENCES.
@@ -146,7 +146,7 @@ def recording(
 
 
 def solved(rig: CameraRig, detections: Detections) -> PairSequence:
-    """Pairs label-free, keypoints without a partner by consensus, both with the true noise."""
+    """Solve pairs without labels, and unpaired keypoints by consensus, both with the true noise."""
     skeleton = detections.skeleton
     detection = np.where(detections.people_counts > 0, 0, -1)[:, None].astype(np.int32)
     tracks = Tracks(("person_1",), detection, np.full((detections.n_frames, 1), TrackState.ACTIVE, dtype=np.int8))
@@ -165,7 +165,7 @@ DECISIONS: dict[str, Callable[[PairSequence], np.ndarray]] = {
 
 
 def score(data: Recording, decision: str) -> Score:
-    """A decision's score on a recording."""
+    """Score an assignment method on a recording."""
     start = process_time()
     flipped = DECISIONS[decision](data.given)
     spent = process_time() - start

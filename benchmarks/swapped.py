@@ -1,6 +1,6 @@
-"""What comes out of a recording whose labels of left and right are swapped: believed, and put right.
+"""Benchmark of a recording with left/right swaps: labels accepted as given, and corrected.
 
-``python -m benchmarks.swapped``: the same person before the same cameras, errors and all, with and without swaps.
+``python -m benchmarks.swapped``: the same person, cameras and errors, with and without swaps.
 """
 
 import warnings
@@ -23,7 +23,7 @@ SHARES = (0.0, 0.003, 0.25)
 
 
 def errors_mm(scene: Scene, pairs: PairMethod) -> np.ndarray:
-    """Distances from the truth of all keypoints that come in pairs; NaN where missing."""
+    """Return the errors of all paired keypoints; NaN if missing."""
     paired = scene.detections.skeleton.pair_indices.ravel()
     result = reconstruct(scene.rig, scene.detections, Options(pairs=pairs, solve="frame"))
     points, truth = (np.asarray(each.layers["measured"].points_m) for each in (result, scene.truth))
@@ -31,15 +31,15 @@ def errors_mm(scene: Scene, pairs: PairMethod) -> np.ndarray:
 
 
 def numbers(errors: np.ndarray) -> str:
-    """Median and 95 % percentile in mm, and the share missing."""
+    """Format the median and 95th percentile in mm, and the share of missing points."""
     return f"{np.nanmedian(errors):7.1f} {np.nanpercentile(errors, 95):6.0f} {100 * np.isnan(errors).mean():6.2f}"
 
 
 def main() -> None:
     """Measure and print."""
     warnings.simplefilter("ignore")
-    print("\nKeypoints that come in pairs: median mm, 95 % mm, missing %")
-    print(f"{'noise, cameras, law, swapped':38}{'labels believed':>21}  {'put right':>21}")
+    print("\nPaired keypoints: median mm, 95 % mm, missing %")
+    print(f"{'noise, cameras, error model, swapped':38}{'labels as given':>21}  {'corrected':>21}")
     for name, detector in NOISES.items():
         for cameras in CAMERAS:
             for law in ("chain", "pair", "body"):

@@ -1,4 +1,4 @@
-"""How fast people are followed, how soon the first frame is told, and what a tracker holds after hours of frames.
+"""Benchmark of tracking: speed, time to the first result, and memory of a tracker after hours of frames.
 
 ``python -m benchmarks.tracking_speed [--only frames,first,memory] [--runs 5] [--minutes 60]``. Prints the tables of
 docs/benchmarks.md. One thread; times of frames are CPU times of frames after the first few, people coming and going.
@@ -133,7 +133,7 @@ def first(runs: int) -> None:
         file = Path(folder) / "frames.pkl"
         file.write_bytes(pickle.dumps((scene.rig, scene.detections.skeleton, seen)))
         times = [_first_s(file, Path(folder) / "cache") for _ in range(1 + runs)]
-    print("| wall time, s | from the start of a process to its first frame told | slowest frame of the first 100 |")
+    print("| wall time, s | from the start of a process to its first result | slowest frame of the first 100 |")
     print("|---|---|---|")
     for what, some in (("empty cache", times[:1]), ("warm cache", times[1:])):
         whole, slowest = (f"{min(each):.2f} to {max(each):.2f}" for each in zip(*some, strict=True))
@@ -141,7 +141,7 @@ def first(runs: int) -> None:
 
 
 def _first_s(file: Path, cache: Path) -> tuple[float, float]:
-    """Until the process has told its first frame, and the slowest frame."""
+    """Return the time to the first result of a process, and that of the slowest frame."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     start = time.perf_counter()
     process = subprocess.run(
@@ -170,7 +170,8 @@ def memory(minutes: float) -> None:
             gc.collect()
             kb = len(pickle.dumps(tracker)) / 1e3
             print(
-                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | {tracker.confirmed.n_created} |",
+                f"| {n + 1} | {kb:.0f} | {len(gc.get_objects())} | {_resident_mb():.0f} | "
+                f"{tracker.confirmed.n_created} |",
                 flush=True,
             )
 
@@ -182,7 +183,7 @@ def _resident_mb() -> float:
 
 
 def _with_one_thread() -> None:
-    """Begin anew where NumPy may have several threads: they wait by counting, and CPU times would hold that."""
+    """Restart with one NumPy thread: waiting threads spin, which would count as CPU time."""
     alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     if not alone.items() <= os.environ.items():
         command = [sys.executable, "-m", "benchmarks.tracking_speed", *sys.argv[1:]]

@@ -1,4 +1,4 @@
-"""Whole recordings solved at once: ours and aniposelib's on the same data, beside what filters told the truth can do.
+"""Benchmark of trajectory solves: ours, aniposelib's, and filters tuned on the truth, on the same data.
 
 ``python -m benchmarks.trajectory [--frames N] [--only NAME,...] [--data FOLDER] [--no-peer]``. All points are scored,
 seen by many cameras or none. ``oracle + smoother`` knows the true inliers and the true noise, and its smoother is tuned
@@ -45,7 +45,7 @@ class Path3D:
     Attributes:
         points_m: shape (frame, keypoint, 3), NaN where missing.
         covariance_m2: shape (frame, keypoint, 3, 3), or None where the method gives none.
-        spent_ms: CPU time a frame; NaN for what is told the truth.
+        spent_ms: CPU time per frame; NaN for methods that use the truth.
         note: what is worth saying beside its figures.
     """
 
@@ -306,7 +306,7 @@ def hard(frames: int) -> dict[str, tuple[str, Callable[[], Walk]]]:
     return {
         "still": ("a statue", lambda: motions.still(frames)),
         "jumps": ("stands still for 3 s, then jumps", lambda: motions.stand_then_jump(frames)),
-        "hidden": ("a wrist that nobody sees for 0.5 s of 2", lambda: motions.hidden(frames)),
+        "hidden": ("a wrist that no camera sees for 0.5 s of 2", lambda: motions.hidden(frames)),
         "lonely": ("a wrist that one camera sees for 0.5 s of 2", lambda: motions.one_camera(frames)),
         "couple": ("two cameras for 1 s of 3", lambda: motions.two_cameras(frames)),
         "bursts": ("a view off by 60 px for ten frames, 5 % of the time", lambda: motions.bursts(frames)),

@@ -129,7 +129,7 @@ def with_one_wrong_view(data: Walk, size_px: float, seed: int = 1) -> Walk:
 
 
 def with_swapped_sides(data: Walk, run: int = 30, seed: int = 2) -> Walk:
-    """The same with the body's left and right exchanged in one view at a time, half of the time, for so many frames."""
+    """The same with the body's left and right exchanged in one view at a time, half of the time, in spells."""
     rng = np.random.default_rng(seed)
     skeleton = find_skeleton(data.skeleton)
     pixels, inlier = data.pixels.copy(), data.inlier.copy()

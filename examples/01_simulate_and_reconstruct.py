@@ -1,4 +1,4 @@
-"""A simulated person, reconstructed and compared with the truth: the demo, from Python."""
+"""Simulate a person, reconstruct it and compare the result with the truth."""
 
 import numpy as np
 
@@ -9,10 +9,10 @@ result = posefuse.reconstruct(scene.rig, scene.detections)
 measured = result.layers["measured"]
 
 error_mm = 1000 * np.linalg.norm(measured.points_m[:, 0] - scene.truth.layers["measured"].points_m[:, 0], axis=-1)
-known_mm = 1000 * np.sqrt((measured.sd_m[:, 0] ** 2).sum(axis=-1))
+sd_mm = 1000 * np.sqrt((measured.sd_m[:, 0] ** 2).sum(axis=-1))
 for name in ("nose", "left_wrist", "right_ankle"):
     k = result.skeleton.index(name)
-    print(f"{name:12} errs by {np.median(error_mm[:, k]):.0f} mm, claims {np.median(known_mm[:, k]):.0f} mm")
+    print(f"{name:12} error {np.median(error_mm[:, k]):.0f} mm, standard deviation {np.median(sd_mm[:, k]):.0f} mm")
 
 posefuse.write(result, "person.trc")
 posefuse.write(result, "reconstruction.nc")

@@ -1,4 +1,4 @@
-"""Cameras and detections from your own program: no files, any skeleton."""
+"""Reconstruct from cameras and detections of your own program: no files, any skeleton."""
 
 import numpy as np
 
@@ -9,24 +9,27 @@ K = np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]])
 
 
 def camera_at(name: str, degrees: float) -> posefuse.Camera:
-    """A camera 4 m from the origin and 1.5 m up, looking at a point 1 m above the origin; z is up."""
+    """Return a camera 4 m from the z axis, 1.5 m above the floor, that looks at a point 1 m above the origin.
+
+    Z is up.
+    """
     angle = np.radians(degrees)
-    centre = np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.5])
-    forward = np.array([0.0, 0.0, 1.0]) - centre
+    center = np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.5])
+    forward = np.array([0.0, 0.0, 1.0]) - center
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward])
     camera_from_world = np.eye(4)
     camera_from_world[:3, :3] = rotation
-    camera_from_world[:3, 3] = -rotation @ centre
+    camera_from_world[:3, 3] = -rotation @ center
     return posefuse.Camera(name, (1280, 720), K, camera_from_world, posefuse.LensModel.BROWN, (-0.1, 0.02, 0, 0, 0))
 
 
 rig = posefuse.CameraRig(tuple(camera_at(f"cam_{i}", 90 * i) for i in range(4)), up_axis="z")
 skeleton = posefuse.Skeleton("pendulum", ("pivot", "bob"), (("pivot", "bob"),))
 
-# Where it truly is, (frame, keypoint, xyz), and what a detector would say, (frame, view, keypoint, 2).
+# True positions (frame, keypoint, xyz) and simulated detections (frame, view, keypoint, 2).
 time_s = np.arange(100) / 50
 swing = 0.5 * np.sin(2 * np.pi * 0.6 * time_s)
 bob = np.stack([0.8 * np.sin(swing), 0 * swing, 1.5 - 0.8 * np.cos(swing)], axis=-1)

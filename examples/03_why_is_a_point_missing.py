@@ -1,4 +1,4 @@
-"""Every point says why it is there or not, and every view what it did for it."""
+"""Print the status of points and views: why a point is missing, and how each view was used."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ print(f"\nframe {frame}, {result.skeleton.keypoints[keypoint]}:")
 for name, code in zip(result.rig.names, layer.view_status[frame, person, keypoint], strict=True):
     print(f"  {name}: {ViewStatus(code).sentence}")
 
-# Two views are enough, if you say so.
+# Accept points that only two views observe.
 lenient = replace(strict, triangulation=replace(strict.triangulation, min_views=2))
 more = posefuse.reconstruct(scene.rig, scene.detections, lenient).layers["measured"]
 print(f"\nwith min_views = 2, {int((more.has_point & ~layer.has_point).sum())} more points have coordinates")

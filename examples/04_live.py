@@ -1,4 +1,4 @@
-"""People followed live, a frame at a time: here from a simulated crowd, in earnest from your detectors."""
+"""Track people live, one frame at a time, here from a simulated crowd instead of your detectors."""
 
 import numpy as np
 
@@ -9,19 +9,19 @@ skeleton = scene.detections.skeleton
 tracker = posefuse.Tracker(scene.rig, skeleton)
 
 
-def say_where(person: posefuse.Person) -> None:
-    """Print where somebody's nose is, and how well that is known."""
+def print_nose(person: posefuse.Person) -> None:
+    """Print the position of a person's nose and its standard deviation."""
     nose = skeleton.index("nose")
     x, y, z = person.points_m[nose]
     sd_mm = 1000 * np.sqrt(person.covariance_m2[nose, [0, 3, 5]].sum())
-    print(f"         {person.name}: nose at {x:.2f} {y:.2f} {z:.2f} m, known to {sd_mm:.0f} mm")
+    print(f"         {person.name}: nose at {x:.2f} {y:.2f} {z:.2f} m, standard deviation {sd_mm:.0f} mm")
 
 
 for number in range(scene.detections.n_frames):
-    shown = posefuse.Frame.of(scene.detections, number)
-    # What a detector gives: of each camera, an array (person, keypoint, 2) and confidences (person, keypoint).
-    rows = [shown.view == camera for camera in range(len(scene.rig))]
-    keypoints_px, confidence = [shown.keypoints_px[row] for row in rows], [shown.confidence[row] for row in rows]
+    detected = posefuse.Frame.of(scene.detections, number)
+    # Detector output per camera: an array (person, keypoint, 2) and confidences (person, keypoint).
+    rows = [detected.view == camera for camera in range(len(scene.rig))]
+    keypoints_px, confidence = [detected.keypoints_px[row] for row in rows], [detected.confidence[row] for row in rows]
     frame = posefuse.Frame.of_people(keypoints_px, confidence, time_s=number / 25.0, number=number)
 
     people = tracker.update(frame)
@@ -29,4 +29,4 @@ for number in range(scene.detections.n_frames):
         print(f"{event.time_s:5.2f} s  {event.person} {event.what}: {event.why}")
     for person in people.people:
         if number % 50 == 49 and person.state == posefuse.TrackState.ACTIVE:
-            say_where(person)
+            print_nose(person)

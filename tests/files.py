@@ -1,4 +1,4 @@
-"""Writers of other programs' files, for readers to be tested on."""
+"""Writers of files in formats of other programs, to test readers."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from posefuse.model.detections import Detections
 
 
 def write_openpose(folder: Path, detections: Detections, suffix: str = "_json") -> Path:
-    """A folder a view, a file a frame, in OpenPose's layout; views get ``suffix``."""
+    """Write one folder per view with one OpenPose file per frame. Names of views get ``suffix``."""
     for v, name in enumerate(detections.view_names):
         camera = folder / f"{name}{suffix}"
         camera.mkdir(parents=True)
@@ -34,7 +34,7 @@ def write_openpose_frame(path: Path, people: Sequence[dict]) -> None:
 
 
 def pose2sim_toml(rig: CameraRig) -> str:
-    """A calibration as Pose2Sim writes it; lenses must have four coefficients."""
+    """Return a calibration like Pose2Sim writes it. Lenses must have four coefficients."""
     tables = []
     for camera in rig.cameras:
         distortion = [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4]
@@ -52,7 +52,7 @@ def pose2sim_toml(rig: CameraRig) -> str:
 
 
 def anipose_toml(rig: CameraRig, unit_per_m: float = 1000.0) -> str:
-    """A calibration as Anipose writes it, without a unit."""
+    """Return a calibration like Anipose writes it, without a unit."""
     tables = []
     for i, camera in enumerate(rig.cameras):
         fisheye = camera.lens.value == "fisheye"
@@ -70,7 +70,7 @@ def anipose_toml(rig: CameraRig, unit_per_m: float = 1000.0) -> str:
 
 
 def qualisys_xml(rig: CameraRig) -> str:
-    """A calibration as Qualisys Track Manager writes it."""
+    """Return a calibration like Qualisys Track Manager writes it."""
     cameras = []
     for camera in rig.cameras:
         axes = np.diag([1.0, -1.0, -1.0]) @ camera.rotation

@@ -1,4 +1,4 @@
-"""Writers of other programs' 2D keypoints, for readers to be tested on: each writes detections and gives the path."""
+"""Writers of 2D keypoints in formats of other programs, to test readers. Each returns the path that it wrote."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ from tests.files import write_openpose
 
 
 def people_of(detections: Detections, frame: int, view: int) -> list[tuple[int, np.ndarray]]:
-    """Track and x, y, confidence (NaN as 0) of everybody in a frame of a view."""
+    """Return track and x, y, confidence (NaN as 0) of each person in a frame of a view."""
     start, stop = detections.offsets[frame * detections.n_views + view :][:2]
     pixels = np.asarray(detections.keypoints_px)[start:stop]
     confidence = np.asarray(detections.confidence)[start:stop]
@@ -34,12 +34,12 @@ def openpose(detections: Detections, folder: Path) -> Path:
 
 
 def mmpose(detections: Detections, folder: Path) -> Path:
-    """With ``meta_info``."""
+    """Write the object with ``meta_info``."""
     return _mmpose(detections, folder, lambda frames: {"meta_info": {"name": "x"}, "instance_info": frames})
 
 
 def rtmlib(detections: Detections, folder: Path) -> Path:
-    """A bare list."""
+    """Write a bare list."""
     return _mmpose(detections, folder, lambda frames: frames)
 
 
@@ -95,7 +95,7 @@ def coco_results(detections: Detections, folder: Path) -> Path:
 
 
 def coco_annotations(detections: Detections, folder: Path) -> Path:
-    """Visibilities, no confidence."""
+    """Write annotations with visibilities, without confidence."""
     skeleton = detections.skeleton
     places = {name: i + 1 for i, name in enumerate(skeleton.keypoints)}
     for v, name in enumerate(detections.view_names):
@@ -132,7 +132,7 @@ def easymocap(detections: Detections, folder: Path) -> Path:
 
 
 def opencap(detections: Detections, folder: Path) -> Path:
-    """A pickle a camera, as OpenCap makes them of OpenPose's files."""
+    """Write one pickle per camera, like OpenCap does from OpenPose files."""
     for v, name in enumerate(detections.view_names):
         frames = [
             [
@@ -148,7 +148,7 @@ def opencap(detections: Detections, folder: Path) -> Path:
 
 
 def eks(detections: Detections, folder: Path) -> Path:
-    """Ensembles' CSV of one animal, with variances."""
+    """Write the CSV of an ensemble for one animal, with variances."""
     deeplabcut(detections, folder)
     more = ("x_ens_median", "y_ens_median", "x_ens_var", "y_ens_var", "x_posterior_var", "y_posterior_var")
     for path in folder.glob("*.csv"):
@@ -167,7 +167,7 @@ def eks(detections: Detections, folder: Path) -> Path:
 
 
 def deeplabcut_many(detections: Detections, folder: Path) -> Path:
-    """CSV with individuals."""
+    """Write CSV with individuals."""
     for name, columns, numbers, values in _deeplabcut(detections):
         path = folder / f"trial_{name}_dlc.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -181,7 +181,7 @@ def deeplabcut_many(detections: Detections, folder: Path) -> Path:
 
 
 def deeplabcut_h5(detections: Detections, folder: Path) -> Path:
-    """As pandas writes its tables with PyTables."""
+    """Write the table layout of pandas and PyTables."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, columns, numbers, values in _deeplabcut(detections):
         with h5py.File(folder / f"trial_{name}_dlc.h5", "w") as file:
@@ -195,7 +195,7 @@ def deeplabcut_h5(detections: Detections, folder: Path) -> Path:
 
 
 def deeplabcut_fixed(detections: Detections, folder: Path) -> Path:
-    """In pandas' fixed layout, as movement and scripts write them."""
+    """Write pandas' fixed layout, like movement does."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, columns, numbers, values in _deeplabcut(detections):
         with h5py.File(folder / f"trial_{name}_dlc.h5", "w") as file:
@@ -221,7 +221,7 @@ def _deeplabcut(detections: Detections):
 
 
 def label3d(detections: Detections, folder: Path) -> Path:
-    """One animal, labels only."""
+    """Write labels of one animal."""
     folder.mkdir(parents=True, exist_ok=True)
     cells = np.empty((detections.n_views, 1), dtype=object)
     names = np.empty((1, detections.n_views), dtype=object)
@@ -240,7 +240,7 @@ def label3d(detections: Detections, folder: Path) -> Path:
 
 
 def sleap(detections: Detections, folder: Path) -> Path:
-    """Analysis files."""
+    """Write analysis files."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, _, _, values in _deeplabcut(detections):
         rows = values.reshape(detections.n_frames, -1, len(detections.skeleton), 3)
@@ -252,14 +252,14 @@ def sleap(detections: Detections, folder: Path) -> Path:
 
 
 def own(detections: Detections, folder: Path) -> Path:
-    """posefuse's own."""
+    """Write posefuse's own format."""
     folder.mkdir(parents=True, exist_ok=True)
     native.write(detections, folder / "keypoints.nc")
     return folder / "keypoints.nc"
 
 
 def deeplabcut(detections: Detections, folder: Path) -> Path:
-    """CSV of one animal."""
+    """Write CSV of one animal."""
     deeplabcut_many(detections, folder)
     for path in folder.glob("*.csv"):
         lines = path.read_text().splitlines()
@@ -273,13 +273,13 @@ def tidy_csv(detections: Detections, folder: Path) -> Path:
 
 
 def tidy_table(detections: Detections, folder: Path) -> Path:
-    """Parquet, with what posefuse says of it."""
+    """Write parquet with the metadata of posefuse."""
     tidy.write(detections, folder / "keypoints.parquet")
     return folder / "keypoints.parquet"
 
 
 def tidy_of_others(detections: Detections, folder: Path) -> Path:
-    """Parquet with nothing but the columns, in another order."""
+    """Write parquet without metadata, rows in another order."""
     folder.mkdir(parents=True, exist_ok=True)
     table = table_of(detections).drop_columns(["time_s"])
     shuffled = table.take(np.random.default_rng(0).permutation(len(table)))
@@ -288,7 +288,7 @@ def tidy_of_others(detections: Detections, folder: Path) -> Path:
 
 
 def detection_folder(detections: Detections, folder: Path) -> Path:
-    """Parquet tables, one a camera."""
+    """Write parquet tables, one per camera."""
     detection_tables.write(detections, folder / "tables")
     return folder / "tables"
 
@@ -305,7 +305,7 @@ def replay_without_head(detections: Detections, folder: Path) -> Path:
 
 
 def payload_lines(detections: Detections, folder: Path) -> Path:
-    """A record a camera and frame, of one clock."""
+    """Write one record per camera and frame, with times of one clock."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "records.jsonl").open("w") as file:
         for f, number in enumerate(detections.frame_numbers.tolist()):
@@ -320,7 +320,7 @@ def payload_lines(detections: Detections, folder: Path) -> Path:
 
 
 def payload_arrays(detections: Detections, folder: Path) -> Path:
-    """A file a camera, a list of records with arrays of people."""
+    """Write one file per camera, a list of records with arrays of people."""
     for v, name in enumerate(detections.view_names):
         records = []
         for f, number in enumerate(detections.frame_numbers.tolist()):
@@ -332,7 +332,7 @@ def payload_arrays(detections: Detections, folder: Path) -> Path:
 
 
 def slp(detections: Detections, folder: Path) -> Path:
-    """One file of all views."""
+    """Write one file for all views."""
     folder.mkdir(parents=True, exist_ok=True)
     skeleton = sleap_io.Skeleton(nodes=list(detections.skeleton.keypoints), edges=list(detections.skeleton.edges))
     videos = [sleap_io.Video(filename=f"{name}.mp4", open_backend=False) for name in detections.view_names]
@@ -354,7 +354,7 @@ def slp(detections: Detections, folder: Path) -> Path:
 
 
 def mediapipe_json(detections: Detections, folder: Path) -> Path:
-    """Landmarks in shares of an image of 1920 x 1080, a list of people a frame; no identities."""
+    """Write landmarks as fractions of a 1920 x 1080 image, one list of people per frame, without identities."""
     for v, name in enumerate(detections.view_names):
         frames = []
         for f, number in enumerate(detections.frame_numbers.tolist()):
@@ -370,12 +370,12 @@ def _landmark(row: np.ndarray) -> dict:
 
 
 def mediapipe_wide(detections: Detections, folder: Path) -> Path:
-    """A row a frame, px, one person."""
+    """Write one row per frame in px, one person."""
     return _mediapipe_csv(detections, folder, long=False)
 
 
 def mediapipe_long(detections: Detections, folder: Path) -> Path:
-    """A row a landmark, px, one person."""
+    """Write one row per landmark in px, one person."""
     return _mediapipe_csv(detections, folder, long=True)
 
 

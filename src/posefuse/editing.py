@@ -1,8 +1,8 @@
-"""Putting identities right after the fact: names of a result merged, split, renamed, dropped and exchanged.
+"""Correct the identities of a result: merge, split, rename, drop and swap people.
 
-Every edit is a change to one table: whose data each person of the edited result takes in each frame. The table is made
-first, from names, frame numbers and states alone; the data follow it range by range, so that a long result never has to
-be in memory. The same edits on the same result give the same result.
+Every edit changes one table: for each frame and each person of the edited result, the person of the original whose data
+are used. The table is computed first, from names, frame numbers and states alone. The data are then edited range by
+range, so a long result need not fit in memory. The same edits on the same result give the same result.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,18 +21,18 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.track_events import Event, Poses
 from posefuse.model.tracks import Tracks, TrackState
 
-_NOBODY = -1
-# Of two who become one, who counts in a frame: who was seen rather than guessed, who was guessed rather than forgotten.
+_UNASSIGNED = -1
+# When two people are merged, the higher rank wins in each frame: observed before predicted, predicted before absent.
 _RANK = {TrackState.ABSENT: 0, TrackState.LOST: 1, TrackState.TENTATIVE: 2, TrackState.ACTIVE: 3}
 
 
 @dataclass(frozen=True, eq=False)
-class _Casting:
-    """Who plays whom.
+class _IdentityTable:
+    """Assignment of original people to the people of the edited result.
 
     Attributes:
-        names: of the people there will be.
-        source: shape (frame, person), int64: the person of the original whose data they take, -1 for nobody's.
+        names: names of the people in the edited result.
+        source: shape (frame, person), int64: original person whose data are used, -1 for none.
     """
 
     names: tuple[str, ...]
@@ -40,224 +40,228 @@ class _Casting:
 
 
 def apply_edits(result: Reconstruction, edits: Sequence[Edit]) -> Reconstruction:
-    """A result with identities put right, in memory.
+    """Return the result with edited identities, in memory.
 
-    Layers, tracks, poses, sides and events follow; the provenance says what was done. Lengths of bodies, which do not
-    depend on the frame, are those of the original person who gives most frames.
+    Layers, tracks, poses, left/right swaps and events are edited; the provenance lists the edits. Body dimensions,
+    which do not depend on the frame, come from the original person who contributes most frames.
 
     Args:
-        result: stays as it is.
-        edits: done one after the other, each on what the one before left.
+        result: original result; not modified.
+        edits: applied in order, each to the outcome of the previous one.
 
     Raises:
-        EditError: if an edit names somebody or a frame that is not there, or cannot be done; with its number.
+        EditError: if an edit names a person or frame that does not exist, or cannot be applied; names the edit's
+            number.
     """
     return Reconstruction.concatenate(list(edited_chunks(result, edits)))
 
 
 def edited_chunks(result: Reconstruction, edits: Sequence[Edit], size: int = CHUNK_FRAMES) -> Iterator[Reconstruction]:
-    """:func:`apply_edits` in consecutive ranges of frames, for results that do not fit in memory.
+    """Apply edits as in :func:`apply_edits`, but yield consecutive ranges of frames, for results larger than memory.
 
-    The edits are checked before the first range comes.
+    All edits are checked before the first range is yielded.
     """
     states = _states(result)
-    casting = _cast(result, states, edits)
-    owners = _main_sources(casting, states)
-    events = _events(result, casting, states)
+    table = _build_table(result, states, edits)
+    main_sources = _main_sources(table, states)
+    events = _edit_events(result, table, states)
     notes = tuple(f"Edited: {edit.sentence}." for edit in edits)
     provenance = replace(result.provenance, notes=(*result.provenance.notes, *notes))
     head = replace(result, events=events, provenance=provenance)
     parts = ((start, stop, head.frames(start, stop)) for start, stop in ranges(result.n_frames, size))
-    return (_recast(part, casting, casting.source[start:stop], owners) for start, stop, part in parts)
+    return (_apply_table(part, table, table.source[start:stop], main_sources) for start, stop, part in parts)
 
 
 def _states(result: Reconstruction) -> np.ndarray:
-    """Shape (frame, person): states; where nothing was tracked, people are active where they have points."""
+    """Return states, shape (frame, person); without tracks, a person is active in frames with points."""
     if result.tracks is not None:
         return np.asarray(result.tracks.state[:])
     _, layer = result.best_layer()
     return np.where(layer.has_point.any(axis=-1), TrackState.ACTIVE, TrackState.ABSENT)
 
 
-def _cast(result: Reconstruction, states: np.ndarray, edits: Sequence[Edit]) -> _Casting:
+def _build_table(result: Reconstruction, states: np.ndarray, edits: Sequence[Edit]) -> _IdentityTable:
     people = len(result.person_ids)
-    casting = _Casting(result.person_ids, np.tile(np.arange(people), (result.n_frames, 1)))
+    table = _IdentityTable(result.person_ids, np.tile(np.arange(people), (result.n_frames, 1)))
     for number, edit in enumerate(edits, 1):
         try:
-            casting = _edited(casting, edit, result.frame_numbers, states)
+            table = _apply_edit(table, edit, result.frame_numbers, states)
         except EditError as error:
             raise EditError(f"Edit {number} ({name_of(edit)}): {error}") from None
-    return casting
+    return table
 
 
-def _edited(casting: _Casting, edit: Edit, numbers: np.ndarray, states: np.ndarray) -> _Casting:
+def _apply_edit(table: _IdentityTable, edit: Edit, numbers: np.ndarray, states: np.ndarray) -> _IdentityTable:
     match edit:
         case Merge():
-            return _merged(casting, edit, numbers, states)
+            return _merge(table, edit, numbers, states)
         case Split():
-            return _split(casting, edit, numbers)
+            return _split(table, edit, numbers)
         case Rename():
-            return _renamed(casting, edit)
+            return _rename(table, edit)
         case Drop():
-            return _dropped(casting, edit, numbers)
+            return _drop(table, edit, numbers)
         case Swap():
-            return _swapped(casting, edit, numbers)
+            return _swap(table, edit, numbers)
 
 
-def _merged(casting: _Casting, edit: Merge, numbers: np.ndarray, states: np.ndarray) -> _Casting:
-    goes, stays = (_place(casting, name) for name in (edit.person, edit.into))
-    first, second = casting.source[:, stays], casting.source[:, goes]
+def _merge(table: _IdentityTable, edit: Merge, numbers: np.ndarray, states: np.ndarray) -> _IdentityTable:
+    removed, remaining = (_person_index(table, name) for name in (edit.person, edit.into))
+    first, second = table.source[:, remaining], table.source[:, removed]
     rank = np.vectorize(_RANK.__getitem__, otypes=[int])(np.stack([_states_of(s, states) for s in (first, second)]))
     both = (rank == _RANK[TrackState.ACTIVE]).all(axis=0)
     if edit.keep is None and both.any():
-        there = numbers[both]
+        shared = numbers[both]
         raise EditError(
-            f"{edit.into} and {edit.person} are both active in {len(there)} frames ({there[0]} to {there[-1]}), so "
-            f"they look like two people. If they are one, say whose frames count there: keep = {edit.into!r}."
+            f"{edit.into} and {edit.person} are both active in {len(shared)} frames ({shared[0]} to {shared[-1]}), so "
+            f"they look like two people. If they are one, choose whose frames to keep there: keep = {edit.into!r}."
         )
     take_second = rank[1] > rank[0]
     take_second[both] = edit.keep == edit.person
-    # Where neither is there, the frame belongs to who was there last: to them belongs what is told of their end.
+    # A frame in which both are absent goes to the person who was present last, so that their final events are kept.
     neither = (rank == 0).all(axis=0)
     last = np.maximum.accumulate(np.where(neither, -1, np.arange(len(neither))))
     take_second = np.where(last >= 0, take_second[last], False)
     taken, other = np.where(take_second, second, first), np.where(take_second, first, second)
-    source = casting.source.copy()
-    source[:, stays] = np.where(taken == _NOBODY, other, taken)
-    return _Casting(_without(casting.names, goes), np.delete(source, goes, axis=1))
+    source = table.source.copy()
+    source[:, remaining] = np.where(taken == _UNASSIGNED, other, taken)
+    return _IdentityTable(_without(table.names, removed), np.delete(source, removed, axis=1))
 
 
 def _states_of(source: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Shape (frame,): the state of who is played in each frame."""
+    """Return the state of the source person in each frame, shape (frame,)."""
     if not states.shape[1]:
         return np.full(len(source), TrackState.ABSENT)
     own = np.take_along_axis(states, np.maximum(source, 0)[:, None], axis=1)[:, 0]
     return np.where(source >= 0, own, TrackState.ABSENT)
 
 
-def _split(casting: _Casting, edit: Split, numbers: np.ndarray) -> _Casting:
-    person, start = _place(casting, edit.person), _frame(edit.from_frame, "from_frame", numbers)
-    _must_be_new(casting, edit.into)
+def _split(table: _IdentityTable, edit: Split, numbers: np.ndarray) -> _IdentityTable:
+    person, start = _person_index(table, edit.person), _frame_index(edit.from_frame, "from_frame", numbers)
+    _require_new_name(table, edit.into)
     if start == 0:
-        raise EditError(f"from_frame {edit.from_frame} is the first frame: nothing would be left of {edit.person}.")
-    source = np.insert(casting.source, person + 1, _NOBODY, axis=1)
+        raise EditError(f"from_frame {edit.from_frame} is the first frame: no frames would remain for {edit.person}.")
+    source = np.insert(table.source, person + 1, _UNASSIGNED, axis=1)
     source[start:, person + 1] = source[start:, person]
-    source[start:, person] = _NOBODY
-    return _Casting((*casting.names[: person + 1], edit.into, *casting.names[person + 1 :]), source)
+    source[start:, person] = _UNASSIGNED
+    return _IdentityTable((*table.names[: person + 1], edit.into, *table.names[person + 1 :]), source)
 
 
-def _renamed(casting: _Casting, edit: Rename) -> _Casting:
-    person = _place(casting, edit.person)
-    _must_be_new(casting, edit.to)
-    return replace(casting, names=(*casting.names[:person], edit.to, *casting.names[person + 1 :]))
+def _rename(table: _IdentityTable, edit: Rename) -> _IdentityTable:
+    person = _person_index(table, edit.person)
+    _require_new_name(table, edit.to)
+    return replace(table, names=(*table.names[:person], edit.to, *table.names[person + 1 :]))
 
 
-def _dropped(casting: _Casting, edit: Drop, numbers: np.ndarray) -> _Casting:
-    people = slice(None) if edit.person is None else _place(casting, edit.person)
+def _drop(table: _IdentityTable, edit: Drop, numbers: np.ndarray) -> _IdentityTable:
+    people = slice(None) if edit.person is None else _person_index(table, edit.person)
     if edit.whole:
         assert isinstance(people, int)
-        return _Casting(_without(casting.names, people), np.delete(casting.source, people, axis=1))
-    start = 0 if edit.from_frame is None else _frame(edit.from_frame, "from_frame", numbers)
-    stop = len(numbers) if edit.to_frame is None else _frame(edit.to_frame, "to_frame", numbers) + 1
-    source = casting.source.copy()
-    source[start:stop, people] = _NOBODY
-    return replace(casting, source=source)
+        return _IdentityTable(_without(table.names, people), np.delete(table.source, people, axis=1))
+    start = 0 if edit.from_frame is None else _frame_index(edit.from_frame, "from_frame", numbers)
+    stop = len(numbers) if edit.to_frame is None else _frame_index(edit.to_frame, "to_frame", numbers) + 1
+    source = table.source.copy()
+    source[start:stop, people] = _UNASSIGNED
+    return replace(table, source=source)
 
 
-def _swapped(casting: _Casting, edit: Swap, numbers: np.ndarray) -> _Casting:
-    a, b = (_place(casting, name) for name in edit.people)
-    start = _frame(edit.from_frame, "from_frame", numbers)
-    source = casting.source.copy()
+def _swap(table: _IdentityTable, edit: Swap, numbers: np.ndarray) -> _IdentityTable:
+    a, b = (_person_index(table, name) for name in edit.people)
+    start = _frame_index(edit.from_frame, "from_frame", numbers)
+    source = table.source.copy()
     source[start:, [a, b]] = source[start:, [b, a]]
-    return replace(casting, source=source)
+    return replace(table, source=source)
 
 
-def _place(casting: _Casting, name: str) -> int:
-    if name not in casting.names:
-        raise EditError(f"Nobody is called {name!r} here. {suggestion(name, casting.names)}")
-    return casting.names.index(name)
+def _person_index(table: _IdentityTable, name: str) -> int:
+    if name not in table.names:
+        raise EditError(f"No person is called {name!r}. {suggestion(name, table.names)}")
+    return table.names.index(name)
 
 
-def _must_be_new(casting: _Casting, name: str) -> None:
-    if name in casting.names:
+def _require_new_name(table: _IdentityTable, name: str) -> None:
+    if name in table.names:
         raise EditError(
-            f"Somebody is called {name!r} already; there are {choices(casting.names, 20)}. Choose another name, or "
+            f"A person is already called {name!r}; people are {choices(table.names, 20)}. Choose another name, or "
             "merge the two."
         )
 
 
-def _frame(number: int, key: str, numbers: np.ndarray) -> int:
-    """The place of a frame by its number."""
+def _frame_index(number: int, key: str, numbers: np.ndarray) -> int:
+    """Return the index of a frame number."""
     if not numbers[0] <= number <= numbers[-1]:
-        raise EditError(f"{key} {number} is not in this result, whose frames are {numbers[0]} to {numbers[-1]}.")
-    place = int(np.searchsorted(numbers, number))
-    if numbers[place] != number:
+        raise EditError(f"{key} {number} is not in this result; its frames are {numbers[0]} to {numbers[-1]}.")
+    index = int(np.searchsorted(numbers, number))
+    if numbers[index] != number:
         raise EditError(
-            f"{key} {number} is a frame that was not recorded; {numbers[place - 1]} and {numbers[place]} were."
+            f"{key} {number} was not recorded; the nearest recorded frames are {numbers[index - 1]} and "
+            f"{numbers[index]}."
         )
-    return place
+    return index
 
 
-def _without(names: tuple[str, ...], place: int) -> tuple[str, ...]:
-    return (*names[:place], *names[place + 1 :])
+def _without(names: tuple[str, ...], index: int) -> tuple[str, ...]:
+    return (*names[:index], *names[index + 1 :])
 
 
-def _main_sources(casting: _Casting, states: np.ndarray) -> np.ndarray:
-    """Shape (person,): who of the original gives each person most frames, for what has no frames."""
-    owners = []
-    for p in range(len(casting.names)):
-        source = casting.source[:, p]
+def _main_sources(table: _IdentityTable, states: np.ndarray) -> np.ndarray:
+    """Return the original person who contributes most frames to each person, shape (person,)."""
+    main_sources = []
+    for p in range(len(table.names)):
+        source = table.source[:, p]
         counted = source[(source >= 0) & (_states_of(source, states) != TrackState.ABSENT)]
         frames = np.bincount(counted if len(counted) else source[source >= 0], minlength=1)
-        owners.append(int(frames.argmax()))
-    return np.array(owners, dtype=np.int64)
+        main_sources.append(int(frames.argmax()))
+    return np.array(main_sources, dtype=np.int64)
 
 
-def _events(result: Reconstruction, casting: _Casting, states: np.ndarray) -> tuple[Event, ...]:
-    """Events under their new names; those of people and frames that are gone go too."""
+def _edit_events(result: Reconstruction, table: _IdentityTable, states: np.ndarray) -> tuple[Event, ...]:
+    """Return events with edited names, without those of removed people and frames."""
     places = {int(number): place for place, number in enumerate(result.frame_numbers)}
-    told = []
+    edited = []
     for event in result.events:
         if event.person not in result.person_ids or event.number not in places:
-            told.append(event)
+            edited.append(event)
             continue
         f = places[event.number]
-        for p in np.flatnonzero(casting.source[f] == result.person_ids.index(event.person)):
-            told.append(_retold(event, casting, states, f, int(p)))
-    return tuple(told)
+        for p in np.flatnonzero(table.source[f] == result.person_ids.index(event.person)):
+            edited.append(_edit_event(event, table, states, f, int(p)))
+    return tuple(edited)
 
 
-def _retold(event: Event, casting: _Casting, states: np.ndarray, frame: int, person: int) -> Event:
-    """An event of somebody who may have had another name, and may not be new where that name was."""
-    name = casting.names[person]
+def _edit_event(event: Event, table: _IdentityTable, states: np.ndarray, frame: int, person: int) -> Event:
+    """Return an event with its new name; a confirmation becomes a re-identification if the person was active before."""
+    name = table.names[person]
     why = event.why if name == event.person else f"{event.why} (then called {event.person})"
-    earlier = _states_of(casting.source[:frame, person], states[:frame]) >= TrackState.ACTIVE
+    earlier = _states_of(table.source[:frame, person], states[:frame]) >= TrackState.ACTIVE
     what = "reidentified" if event.what == "confirmed" and earlier.any() else event.what
     return replace(event, person=name, what=what, why=why)
 
 
-def _recast(part: Reconstruction, casting: _Casting, source: np.ndarray, owners: np.ndarray) -> Reconstruction:
-    """A range of frames with its people as they are cast."""
+def _apply_table(
+    part: Reconstruction, table: _IdentityTable, source: np.ndarray, main_sources: np.ndarray
+) -> Reconstruction:
+    """Return a range of frames with the people of the edited result."""
 
     def take(values: Any, empty: Any) -> np.ndarray:
-        return _taken(np.asarray(values[:]), source, empty)
+        return _select(np.asarray(values[:]), source, empty)
 
     tracks, swaps = part.tracks, part.swaps
     if tracks is not None:
         state = take(tracks.state, TrackState.ABSENT)
-        tracks = Tracks(casting.names, take(tracks.detection, -1), state)
+        tracks = Tracks(table.names, take(tracks.detection, -1), state)
     return replace(
         part,
-        person_ids=casting.names,
-        layers={name: _recast_layer(layer, source) for name, layer in part.layers.items()},
+        person_ids=table.names,
+        layers={name: _edit_layer(layer, source) for name, layer in part.layers.items()},
         tracks=tracks,
         swaps=None if swaps is None else Swaps(swaps.chains, take(swaps.state, SwapState.UNKNOWN)),
-        poses=None if part.poses is None else _recast_poses(part.poses, source, owners),
+        poses=None if part.poses is None else _edit_poses(part.poses, source, main_sources),
     )
 
 
-def _taken(values: np.ndarray, source: np.ndarray, empty: Any) -> np.ndarray:
-    """Shape (frame, person, ...): values of who is played, ``empty`` where that is nobody."""
+def _select(values: np.ndarray, source: np.ndarray, empty: Any) -> np.ndarray:
+    """Return the values of the source people, ``empty`` where there is none, shape (frame, person, ...)."""
     if not source.shape[1]:
         return values[:, :0]
     if not values.shape[1]:
@@ -279,9 +283,9 @@ _EMPTY: dict[str, Any] = {
 }
 
 
-def _recast_layer(layer: Layer, source: np.ndarray) -> Layer:
-    arrays = {f.name: _taken(np.asarray(getattr(layer, f.name)[:]), source, _EMPTY[f.name]) for f in fields(Layer)}
-    # A frame that a view does not have is not unseen in it, whoever was taken out.
+def _edit_layer(layer: Layer, source: np.ndarray) -> Layer:
+    arrays = {f.name: _select(np.asarray(getattr(layer, f.name)[:]), source, _EMPTY[f.name]) for f in fields(Layer)}
+    # Frames that a view did not record keep their status, even for people without a source.
     original = np.asarray(layer.view_status[:])
     if original.shape[1] and source.shape[1]:
         lacking = (original == ViewStatus.NOT_RECORDED).all(axis=(1, 2))
@@ -292,14 +296,14 @@ def _recast_layer(layer: Layer, source: np.ndarray) -> Layer:
     return Layer(**arrays)
 
 
-def _recast_poses(poses: Poses, source: np.ndarray, owners: np.ndarray) -> Poses:
+def _edit_poses(poses: Poses, source: np.ndarray, main_sources: np.ndarray) -> Poses:
     return replace(
         poses,
-        turns=_taken(np.asarray(poses.turns[:]), source, np.nan),
-        directions=_taken(np.asarray(poses.directions[:]), source, np.nan),
-        angle_sd_deg=_taken(np.asarray(poses.angle_sd_deg[:]), source, np.nan),
-        nis=_taken(np.asarray(poses.nis[:]), source, np.nan),
-        nis_dof=_taken(np.asarray(poses.nis_dof[:]), source, 0),
-        shape_m=np.asarray(poses.shape_m[:])[owners],
-        shape_sd_m=np.asarray(poses.shape_sd_m[:])[owners],
+        turns=_select(np.asarray(poses.turns[:]), source, np.nan),
+        directions=_select(np.asarray(poses.directions[:]), source, np.nan),
+        angle_sd_deg=_select(np.asarray(poses.angle_sd_deg[:]), source, np.nan),
+        nis=_select(np.asarray(poses.nis[:]), source, np.nan),
+        nis_dof=_select(np.asarray(poses.nis_dof[:]), source, 0),
+        shape_m=np.asarray(poses.shape_m[:])[main_sources],
+        shape_sd_m=np.asarray(poses.shape_sd_m[:])[main_sources],
     )

@@ -19,7 +19,7 @@ from posefuse.batch.jobs import jobs_of
 from posefuse.batch.work import run_job
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import PARTS, exclusive_folder
+from posefuse.io.files import CHECKPOINT_FOLDER, exclusive_folder
 from posefuse.io.keypoints import native
 from posefuse.io.results import netcdf
 from posefuse.model.batch import Job, JobResult
@@ -132,7 +132,7 @@ def test_an_interrupted_batch_resumes_within_a_recording(tmp_path, monkeypatch):
 
     assert state_of("whole", ends=False) == "done"
     assert state_of("out", ends=True) == "failed"
-    assert (tmp_path / "out" / "rec_000" / PARTS).is_dir()
+    assert (tmp_path / "out" / "rec_000" / CHECKPOINT_FOLDER).is_dir()
     made.clear()
     assert state_of("out", ends=False) == "done"
     # And once all is done, what the result is in, instead of them.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from posefuse.biomechanics.animation_figures import body_of
+from posefuse.biomechanics.animation_figures import figure_of_person
 from posefuse.io.results import bvh, gltf, opensim
 from tests.figures import posed
 
@@ -54,7 +54,7 @@ class TestBlender:
         else:
             gltf.write(result, "person_1", path)
             bpy.ops.import_scene.gltf(filepath=str(path))
-        figure = body_of(result, "person_1").figure
+        figure = figure_of_person(result, "person_1").figure
         keypoints = np.flatnonzero(figure.keypoint_joints >= 0)
         names = [figure.joints[j].name for j in figure.keypoint_joints[keypoints]]
         expected = np.asarray(result.layers["model"].points_m)[:, 0, keypoints]

@@ -256,7 +256,7 @@ class TestBadInput:
         write_openpose(recording / "pose", clean_scene.detections)
         broken = recording / "pose" / "cam_2_json" / "cam_2_000000000007_keypoints.json"
         broken.write_text(broken.read_text()[:200])
-        words = ["cam_2_000000000007_keypoints.json is not whole JSON (200 bytes)", "truncated"]
+        words = ["cam_2_000000000007_keypoints.json is not complete JSON (200 bytes)", "truncated"]
         refused("reconstruct", recording, "-o", tmp_path / "o", "--rate-hz", "30", words=words)
 
     def test_no_frame_rate(self, refused, recording, tmp_path, clean_scene):
@@ -305,7 +305,7 @@ class TestBadInput:
         (recording / "keypoints.nc").unlink()
         write_openpose(recording / "pose", clean_scene.detections)
         arguments = ["--rate-hz", "30", "--skeleton", "coco_17"]
-        words = ["has 26 keypoints a person, skeleton coco_17 has 17"]
+        words = ["has 26 keypoints per person, skeleton coco_17 has 17"]
         refused("reconstruct", recording, "-o", tmp_path / "o", *arguments, words=words)
 
     def test_an_output_that_is_something_else(self, refused, recording, tmp_path):

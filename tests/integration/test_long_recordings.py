@@ -17,7 +17,7 @@ import posefuse
 from posefuse.cli.main import main
 from posefuse.io.calibration import anipose
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import PARTS
+from posefuse.io.files import CHECKPOINT_FOLDER
 from posefuse.io.keypoints import detection_tables
 from posefuse.synthetic.crowd_options import CrowdOptions
 from posefuse.synthetic.crowds import simulate_crowd
@@ -106,7 +106,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert whole.n_frames == 30
     assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
     assert "Partial" not in "".join(whole.provenance.notes)
-    assert not (tmp_path / "out" / PARTS).exists()
+    assert not (tmp_path / "out" / CHECKPOINT_FOLDER).exists()
 
 
 def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
@@ -121,7 +121,7 @@ def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction
     with monkeypatch.context() as patched:
         patched.setattr("posefuse.pipeline.reconstruct_recording.write_outputs", ended)
         assert run(*command, tmp_path / "out")[0] == 130
-    kept = {path.name for path in (tmp_path / "out" / PARTS).rglob("*")}
+    kept = {path.name for path in (tmp_path / "out" / CHECKPOINT_FOLDER).rglob("*")}
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
         # Nothing is followed or triangulated again.
@@ -135,8 +135,10 @@ def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction
 @pytest.mark.long
 def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterrupted, tmp_path):
     output = tmp_path / "out"
-    stop_when(start(two_people, output, 20), output / PARTS / "frames_60" / "measured_000001.part", signal.SIGKILL)
-    finished = [path for path in (output / PARTS).rglob("*.part") if path.name != "following.part"]
+    stop_when(
+        start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
+    )
+    finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "tracking.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
@@ -151,7 +153,7 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
     # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
     for attempt in range(10):
         output = tmp_path / f"out_{attempt}"
-        said = stop_when(start(recording, output, 20), output / PARTS / "following.part", signal.SIGINT)
+        said = stop_when(start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT)
         if "Partial" in said:
             break
     assert "Partial: made of the first" in " ".join(said.split())
@@ -169,7 +171,7 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
 @pytest.mark.long
 def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
     other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
-    stop_when(start(other, output, 20), output / PARTS / "following.part", signal.SIGKILL)
+    stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
     assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())

@@ -20,7 +20,7 @@ def test_formats_beside_a_result(run, recording, tmp_path, capsys):
         np.testing.assert_allclose(found.points_m, stored.points_m[:], rtol=1e-15)
     said = " ".join(out.split())
     assert "TRC, C3D and the other formats hold the layer measured." in said
-    assert "note: anipose has no place for times, status, covariances, which views." in said
+    assert "note: anipose cannot hold times, status, covariances, which views." in said
     assert max(map(len, out.splitlines())) <= 80
     # Without them they are gone: they were of the result that is replaced.
     code, _, _ = run("reconstruct", recording, "--output", tmp_path / "out")

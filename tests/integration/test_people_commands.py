@@ -65,7 +65,7 @@ def test_edits_that_cannot_be_done_leave_nothing_behind(run, folder):
     before = sorted(folder.rglob("*"))
     code, _, said = run("edit", folder / "result", folder / "edits.toml")
     assert code == 1
-    assert "Edit 2 (drop): Nobody is called 'person_22' here. Did you mean" in said
+    assert "Edit 2 (drop): No person is called 'person_22'. Did you mean" in said
     assert sorted(folder.rglob("*")) == before
     code, _, said = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "result")
     assert code == 1

@@ -123,7 +123,7 @@ def test_distant_frame_numbers_are_kept(form, seed, gaps):
         writers[form].write(given, path)
         assert writers[form].lost(given, path) == ()
         assert posefuse.read_detections(path) == given
-        assert "frames as far apart" in " ".join(tidy.lost(given, path.with_suffix(".csv")))
+        assert "frame numbers with such large gaps" in " ".join(tidy.lost(given, path.with_suffix(".csv")))
 
 
 @given(**recordings)
@@ -156,8 +156,6 @@ def test_openpose_files_keep_all_but_the_reported_losses(seed, frames, views, sk
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pose"
         openpose.write(given, path)
-        named = (
-            ("what the keypoints are called: to read them again, --skeleton body_25",) if skeleton == "body_25" else ()
-        )
+        named = ("the names of the keypoints; read the files with --skeleton body_25",) if skeleton == "body_25" else ()
         assert openpose.lost(given, path) == ("times and the frame rate", *named)
         assert posefuse.read_detections(path, skeleton) == as_read(given)

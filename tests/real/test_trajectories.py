@@ -19,5 +19,5 @@ def test_a_camera_left_out_is_foretold_and_bones_vary_less(recording, frames, mo
     ours, each = figures["trajectory"], figures["consensus"]
     assert ours.median_px <= most * each.median_px
     assert ours.p90_px <= 1.05 * each.p90_px
-    assert ours.foretold > 0.8
+    assert ours.predicted > 0.8
     assert ours.bones < 0.5 * each.bones

@@ -1,4 +1,4 @@
-"""Edits: what they do is known by hand, they undo each other, and a wrong one says what would be right."""
+"""Edits have hand-computed effects, can undo each other, and report errors with a suggestion."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ def result(scene) -> Reconstruction:
 
 
 def data_of(result: Reconstruction, person: str, frames: slice = slice(None)) -> list[np.ndarray]:
-    """Everything that is of a person, frame by frame."""
+    """Return all frame-by-frame data of a person."""
     p = result.person_ids.index(person)
     sources = [value for layer in result.layers.values() for value in vars(layer).values()]
     sources += [result.tracks.detection, result.tracks.state, result.swaps.state]
@@ -50,7 +50,7 @@ def without_notes(result: Reconstruction) -> Reconstruction:
     return replace(result, provenance=replace(result.provenance, notes=()), events=())
 
 
-class TestWhatTheyDo:
+class TestEffects:
     def test_rename(self, result):
         edited = apply_edits(result, [Rename("person_2", "Änne")])
         assert edited.person_ids == ("person_1", "Änne", "person_3", "person_4")
@@ -81,11 +81,11 @@ class TestWhatTheyDo:
         assert {event.person for event in edited.events} <= set(edited.person_ids)
         np.testing.assert_array_equal(edited.poses.shape_m, result.poses.shape_m[[0, 2, 3]])
 
-    def test_drop_frames_up_to_and_with_the_last(self, result):
+    def test_drop_includes_the_last_frame(self, result):
         edited = apply_edits(result, [Drop("person_2", 5, 9), Drop(to_frame=1)])
-        gone = np.isnan(np.asarray(edited.layers["measured"].points_m)).all(axis=(2, 3))
-        assert np.flatnonzero(gone[:, 1]).tolist() == [0, 1, 5, 6, 7, 8, 9]
-        assert gone[:2].all()
+        missing = np.isnan(np.asarray(edited.layers["measured"].points_m)).all(axis=(2, 3))
+        assert np.flatnonzero(missing[:, 1]).tolist() == [0, 1, 5, 6, 7, 8, 9]
+        assert missing[:2].all()
         assert_same(data_of(edited, "person_3", slice(2, None)), data_of(result, "person_3", slice(2, None)))
 
     def test_swap(self, result):
@@ -95,27 +95,27 @@ class TestWhatTheyDo:
         assert_same(data_of(edited, "person_1", after), data_of(result, "person_3", after))
         assert_same(data_of(edited, "person_3", after), data_of(result, "person_1", after))
 
-    def test_merge_of_two_pieces(self, result):
+    def test_merge_joins_two_tracks_of_one_person(self, result):
         cut = apply_edits(result, [Split("person_1", "late", 12)])
         state = np.array(cut.tracks.state)
-        state[12:15, 0] = TrackState.LOST  # The old name is still waited for when the new one is born.
+        state[12:15, 0] = TrackState.LOST  # The old track is lost, not yet terminated, when the new one is confirmed.
         again = Event(12, 0.48, "late", "confirmed", "seen by 4 cameras")
         cut = replace(cut, tracks=replace(cut.tracks, state=state), events=(*cut.events, again))
         edited = apply_edits(cut, [Merge("late", "person_1")])
         assert_same(data_of(edited, "person_1"), data_of(result, "person_1"))
-        told = [event for event in edited.events if event.number == 12]
-        assert told == [Event(12, 0.48, "person_1", "reidentified", "seen by 4 cameras (then called late)")]
+        events = [event for event in edited.events if event.number == 12]
+        assert events == [Event(12, 0.48, "person_1", "reidentified", "seen by 4 cameras (then called late)")]
 
-    def test_the_end_of_the_second_name_is_told_of_the_first(self, result):
+    def test_merge_keeps_the_termination_event_of_the_merged_person(self, result):
         cut = apply_edits(result, [Split("person_4", "late", 5)])
         edited = apply_edits(cut, [Merge("late", "person_4")])
-        told = {(e.number, e.what) for e in edited.events}
-        assert told == {(e.number, e.what) for e in result.events}
+        events = {(e.number, e.what) for e in edited.events}
+        assert events == {(e.number, e.what) for e in result.events}
         assert "terminated" in {e.what for e in edited.events}
         assert edited.person_ids == result.person_ids
 
-    def test_merge_of_one_seen_twice(self, result):
-        with pytest.raises(EditError, match=r"both active in \d+ frames .*say whose frames count there: keep"):
+    def test_merge_of_two_active_people_needs_keep(self, result):
+        with pytest.raises(EditError, match=r"both active in \d+ frames .*choose whose frames to keep there: keep"):
             apply_edits(result, [Merge("person_2", "person_1")])
         edited = apply_edits(result, [Merge("person_2", "person_1", keep="person_2")])
         active = np.asarray(result.tracks.state)[:, 1] == TrackState.ACTIVE
@@ -123,13 +123,13 @@ class TestWhatTheyDo:
         assert_same([m[active] for m in mine], [t[active] for t in theirs])
         assert edited.provenance.notes[-1] == "Edited: person_2 merged into person_1, person_2 where both were active."
 
-    def test_events_of_cameras_stay(self, result):
+    def test_camera_events_are_kept(self, result):
         event = Event(3, 0.12, "cam_1", "camera_rejected", "it disagrees with the others")
         edited = apply_edits(replace(result, events=(event,)), [Drop("person_1"), Rename("person_2", "b")])
         assert edited.events == (event,)
 
 
-def test_the_example_in_the_documents_is_right(tmp_path):
+def test_documented_example_is_valid(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "people.md").read_text()
     (tmp_path / "edits.toml").write_text(page.split("```toml")[1].split("```")[0])
     assert [name_of(edit) for edit in read_edits(tmp_path / "edits.toml")] == [
@@ -142,18 +142,18 @@ names = st.sampled_from([f"person_{i}" for i in range(1, 5)])
 frames = st.integers(1, FRAMES - 1)
 
 
-class TestLaws:
+class TestProperties:
     @examples(15)
     @given(a=names, b=names, frame=frames)
-    def test_a_swap_undoes_itself(self, result, a, b, frame):
+    def test_swap_twice_restores_the_result(self, result, a, b, frame):
         if a != b:
             edited = apply_edits(result, [Swap((a, b), frame), Swap((b, a), frame)])
             assert without_notes(edited) == without_notes(result)
             assert edited.events == result.events
 
     @pytest.mark.parametrize("person", [f"person_{i}" for i in range(1, 5)])
-    def test_merging_undoes_a_split_at_any_frame(self, result, person):
-        """All frames: one of them is that in which somebody is forgotten, whose story must not lose its end."""
+    def test_merge_undoes_a_split_at_any_frame(self, result, person):
+        """Merging undoes a split even at the frame in which a track terminates: the event must not get lost."""
         there = np.asarray(result.tracks.state)[:, result.person_ids.index(person)] != TrackState.ABSENT
         theirs = data_of(result, person)
         for frame in range(1, FRAMES):
@@ -165,18 +165,18 @@ class TestLaws:
 
     @examples(10)
     @given(size=st.integers(1, FRAMES), seed=st.integers(0, 1000))
-    def test_range_by_range_it_is_the_same(self, result, size, seed):
+    def test_edited_chunks_equal_edits_in_memory(self, result, size, seed):
         at = 1 + seed % (FRAMES - 1)
         edits = [Split("person_1", "x", at), Swap(("x", "person_4"), FRAMES // 2), Drop("person_2"), Drop("x", at, at)]
         whole = apply_edits(result, edits)
         assert Reconstruction.concatenate(list(edited_chunks(result, edits, size))) == whole
         assert apply_edits(result, edits) == whole
 
-    def test_nothing_changes_the_original(self, result, scene):
+    def test_original_is_not_modified(self, result, scene):
         apply_edits(result, [Drop("person_2", 3, 5), Swap(("person_1", "person_3"), 4)])
         assert result == followed(scene)
 
-    def test_everybody_may_go(self, result, scene):
+    def test_all_people_can_be_dropped(self, result, scene):
         edited = apply_edits(result, [Drop(name) for name in result.person_ids])
         assert edited.layers["model"] == without_people(scene).layers["model"]
         assert (edited.person_ids, edited.events) == ((), ())
@@ -186,39 +186,39 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("edit", "words"),
         [
-            (Rename("person_9", "x"), "Nobody is called 'person_9' here. Did you mean"),
-            (Rename("person_1", "person_2"), "Somebody is called 'person_2' already; there are person_1, person_2"),
-            (Split("person_1", "person_3", 5), "Somebody is called 'person_3' already"),
-            (Split("person_1", "x", 0), "nothing would be left of person_1"),
-            (Split("person_1", "x", 99), "from_frame 99 is not in this result, whose frames are 0 to 29"),
+            (Rename("person_9", "x"), "No person is called 'person_9'. Did you mean"),
+            (Rename("person_1", "person_2"), "A person is already called 'person_2'; people are person_1, person_2"),
+            (Split("person_1", "person_3", 5), "A person is already called 'person_3'"),
+            (Split("person_1", "x", 0), "no frames would remain for person_1"),
+            (Split("person_1", "x", 99), "from_frame 99 is not in this result; its frames are 0 to 29"),
             (Drop("person_1", to_frame=30), "to_frame 30 is not in this result"),
-            (Swap(("person_1", "bert"), 3), "Nobody is called 'bert' here. Choose one of: person_1"),
+            (Swap(("person_1", "bert"), 3), "No person is called 'bert'. Choose one of: person_1"),
         ],
     )
-    def test_what_is_not_there(self, edit, words, result):
+    def test_unknown_people_and_frames_raise(self, edit, words, result):
         with pytest.raises(EditError, match=rf"^Edit 2 \({type(edit).__name__.lower()}\): ") as caught:
             apply_edits(result, [Drop("person_4", 3, 4), edit])
         assert words in str(caught.value)
 
-    def test_a_frame_that_was_not_recorded(self, result):
+    def test_unrecorded_frame_raises(self, result):
         gap = replace(result, frame_numbers=np.r_[0:10, 20:40])
-        with pytest.raises(EditError, match="from_frame 15 is a frame that was not recorded; 9 and 20 were"):
+        with pytest.raises(EditError, match="from_frame 15 was not recorded; the nearest recorded frames are 9 and 20"):
             apply_edits(gap, [Split("person_1", "x", 15)])
 
-    def test_they_are_found_before_the_first_range(self, result):
+    def test_edits_are_checked_before_the_first_range(self, result):
         with pytest.raises(EditError):
-            edited_chunks(result, [Drop("nobody")])
+            edited_chunks(result, [Drop("unknown")])
 
     @pytest.mark.parametrize(
         ("text", "words"),
         [
-            ("", "holds no [[edit]]. Each has do = one of merge, split"),
-            ("[edit]\ndo = 'drop'\n", "written [[edit]], with two brackets"),
+            ("", "contains no [[edit]]. Each needs do = one of merge, split"),
+            ("[edit]\ndo = 'drop'\n", "write each edit as its own table [[edit]], with two brackets"),
             ("[[merge]]\n", "unknown key 'merge'. Edits are tables [[edit]]"),
             ("[[edit]]\nperson = 'a'\n", "e.toml, edit 1: do is missing. It is one of merge"),
-            ("[[edit]]\ndo = 'merg'\n", "edit 1: do cannot be 'merg'. Did you mean 'merge'?"),
-            ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. It needs person, into."),
-            ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. It has person, from_frame, to_frame."),
+            ("[[edit]]\ndo = 'merg'\n", "edit 1: unknown operation do = 'merg'. Did you mean 'merge'?"),
+            ("[[edit]]\ndo = 'merge'\nperson = 'a'\n", "edit 1 (merge): into is missing. Required keys: person, into."),
+            ("[[edit]]\ndo = 'drop'\nframe = 3\n", "(drop): unknown key 'frame'. Keys: person, from_frame, to_frame."),
             ("[[edit]]\ndo = 'drop'\n", "drop needs at least one of person, from_frame and to_frame"),
             ("[[edit]]\ndo = 'drop'\nfrom_frame = 5\nto_frame = 3\n", "to_frame (3) is before from_frame (5)"),
             ("[[edit]]\ndo = 'drop'\nperson = 3\n", "person cannot be 3. Expected `str | null`, got `int`."),
@@ -228,7 +228,7 @@ class TestErrors:
             ("[[edit]]\ndo = 'merge'\nperson = 'a'\ninto = 'a'\n", "merge needs two different names"),
         ],
     )
-    def test_files(self, text, words, tmp_path):
+    def test_invalid_files_raise(self, text, words, tmp_path):
         (tmp_path / "e.toml").write_text(text)
         with pytest.raises(EditError) as caught:
             read_edits(tmp_path / "e.toml")
@@ -248,7 +248,7 @@ class TestErrors:
         min_size=1,
     )
 )
-def test_files_are_lossless(tmp_path_factory, edits: list[Edit]):
+def test_files_round_trip(tmp_path_factory, edits: list[Edit]):
     path = tmp_path_factory.getbasetemp() / "edits.toml"
     path.write_text(edits_to_toml(edits), "utf-8")
     assert read_edits(path) == tuple(edits)

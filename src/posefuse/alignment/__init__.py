@@ -1,1 +1,1 @@
-"""Where the floor is, which way is up and forward, and how large the world is: from people and from what is told."""
+"""Align the world with the floor, the up and forward directions, and a known size."""

@@ -1,4 +1,4 @@
-"""Everything of a result in another world: cameras, points, covariances, bodies."""
+"""Apply an alignment to a result: cameras, points, covariances and poses."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -14,12 +14,12 @@ from posefuse.model.track_events import Poses
 _PACKED = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))
 
 
-def aligned(part: Reconstruction, alignment: Alignment) -> Reconstruction:
-    """A range of frames in the aligned world; pixels, and what was whose, stay.
+def align(part: Reconstruction, alignment: Alignment) -> Reconstruction:
+    """Return a range of frames in the aligned world; pixels and assignments stay unchanged.
 
     Args:
         part: in the calibration's world.
-        alignment: from there.
+        alignment: aligned world from calibration's world.
     """
     return replace(
         part,
@@ -30,55 +30,59 @@ def aligned(part: Reconstruction, alignment: Alignment) -> Reconstruction:
     )
 
 
-def laid(parts: Iterable[Reconstruction], alignment: Alignment) -> Iterator[Reconstruction]:
-    """Ranges of frames in the aligned world.
+def align_parts(parts: Iterable[Reconstruction], alignment: Alignment) -> Iterator[Reconstruction]:
+    """Return ranges of frames in the aligned world.
 
     Args:
-        parts: from cameras whose world has its size already.
-        alignment: from the calibration's world.
+        parts: from cameras whose world is scaled already.
+        alignment: aligned world from calibration's world.
     """
-    rest = replace(alignment, scale=1.0)
-    return (replace(aligned(part, rest), alignment=alignment) for part in parts)
+    alignment_without_scale = replace(alignment, scale=1.0)
+    return (replace(align(part, alignment_without_scale), alignment=alignment) for part in parts)
 
 
-def unchanged(up_axis: UpAxis | None) -> Alignment:
-    """The calibration's world."""
+def identity_alignment(up_axis: UpAxis | None) -> Alignment:
+    """Return the alignment that keeps the calibration's world."""
     return Alignment(np.eye(3), np.zeros(3), up_axis=up_axis, calibration_up_axis=up_axis)
 
 
-def after_scaling(rest: Alignment, scale: float, options: AlignOptions) -> Alignment:
-    """An alignment of a world that was scaled, as one from the calibration's."""
-    known = f"{options.height_m:g} m tall" if options.height_m is not None else None
+def combine_with_scale(alignment_without_scale: Alignment, scale: float, options: AlignOptions) -> Alignment:
+    """Return an alignment of a scaled world as an alignment from the calibration's world."""
+    height = f"{options.height_m:g} m tall" if options.height_m is not None else None
     pair = " to ".join(options.length_between)
-    why = f"the subject is {known}" if known else f"{pair} is {options.length_m} m"
-    return replace(rest, scale=scale, steps=(f"Lengths are multiplied by {scale:.5g}: {why}.", *rest.steps))
+    reason = f"the subject is {height}" if height else f"the distance from {pair} is {options.length_m} m"
+    return replace(
+        alignment_without_scale,
+        scale=scale,
+        steps=(f"Lengths are multiplied by {scale:.5g}: {reason}.", *alignment_without_scale.steps),
+    )
 
 
 def scaled_rig(rig: CameraRig, scale: float) -> CameraRig:
-    """The cameras in a world of another size."""
-    return aligned_rig(rig, replace(unchanged(rig.up_axis), scale=scale))
+    """Return the cameras in a scaled world."""
+    return aligned_rig(rig, replace(identity_alignment(rig.up_axis), scale=scale))
 
 
 def scaled_layer(layer: Layer, scale: float) -> Layer:
-    """Points in a world of another size."""
-    return _layer(layer, replace(unchanged(None), scale=scale))
+    """Return the points in a scaled world."""
+    return _layer(layer, replace(identity_alignment(None), scale=scale))
 
 
 def in_calibration_world(part: Reconstruction) -> Reconstruction:
-    """A result as it was before it was aligned; one that never was stays."""
+    """Return a result in the calibration's world; a result without alignment is returned unchanged."""
     if part.alignment is None:
         return part
-    return replace(aligned(part, part.alignment.inverse), alignment=None)
+    return replace(align(part, part.alignment.inverse), alignment=None)
 
 
 def in_world_of(result: Reconstruction, other: Reconstruction) -> Reconstruction:
-    """Another result of the same calibration in the world of the first."""
+    """Return another result of the same calibration in the world of the first."""
     other = in_calibration_world(other)
-    return other if result.alignment is None else aligned(other, result.alignment)
+    return other if result.alignment is None else align(other, result.alignment)
 
 
 def aligned_rig(rig: CameraRig, alignment: Alignment) -> CameraRig:
-    """The cameras, which see the same pixels of the aligned world."""
+    """Return the cameras in the aligned world, where they see the same pixels."""
     cameras = tuple(_camera(camera, alignment) for camera in rig.cameras)
     return replace(
         rig, cameras=cameras, up_axis=alignment.up_axis, metres_per_unit=rig.metres_per_unit * alignment.scale

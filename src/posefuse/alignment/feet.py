@@ -1,4 +1,4 @@
-"""The floor: the plane on which feet stand still, found without knowing which way is up."""
+"""Estimate the floor as the plane on which feet stand still; the up direction need not be known."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,137 +12,143 @@ _SOLES = ("toe", "heel", "foot_index", "paw", "claw")
 _ANKLES = ("ankle",)
 _ANKLE_HEIGHT_M = 0.08
 _STILL_SHARE = 0.3
-"""So many of the frames, those in which it moves least, tell where a foot's point stands."""
+"""Share of the frames, those with the least motion, in which a foot keypoint counts as standing still."""
 
-_TRIES = 500
-_NEAR_M = (0.02, 0.04, 0.08)
-"""A foot's point lies on the floor within the first of these: they stand at different heights above their soles. Where
-noise is larger than that, within a later one."""
+_N_SAMPLES = 500
+_TOLERANCES_M = (0.02, 0.04, 0.08)
+"""Distances within which a foot keypoint is on the floor. Keypoints have different heights above the sole; with larger
+noise a later value is used.
+"""
 
-_MOST = 0.7
-"""So large a share of feet that stand still lies on the floor."""
+_REQUIRED_SHARE = 0.7
+"""Share of the still feet that must be on the floor."""
 
-_FEWEST = 30
-_LEAST_SPREAD_M = 0.15
-"""Feet that stand in a narrower band than this tell no plane."""
+_MIN_POINTS = 30
+_MIN_SPREAD_M = 0.15
+"""Feet within a narrower band do not determine a plane."""
 
-_LOW_SHARE = 0.25
-_GROUPS = 10
+_LOW_QUANTILE = 0.25
+_JACKKNIFE_GROUPS = 10
 _UP_SD = np.radians(2.0)
-"""How well a calibration knows which way is up: a board on the floor, or a wand, is levelled to about so much."""
+"""Standard deviation of a calibration's up direction: a board on the floor, or a wand, is leveled to about this
+angle.
+"""
 
-_CONTRADICTED = 9.21
-"""Beyond this (99 % of chi-square, two degrees of freedom) feet and calibration do not mean the same."""
+_CONTRADICTION_CHI2 = 9.21
+"""Limit beyond which feet and calibration contradict each other (99 % of chi-square with two degrees of freedom)."""
 
-_ROUNDS = 20
+_MAX_ITERATIONS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """The floor.
+    """Describe the floor.
 
     Attributes:
-        normal: shape (3,): unit vector upwards.
-        point_m: shape (3,): on it.
-        spread_m: how wide the points that tell it lie, across their longest direction; infinite where it was given.
-        misfit_m: median distance of these points from it.
-        doubt_deg: standard deviation of its tilt by itself, where it is least known; 0 where it was given.
-        up_counts: whether the calibration's up had a part in its tilt.
+        normal: shape (3,): unit vector pointing up.
+        point_m: shape (3,): a point on the floor.
+        spread_m: extent of the foot points across their longest direction; infinite if the plane was given.
+        misfit_m: median distance of these points from the plane.
+        tilt_sd_deg: standard deviation of the tilt from the feet alone, in the least certain direction; 0 if given.
+        uses_up: whether the calibration's up direction contributes to the tilt.
     """
 
     normal: np.ndarray
     point_m: np.ndarray
     spread_m: float = np.inf
     misfit_m: float = 0.0
-    doubt_deg: float = 0.0
-    up_counts: bool = False
+    tilt_sd_deg: float = 0.0
+    uses_up: bool = False
 
 
-def floor_of_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, seed: int = 0) -> Plane:
-    """The plane on which feet stand still, by the most points near one plane, then least squares of these.
+def floor_from_feet(points_m: Sequence[np.ndarray], skeleton: Skeleton, up: np.ndarray | None, seed: int = 0) -> Plane:
+    """Estimate the plane on which feet stand still: the plane with the most points nearby, refined by least squares.
 
     Args:
         points_m: ranges of consecutive frames, each of shape (frame, person, keypoint, 3).
         skeleton: with keypoints of feet.
-        up: shape (3,), if known, to about 2 degrees: counts beside the feet by how well each is known, unless they
-            contradict each other; where feet stand in one place or on one line it takes the plane's part.
-        seed: of the draws.
+        up: shape (3,), if known to about 2 degrees: combined with the feet by their uncertainties unless they
+            contradict each other; if feet stand in one place or on one line, it replaces the plane's normal.
+        seed: random seed.
 
     Raises:
-        DetectionsError: if there are no feet, too few frames show them, or they stand on one line and nobody knows
-            which way is up.
+        DetectionsError: if the skeleton has no feet, too few frames show them, or they stand on one line and up is
+            unknown.
     """
     columns, height_m = foot_columns(skeleton)
-    still = np.concatenate([_still(part[:, :, columns]) for part in points_m])
-    if len(still) < _FEWEST:
+    still = np.concatenate([_still_points(part[:, :, columns]) for part in points_m])
+    if len(still) < _MIN_POINTS:
         raise DetectionsError(
-            f"align.floor = 'feet' found feet in {len(still)} places, and needs {_FEWEST}. Give three points on the "
-            "floor (align.floor_points_m)."
+            f"align.floor = 'feet' found {len(still)} positions of feet and needs {_MIN_POINTS}. Set three points on "
+            "the floor (align.floor_points_m)."
         )
     body = np.concatenate([part.reshape(-1, 3) for part in points_m])
     body = body[np.isfinite(body[:, 0])].mean(axis=0)
-    plane = _plane(still, seed)
-    if plane.spread_m < _LEAST_SPREAD_M:
+    plane = _find_plane(still, seed)
+    if plane.spread_m < _MIN_SPREAD_M:
         if up is None:
             raise DetectionsError(
-                f"align.floor = 'feet': feet stand within {100 * plane.spread_m:.0f} cm of one line, which is no "
-                "plane, and which way is up is not known. Say it with --up, or give three points on the floor "
+                f"align.floor = 'feet': feet stand within {100 * plane.spread_m:.0f} cm of one line, which does not "
+                "determine a plane, and the up axis is unknown. Set the up axis (--up), or three points on the floor "
                 "(align.floor_points_m)."
             )
-        # The lower ones: the other foot may be held up.
-        middle = np.quantile(still @ up, _LOW_SHARE) * up
-        plane = Plane(up, still.mean(axis=0) - (still.mean(axis=0) @ up) * up + middle, plane.spread_m, up_counts=True)
-    # Feet are where the rest of the body is not.
+        # Use the lower points: the other foot may be raised.
+        middle = np.quantile(still @ up, _LOW_QUANTILE) * up
+        plane = Plane(up, still.mean(axis=0) - (still.mean(axis=0) @ up) * up + middle, plane.spread_m, uses_up=True)
+    # The rest of the body is above the feet.
     if (body - plane.point_m) @ plane.normal <= 0:
         plane = replace(plane, normal=-plane.normal)
-    if not plane.up_counts:
-        plane = _with_up(plane, _tilts(still, plane.normal, seed), up)
+    if not plane.uses_up:
+        plane = _combine_with_up(plane, _normal_covariance(still, plane.normal, seed), up)
     return replace(plane, point_m=plane.point_m - height_m * plane.normal)
 
 
-def _plane(points: np.ndarray, seed: int) -> Plane:
-    """The plane that most of the points are near, as near as noise allows."""
+def _find_plane(points: np.ndarray, seed: int) -> Plane:
+    """Return the plane that most points are close to, at the smallest sufficient tolerance."""
     plane = None
-    for near_m in _NEAR_M:
-        near = _most_agreed(points, near_m, np.random.default_rng(seed))
-        plane = _fitted(points, near, near_m)
-        if near.mean() >= _MOST:
+    for tolerance_m in _TOLERANCES_M:
+        near = _consensus_points(points, tolerance_m, np.random.default_rng(seed))
+        plane = _fit_plane(points, near, tolerance_m)
+        if near.mean() >= _REQUIRED_SHARE:
             break
     assert plane is not None
     return plane
 
 
-def _tilts(points: np.ndarray, normal: np.ndarray, seed: int) -> np.ndarray:
-    """Shape (3, 3): covariance of a plane's normal, by leaving out a tenth of the time after the other.
+def _normal_covariance(points: np.ndarray, normal: np.ndarray, seed: int) -> np.ndarray:
+    """Return the covariance of the plane's normal, shape (3, 3), by leaving out one tenth of the time after the other.
 
-    Errors of detections last, and so does where a foot stands: neighbouring points tell hardly more than one.
+    Errors of detections persist, and so does the position of a foot, so neighboring points are hardly independent.
     Source: the delete-a-group jackknife (Kott 2001).
     """
     normals = []
-    for group in np.array_split(np.arange(len(points)), _GROUPS):
-        found = _plane(np.delete(points, group, axis=0), seed).normal
+    for group in np.array_split(np.arange(len(points)), _JACKKNIFE_GROUPS):
+        found = _find_plane(np.delete(points, group, axis=0), seed).normal
         normals.append(found if found @ normal > 0 else -found)
     off = np.array(normals) - np.mean(normals, axis=0)
-    return (_GROUPS - 1) / _GROUPS * off.T @ off
+    return (_JACKKNIFE_GROUPS - 1) / _JACKKNIFE_GROUPS * off.T @ off
 
 
-def _with_up(plane: Plane, tilts: np.ndarray, up: np.ndarray | None) -> Plane:
-    """The plane with the calibration's up, each by how well it is known; without it where they contradict."""
-    doubt_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(tilts)[-1])))
+def _combine_with_up(plane: Plane, covariance: np.ndarray, up: np.ndarray | None) -> Plane:
+    """Combine the plane with the calibration's up direction, weighted by their uncertainties.
+
+    If they contradict each other, only the plane is used.
+    """
+    tilt_sd_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance)[-1])))
     if up is None:
-        return replace(plane, doubt_deg=doubt_deg)
-    level = np.linalg.svd(up[None])[2][1:]
-    off, own = level @ plane.normal, level @ tilts @ level.T
+        return replace(plane, tilt_sd_deg=tilt_sd_deg)
+    horizontal = np.linalg.svd(up[None])[2][1:]
+    off, own = horizontal @ plane.normal, horizontal @ covariance @ horizontal.T
     both = own + _UP_SD**2 * np.eye(2)
-    if plane.normal @ up <= 0 or off @ np.linalg.solve(both, off) > _CONTRADICTED:
-        return replace(plane, doubt_deg=doubt_deg)
-    tilt = _UP_SD**2 * np.linalg.solve(both, off) @ level
+    if plane.normal @ up <= 0 or off @ np.linalg.solve(both, off) > _CONTRADICTION_CHI2:
+        return replace(plane, tilt_sd_deg=tilt_sd_deg)
+    tilt = _UP_SD**2 * np.linalg.solve(both, off) @ horizontal
     normal = up * np.sqrt(1.0 - tilt @ tilt) + tilt
-    return replace(plane, normal=normal, doubt_deg=doubt_deg, up_counts=True)
+    return replace(plane, normal=normal, tilt_sd_deg=tilt_sd_deg, uses_up=True)
 
 
 def foot_columns(skeleton: Skeleton) -> tuple[list[int], float]:
-    """Places of the keypoints that stand on the floor, and how high above it they are.
+    """Return the indices of the keypoints that touch the floor, and their height above it.
 
     Raises:
         DetectionsError: if there are none.
@@ -152,45 +158,48 @@ def foot_columns(skeleton: Skeleton) -> tuple[list[int], float]:
         if columns:
             return columns, height_m
     raise DetectionsError(
-        f"align.floor = 'feet' looks for toes, heels, paws or ankles, and skeleton {skeleton.name} has none. Give "
-        "three points on the floor (align.floor_points_m)."
+        f"align.floor = 'feet' needs toes, heels, paws or ankles, and skeleton {skeleton.name} has none. Set three "
+        "points on the floor (align.floor_points_m)."
     )
 
 
-def _still(feet_m: np.ndarray) -> np.ndarray:
-    """Shape (point, 3): where points of feet hardly move, shape (frame, person, keypoint, 3)."""
+def _still_points(feet_m: np.ndarray) -> np.ndarray:
+    """Return the positions of foot keypoints (frame, person, keypoint, 3) that hardly move, shape (point, 3)."""
     if len(feet_m) < 3:
         return np.zeros((0, 3))
     step = np.linalg.norm(feet_m[2:] - feet_m[:-2], axis=-1)
-    here = feet_m[1:-1]
-    known = np.isfinite(step) & np.isfinite(here[..., 0])
+    positions = feet_m[1:-1]
+    known = np.isfinite(step) & np.isfinite(positions[..., 0])
     if not known.any():
         return np.zeros((0, 3))
-    return here[known & (step <= np.quantile(step[known], _STILL_SHARE))]
+    return positions[known & (step <= np.quantile(step[known], _STILL_SHARE))]
 
 
-def _most_agreed(points: np.ndarray, near_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Shape (point,), bool: those near the plane, of planes through three of them, that most are near."""
-    triples = rng.integers(0, len(points), (_TRIES, 3))
+def _consensus_points(points: np.ndarray, tolerance_m: float, rng: np.random.Generator) -> np.ndarray:
+    """Return the points near the best plane through three of them, shape (point,), bool.
+
+    The best plane has the lowest bounded loss.
+    """
+    triples = rng.integers(0, len(points), (_N_SAMPLES, 3))
     corners = points[triples]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = normal / np.maximum(size, 1e-12)
     offset = np.einsum("ti,ti->t", normal, corners[:, 0])
-    away = np.abs(points @ normal.T - offset)
-    # A bounded loss tells planes with equally many points apart.
-    loss = np.minimum(away / near_m, 1.0).sum(axis=0)
-    return away[:, int(np.where(size[:, 0] > 1e-9, loss, np.inf).argmin())] < near_m
+    distance = np.abs(points @ normal.T - offset)
+    # A bounded loss ranks planes with equally many points.
+    loss = np.minimum(distance / tolerance_m, 1.0).sum(axis=0)
+    return distance[:, int(np.where(size[:, 0] > 1e-9, loss, np.inf).argmin())] < tolerance_m
 
 
-def _fitted(points: np.ndarray, near: np.ndarray, near_m: float) -> Plane:
-    """The plane of least squares of those near it, until these stay the same."""
+def _fit_plane(points: np.ndarray, near: np.ndarray, tolerance_m: float) -> Plane:
+    """Return the least-squares plane of the points near it, iterated until these stay the same."""
     normal, middle, spread = np.array([0.0, 0.0, 1.0]), points.mean(axis=0), 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ITERATIONS):
         middle = points[near].mean(axis=0)
         _, sizes, axes = np.linalg.svd(points[near] - middle, full_matrices=False)
         normal, spread = axes[2], float(4.0 * sizes[1] / np.sqrt(near.sum()))
-        found = np.abs((points - middle) @ normal) < near_m
+        found = np.abs((points - middle) @ normal) < tolerance_m
         if found.sum() < 3 or (found == near).all():
             break
         near = found

@@ -3,7 +3,7 @@
 The odds of a pair are how much likelier its rays would pass so near each other if both detections showed one person
 than if they did not, keypoint by keypoint over the core. A group's points say where its person should be seen in the
 other views, and how certainly: that gives the odds of every further detection. Bones that no body has, and views that
-should show the person and do not, count against a group; the rest is arithmetic. See docs/methods.md.
+should show the person and do not, count against a group; the rest is arithmetic. See docs/methods/association.md.
 """
 
 import math

@@ -32,14 +32,14 @@ class SingleSubject:
     @classmethod
     def of(cls, detections: Detections, pick: Pick | None) -> Self:
         """The subject of a recording."""
-        return cls(detections, pick, longest_ids(detections))
+        return cls(detections, pick, longest_track_ids(detections))
 
     def tracks(self, start: int, stop: int) -> Tracks:
         """Which detections are the subject's in a range of frames."""
         return follow(self.detections.frames(start, stop), self.pick, self.ids)
 
 
-def longest_ids(detections: Detections) -> np.ndarray:
+def longest_track_ids(detections: Detections) -> np.ndarray:
     """Shape (view,), int64: in each view the 2D track id that is there in most frames; -1 where there are no ids.
 
     Of ids equally long the smallest is taken.

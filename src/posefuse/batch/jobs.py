@@ -6,7 +6,7 @@ from pathlib import Path
 
 from posefuse.batch.fingerprints import MARK, RESULT
 from posefuse.errors import OptionsError, choices
-from posefuse.io.files import PARTS
+from posefuse.io.files import CHECKPOINT_FOLDER
 from posefuse.model.batch import Job
 from posefuse.model.options.options import Options
 
@@ -62,7 +62,8 @@ def _is_result(folder: Path, output: Path) -> bool:
     """Return whether a folder is the batch's output, or a finished or unfinished result in it."""
     if folder == output:
         return True
-    made = any((folder / name).exists() for name in (RESULT, MARK, PARTS)) or folder.name.endswith(".partial")
+    marks = (RESULT, MARK, CHECKPOINT_FOLDER)
+    made = any((folder / name).exists() for name in marks) or folder.name.endswith(".partial")
     return output in folder.parents and made
 
 

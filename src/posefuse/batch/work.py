@@ -13,7 +13,7 @@ from typing import TypeVar
 from posefuse.batch.fingerprints import MARK, RESULT, fingerprint, remove_mark, unchanged_result, write_mark
 from posefuse.errors import PosefuseError, RecordingError, handle_warnings
 from posefuse.io.checkpoints import remove_parts
-from posefuse.io.files import PARTS
+from posefuse.io.files import CHECKPOINT_FOLDER
 from posefuse.io.open_recording import (
     RecordingInputs,
     calibration_and_keypoints,
@@ -88,7 +88,7 @@ def _unchanged(job: Job) -> JobResult | None:
     found = next((each for each in results if each), None)
     if found is not None:
         # A run may have ended after writing the mark and before removing its checkpoint.
-        remove_parts(job.output / PARTS)
+        remove_parts(job.output / CHECKPOINT_FOLDER)
     return found
 
 
@@ -106,7 +106,7 @@ def _reconstruct(job: Job, warned: list[str], workers: Workers | None) -> JobRes
     def verify(result: Reconstruction) -> None:
         inputs.update(_digests(job))
         if not set(result.provenance.inputs.values()) <= set(inputs.values()):
-            remove_parts(job.output / PARTS)
+            remove_parts(job.output / CHECKPOINT_FOLDER)
             raise RecordingError(_CHANGED)
         warnings = (*warned, *(str(finding) for finding in result.findings))
         results.append(JobResult(job.name, "done", "", _statistics(result), warnings))

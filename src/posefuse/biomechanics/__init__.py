@@ -1,1 +1,1 @@
-"""Bodies in numbers: where their mass is, and how long their segments are."""
+"""Derive body measurements from reconstructions: angles, centers of mass, segment lengths, animation skeletons."""

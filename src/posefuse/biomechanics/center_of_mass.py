@@ -1,4 +1,4 @@
-"""The centre of mass of a body, from its segments' shares of the mass."""
+"""Estimate the center of mass of each person from segment masses."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,18 @@ from posefuse.model.status import Source
 from posefuse.skeleton.masses import Masses, MassSegment
 from posefuse.skeleton.skeletons import Skeleton
 
-LEAST_SHARE = 0.9
-"""With less of the mass known there is no centre."""
+MIN_KNOWN_SHARE = 0.9
+"""Minimum share of the mass in visible segments; with less, the center of mass is missing."""
 
 
 @dataclass(frozen=True, eq=False)
-class Centres:
-    """Centres of mass of everybody.
+class CentersOfMass:
+    """Hold the centers of mass of all people.
 
     Attributes:
-        xyz_m: shape (frame, person, 3), NaN where too little is known.
-        known_share: shape (frame, person): of the mass, whose segments have points.
-        filled_share: shape (frame, person): of the mass, whose segments rest on points that were filled.
+        xyz_m: shape (frame, person, 3), NaN where too little of the body is known.
+        known_share: shape (frame, person): share of the mass in segments with points.
+        filled_share: shape (frame, person): share of the mass in segments that use filled points.
     """
 
     xyz_m: np.ndarray
@@ -28,13 +28,13 @@ class Centres:
     filled_share: np.ndarray
 
 
-def centres_of_mass(layer: Layer, skeleton: Skeleton, masses: Masses) -> Centres:
-    """Where everybody's centre of mass is, by those segments that are known; it stands for the rest of them too.
+def centers_of_mass(layer: Layer, skeleton: Skeleton, masses: Masses) -> CentersOfMass:
+    """Estimate the center of mass of every person; known segments also represent the missing ones.
 
     Args:
         layer: of consecutive frames.
         skeleton: of its keypoints.
-        masses: of a body's segments.
+        masses: segment masses.
 
     Raises:
         SkeletonError: if the skeleton lacks a segment.
@@ -42,24 +42,27 @@ def centres_of_mass(layer: Layer, skeleton: Skeleton, masses: Masses) -> Centres
     masses.check(skeleton)
     points, filled = np.asarray(layer.points_m[:]), np.asarray(layer.source[:]) == Source.FILLED
     total = np.zeros((*points.shape[:2], 3))
-    known, guessed = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
+    known, filled_mass = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
     for segment in masses.segments:
-        centre, of_filled = _centre(points, filled, skeleton, segment)
-        there = np.isfinite(centre[..., 0])
-        total += np.where(there[..., None], segment.mass * centre, 0.0)
-        known += segment.mass * there
-        guessed += segment.mass * (there & of_filled)
+        center, uses_filled = _segment_center(points, filled, skeleton, segment)
+        is_known = np.isfinite(center[..., 0])
+        total += np.where(is_known[..., None], segment.mass * center, 0.0)
+        known += segment.mass * is_known
+        filled_mass += segment.mass * (is_known & uses_filled)
     share = known / sum(segment.mass for segment in masses.segments)
-    enough = share >= LEAST_SHARE
+    enough = share >= MIN_KNOWN_SHARE
     with np.errstate(divide="ignore", invalid="ignore"):
         xyz = np.where(enough[..., None], total / known[..., None], np.nan)
-    return Centres(xyz, share, guessed / sum(segment.mass for segment in masses.segments))
+    return CentersOfMass(xyz, share, filled_mass / sum(segment.mass for segment in masses.segments))
 
 
-def _centre(
+def _segment_center(
     points_m: np.ndarray, filled: np.ndarray, skeleton: Skeleton, segment: MassSegment
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shape (frame, person, 3), and shape (frame, person), bool: whether it rests on a filled point."""
+    """Return the center of a segment, shape (frame, person, 3).
+
+    The second array, shape (frame, person), states whether it uses a filled point.
+    """
     ends = segment.ends_in(skeleton)
     assert ends is not None
     near, far = ([skeleton.index(name) for name in names] for names in ends[:2])

@@ -1,4 +1,4 @@
-"""How long everybody's segments are, and how much these lengths breathe."""
+"""Measure the segment lengths of every person, and their variation over time."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ _ROBUST_SD = 1.4826
 
 @dataclass(frozen=True)
 class SegmentLength:
-    """One segment of one person.
+    """Describe one segment of one person.
 
     Attributes:
-        person: name.
-        near: keypoint.
-        far: keypoint.
-        median_m: its length, NaN where it was never seen.
-        sd_m: how much that varies from frame to frame, robustly (1.48 times the median deviation).
-        n_frames: in how many frames both ends are known.
+        person: name of the person.
+        near: proximal keypoint.
+        far: distal keypoint.
+        median_m: median length, NaN without observations.
+        sd_m: robust standard deviation over frames (1.4826 times the median absolute deviation).
+        n_frames: number of frames in which both ends are known.
     """
 
     person: str
@@ -33,11 +33,11 @@ class SegmentLength:
 
 
 def segment_lengths(parts: Iterable[Reconstruction], layer: LayerName) -> tuple[SegmentLength, ...]:
-    """The lengths of the skeleton's edges of everybody.
+    """Return the lengths of the skeleton's edges for every person.
 
     Args:
         parts: consecutive ranges of frames, at least one.
-        layer: of which points.
+        layer: name of the layer.
     """
     lengths: list[np.ndarray] = []
     part = None
@@ -48,17 +48,18 @@ def segment_lengths(parts: Iterable[Reconstruction], layer: LayerName) -> tuple[
         )
     if part is None:
         return ()
-    everything = np.concatenate(lengths)
+    all_lengths = np.concatenate(lengths)
     return tuple(
-        _told(name, near, far, everything[:, p, e])
+        _summarize(name, near, far, all_lengths[:, p, e])
         for p, name in enumerate(part.person_ids)
         for e, (near, far) in enumerate(part.skeleton.edges)
     )
 
 
-def _told(person: str, near: str, far: str, lengths_m: np.ndarray) -> SegmentLength:
+def _summarize(person: str, near: str, far: str, lengths_m: np.ndarray) -> SegmentLength:
+    """Return the median and spread of one segment."""
     known = lengths_m[np.isfinite(lengths_m)].astype(np.float64)
     if not len(known):
         return SegmentLength(person, near, far, float("nan"), float("nan"), 0)
-    middle = float(np.median(known))
-    return SegmentLength(person, near, far, middle, _ROBUST_SD * float(np.median(np.abs(known - middle))), len(known))
+    median = float(np.median(known))
+    return SegmentLength(person, near, far, median, _ROBUST_SD * float(np.median(np.abs(known - median))), len(known))

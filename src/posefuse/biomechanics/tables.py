@@ -1,13 +1,13 @@
-"""What follows from a result's points: joint angles, centres of mass, segment lengths, as tables to be written."""
+"""Tables derived from a result's points: joint angles, centers of mass and segment lengths."""
 
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from posefuse.biomechanics.center_of_mass import centres_of_mass
+from posefuse.biomechanics.center_of_mass import centers_of_mass
 from posefuse.biomechanics.segment_lengths import segment_lengths
-from posefuse.kinematics.joint_angles import joint_angles, whole_angles
-from posefuse.kinematics.pose_from_points import shown_pose
+from posefuse.kinematics.joint_angles import joint_angles, skeleton_angles
+from posefuse.kinematics.pose_from_points import pose_of_points
 from posefuse.model.cameras import up_vector
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
@@ -15,23 +15,23 @@ from posefuse.skeleton.masses import mass_table
 from posefuse.skeleton.trees import Tree
 
 Columns = Mapping[str, np.ndarray]
-"""Columns of a table by name, all of one length."""
+"""Columns of a table by name, all of the same length."""
 
-CENTRES, LENGTHS = "com.csv", "lengths.csv"
+CENTERS_FILE, LENGTHS_FILE = "com.csv", "lengths.csv"
 
 
-def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Joint angles of fitted bodies, or where none was fitted of the points of the solved layer, by the same names.
+def angle_table(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Return joint angles of the articulated model, or, without one, of the solved layer, with the same names.
 
-    How the root stands in the world is not known where nobody knows which way is up; and how well it is, not where the
-    world was laid anew.
+    The angles of the root relative to the world are missing if the up axis is unknown; their standard deviations are
+    missing if the world was realigned.
 
     Args:
-        part: a range of frames.
+        part: range of frames.
 
     Returns:
-        Names; shape (frame, person, angle), degrees; and their standard deviations, NaN where they are not known. No
-        names where there is neither.
+        Names; shape (frame, person, angle), degrees; and standard deviations, NaN where unknown. Without a source of
+        angles, there are no names.
     """
     skeleton, tree = part.skeleton, part.skeleton.tree
     up = up_vector(part.rig.up_axis or "z")
@@ -42,9 +42,9 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.nda
     poses = part.poses
     if poses is not None and (poses.segments, poses.bones) == skeleton.body_names[:2]:
         turns, directions = np.asarray(poses.turns[:]), np.asarray(poses.directions[:])
-        names, degrees = whole_angles(skeleton, turns, directions, up)
+        names, degrees = skeleton_angles(skeleton, turns, directions, up)
     elif "solved" in part.layers and poses is None:
-        names, degrees = joint_angles(tree, *shown_pose(tree, np.asarray(part.layers["solved"].points_m[:])), up)
+        names, degrees = joint_angles(tree, *pose_of_points(tree, np.asarray(part.layers["solved"].points_m[:])), up)
     root = _of_root(tree, names)
     if part.rig.up_axis is None:
         degrees[..., root] = np.nan
@@ -57,56 +57,61 @@ def angles_of(part: Reconstruction) -> tuple[tuple[str, ...], np.ndarray, np.nda
 
 
 def _of_root(tree: Tree, names: Iterable[str]) -> list[bool]:
+    """Return which angles belong to the root segment."""
     return [bool(tree.segments) and name.startswith(f"{tree.segments[0]}.") for name in names]
 
 
-def tables_of(result: Reconstruction) -> dict[str, Iterator[Columns]]:
-    """Tables that go beside a result, by file name: lengths of segments, and centres of mass where a table is named.
+def body_tables(result: Reconstruction) -> dict[str, Iterator[Columns]]:
+    """Return the tables written beside a result, by file name.
+
+    These are segment lengths, and centers of mass if a mass table is set.
 
     Args:
-        result: whose best layer, or the one that its options name, is taken.
+        result: its best layer, or the layer set in its options, is used.
 
     Raises:
-        SkeletonError: if a centre of mass is asked for and the skeleton lacks a segment.
+        SkeletonError: if a center of mass is requested and the skeleton lacks a segment.
     """
     if result.unit != "m":
         return {}
     layer, _ = result.best_layer(result.options.layer)
     tables: dict[str, Iterator[Columns]] = {}
     if result.skeleton.edges:
-        tables[LENGTHS] = iter([_lengths(result, layer)])
+        tables[LENGTHS_FILE] = iter([_length_columns(result, layer)])
     name = result.options.subject.mass_table
     if name != "none":
         mass_table(name).check(result.skeleton)
-        tables[CENTRES] = (_centres(part, layer) for part in result.chunks())
+        tables[CENTERS_FILE] = (_center_columns(part, layer) for part in result.chunks())
     return tables
 
 
-def _lengths(result: Reconstruction, layer: LayerName) -> Columns:
-    found = segment_lengths(result.chunks(), layer)
+def _length_columns(result: Reconstruction, layer: LayerName) -> Columns:
+    """Return the columns of the table of segment lengths."""
+    rows = segment_lengths(result.chunks(), layer)
     return {
-        "person": np.array([each.person for each in found], dtype=object),
-        "near": np.array([each.near for each in found], dtype=object),
-        "far": np.array([each.far for each in found], dtype=object),
-        "median_m": np.array([each.median_m for each in found]),
-        "sd_m": np.array([each.sd_m for each in found]),
-        "frames": np.array([each.n_frames for each in found], dtype=np.int64),
-        "layer": np.array([layer] * len(found), dtype=object),
+        "person": np.array([row.person for row in rows], dtype=object),
+        "near": np.array([row.near for row in rows], dtype=object),
+        "far": np.array([row.far for row in rows], dtype=object),
+        "median_m": np.array([row.median_m for row in rows]),
+        "sd_m": np.array([row.sd_m for row in rows]),
+        "frames": np.array([row.n_frames for row in rows], dtype=np.int64),
+        "layer": np.array([layer] * len(rows), dtype=object),
     }
 
 
-def _centres(part: Reconstruction, layer: LayerName) -> Columns:
-    found = centres_of_mass(part.layers[layer], part.skeleton, mass_table(part.options.subject.mass_table))
+def _center_columns(part: Reconstruction, layer: LayerName) -> Columns:
+    """Return the columns of the table of centers of mass."""
+    rows = centers_of_mass(part.layers[layer], part.skeleton, mass_table(part.options.subject.mass_table))
     people = len(part.person_ids)
-    positions = found.xyz_m.reshape(-1, 3)
-    known = found.known_share.ravel()
+    positions = rows.xyz_m.reshape(-1, 3)
+    known = rows.known_share.ravel()
     columns = {
         "frame": np.repeat(part.frame_numbers, people),
         "time_s": np.repeat(part.time_s, people),
         "person": np.tile(np.array(part.person_ids, dtype=object), part.n_frames),
         **{f"{axis}_m": positions[:, i] for i, axis in enumerate("xyz")},
         "known_share": known,
-        "filled_share": found.filled_share.ravel(),
+        "filled_share": rows.filled_share.ravel(),
         "layer": np.array([layer] * len(known), dtype=object),
     }
     mass_kg = part.options.subject.mass_kg

@@ -143,7 +143,8 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
         strongest = int(np.abs(uncertainty.undetermined.reshape(len(rig), -1)).max(axis=1).argmax())
         raise CalibrationError(
             f"These points do not determine the cameras, {rig.names[strongest]!r} least of all: the Schur complement "
-            "is singular. Coplanar or collinear points, or too few views of each point, can cause this. Fix two unmoved "
+            "is singular. Coplanar or collinear points, or too few views of each point, can cause this. Fix two "
+            "unmoved "
             "cameras (--fix), or use more of the recording."
         )
     uncertain = [v for v in range(len(rig)) if not is_determined(uncertainty, v, distance_m)]

@@ -11,7 +11,7 @@ from posefuse.cli.console import Bars, count, note, percent, say, table, warn
 from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Recording, TimestampsPath
 from posefuse.errors import PosefuseError, RecordingError, choices
 from posefuse.io.open_recording import keypoint_request
-from posefuse.io.recording import Found, find_recording, ignored_in
+from posefuse.io.recording import RecognizedInput, find_recording, ignored_in
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
@@ -73,13 +73,13 @@ def inspect(
         )
 
 
-def _given(path: Path, *, calibration: bool) -> Found:
+def _given(path: Path, *, calibration: bool) -> RecognizedInput:
     """Return the path that the user gives, with its format."""
     from posefuse.io.calibration.read import find_format as calibration_format
     from posefuse.io.keypoints.read import find_format as keypoint_format
 
     form = (calibration_format if calibration else keypoint_format)(path)
-    return Found(path, "unknown") if form is None else Found(path, form.name, form.recognized_by)
+    return RecognizedInput(path, "unknown") if form is None else RecognizedInput(path, form.name, form.recognized_by)
 
 
 def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
@@ -96,7 +96,7 @@ def _examine(rig: CameraRig, detections: Detections, options: Options) -> None:
         say(f"   {100 * finding.certainty:.0f} % certain. {finding.remedy}")
 
 
-def _calibration(item: Found, options: Options) -> CameraRig | None:
+def _calibration(item: RecognizedInput, options: Options) -> CameraRig | None:
     from posefuse.io.calibration.read import read_cameras
 
     say(f"calibration {item.path} ({item.format})")
@@ -121,7 +121,7 @@ def _calibration(item: Found, options: Options) -> CameraRig | None:
     return rig
 
 
-def _keypoints(item: Found, recording: Path, timestamps: Path | None, options: Options) -> Detections | None:
+def _keypoints(item: RecognizedInput, recording: Path, timestamps: Path | None, options: Options) -> Detections | None:
     from posefuse.io.keypoints.read import read_keypoints
 
     say(f"keypoints {item.path} ({item.format})")

@@ -16,6 +16,7 @@ from posefuse.diagnostics.hypotheses import (
     Evaluation,
     Hypothesis,
     Unknown,
+    best_of_each,
     centered_drift,
     design_effect_of,
     effective_gain,
@@ -254,7 +255,7 @@ class _Search:
             return None
         best, (accepted, linearization) = self.best_fit(current, faults, _candidates(significant))
         similar = [v for v in significant[1:] if v.score > _COMPETITOR_SHARE * best.score and not _same_fault(v, best)]
-        accepted[-1] = replace(accepted[-1], competitors=tuple(_best_of_each(similar)))
+        accepted[-1] = replace(accepted[-1], competitors=tuple(best_of_each(similar)))
         return accepted, linearization
 
     def best_fit(
@@ -375,19 +376,11 @@ def _same_fault(a: Evaluation, b: Evaluation) -> bool:
     return a.hypothesis.view == b.hypothesis.view and a.hypothesis.kind == b.hypothesis.kind
 
 
-def _best_of_each(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-    """Return the best evaluation of each view and kind."""
-    seen: dict[tuple[int, str], Evaluation] = {}
-    for evaluation in evaluations:
-        seen.setdefault((evaluation.hypothesis.view, evaluation.hypothesis.kind), evaluation)
-    return list(seen.values())
-
-
 def _candidates(significant: Sequence[Evaluation]) -> list[Evaluation]:
     """Return the best few evaluations of different views and kinds whose scores come close to the best."""
     similar = [
         evaluation
-        for evaluation in _best_of_each(significant)
+        for evaluation in best_of_each(significant)
         if evaluation.score > _COMPETITOR_SHARE * significant[0].score
     ]
     return similar[:_MAX_COMPETITORS]

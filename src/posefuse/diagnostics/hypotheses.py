@@ -314,3 +314,11 @@ def typical_design_effect(
             sums = system.columns
             by_column.append(_scatter(sums.normal[:, index][:, :, index], sums.right[:, index], None)[0])
     return max(float(np.median(by_time)), float(np.median(by_column)), 1.0)
+
+
+def best_of_each(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    """Return the best evaluation of each view and kind."""
+    seen: dict[tuple[int, str], Evaluation] = {}
+    for evaluation in evaluations:
+        seen.setdefault((evaluation.hypothesis.view, evaluation.hypothesis.kind), evaluation)
+    return list(seen.values())

@@ -305,7 +305,7 @@ RESULT_FILES = (
 )  # fmt: skip
 """Patterns of the files of a result folder."""
 
-PARTS = ".parts"
+CHECKPOINT_FOLDER = ".parts"
 """Subfolder of a result with the checkpoints of a long reconstruction. See :mod:`posefuse.io.checkpoints`."""
 
 
@@ -332,9 +332,11 @@ def replacing_folder(
     """
     if folder.exists() and not folder.is_dir():
         raise FileError(f"--output {folder} is a file. Give a folder.")
-    others = sorted(entry.name for entry in folder.iterdir() if entry.name != PARTS) if folder.is_dir() else []
+    others = (
+        sorted(entry.name for entry in folder.iterdir() if entry.name != CHECKPOINT_FOLDER) if folder.is_dir() else []
+    )
     # A run that was stopped during the move leaves checkpoints but possibly no marker.
-    is_result = (folder / marker).exists() or (folder / PARTS).exists()
+    is_result = (folder / marker).exists() or (folder / CHECKPOINT_FOLDER).exists()
     if others and not is_result:
         raise FileError(
             f"--output {folder} already contains other files ({choices(others, 5)}) "

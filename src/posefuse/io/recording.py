@@ -34,7 +34,7 @@ _MAX_PROBED_BYTES = 50_000_000
 
 
 @dataclass(frozen=True)
-class Found:
+class RecognizedInput:
     """A file or folder in a known format.
 
     Attributes:
@@ -59,8 +59,8 @@ class Recording:
     """
 
     folder: Path
-    calibrations: tuple[Found, ...]
-    keypoints: tuple[Found, ...]
+    calibrations: tuple[RecognizedInput, ...]
+    keypoints: tuple[RecognizedInput, ...]
 
 
 def find_recording(folder: Path) -> Recording:
@@ -83,10 +83,10 @@ def _identify_file(file: Path) -> Recording:
     """Return a file of keypoints with the calibrations above it, or a calibration."""
     form = keypoint_format(file)
     if form is not None:
-        return Recording(file, _calibrations_above(file), (Found(file, form.name, form.recognized_by),))
+        return Recording(file, _calibrations_above(file), (RecognizedInput(file, form.name, form.recognized_by),))
     form = calibration_format(file)
     if form is not None:
-        return Recording(file, (Found(file, form.name, form.recognized_by),), ())
+        return Recording(file, (RecognizedInput(file, form.name, form.recognized_by),), ())
     raise FileError(
         f"{file} is neither a calibration nor keypoints in a known format, or is truncated. Give the folder of the "
         "recording."
@@ -197,7 +197,7 @@ def choose_timestamps(folder: Path, keypoints: Path) -> Path | None:
     return paths[0] if paths else None
 
 
-def _choose(found: tuple[Found, ...], recording: Recording, what: str, flag: str) -> Path:
+def _choose(found: tuple[RecognizedInput, ...], recording: Recording, what: str, flag: str) -> Path:
     if not found:
         raise RecordingError(
             f"No {what} found in {recording.folder}{_searched(recording)}. Add {flag} PATH. "
@@ -225,10 +225,10 @@ def _entries(folder: Path) -> list[Path]:
     return sorted(entries, key=lambda entry: natural_key(entry.name))
 
 
-def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
+def _find_keypoints(folder: Path, depth: int) -> Iterator[RecognizedInput]:
     form = _try_format(folder)
     if form is not None:
-        yield Found(folder, form.name, form.recognized_by)
+        yield RecognizedInput(folder, form.name, form.recognized_by)
         return
     for entry in _entries(folder):
         if entry.is_dir():
@@ -239,7 +239,7 @@ def _find_keypoints(folder: Path, depth: int) -> Iterator[Found]:
             continue
         form = _try_format(entry)
         if form is not None:
-            yield Found(entry, form.name, form.recognized_by)
+            yield RecognizedInput(entry, form.name, form.recognized_by)
 
 
 def camera_like(folder: Path) -> bool:
@@ -249,7 +249,7 @@ def camera_like(folder: Path) -> bool:
     return first is not None and first.suffix.lower() in media and not camera_folders(folder)
 
 
-def _find_calibrations(folder: Path, depth: int, skipped: frozenset[str] = frozenset()) -> Iterator[Found]:
+def _find_calibrations(folder: Path, depth: int, skipped: frozenset[str] = frozenset()) -> Iterator[RecognizedInput]:
     """Yield the calibrations in a folder.
 
     A calibration with one file per camera is found as its folder; below it, the same format is ``skipped``.
@@ -257,7 +257,7 @@ def _find_calibrations(folder: Path, depth: int, skipped: frozenset[str] = froze
     entries = _entries(folder)
     whole = calibration_format(folder)
     if whole is not None and whole.name not in skipped:
-        yield Found(folder, whole.name, whole.recognized_by)
+        yield RecognizedInput(folder, whole.name, whole.recognized_by)
         skipped |= {whole.name}
     # Many JSON files are the frames of a recording.
     too_many = sum(entry.suffix == ".json" for entry in entries) > _MAX_JSON_FILES
@@ -268,10 +268,10 @@ def _find_calibrations(folder: Path, depth: int, skipped: frozenset[str] = froze
         elif entry.suffix in _CALIBRATION_SUFFIXES and entry.name not in _SETTINGS:
             form = None if too_many and entry.suffix == ".json" else calibration_format(entry)
             if form is not None and form.name not in skipped:
-                yield Found(entry, form.name, form.recognized_by)
+                yield RecognizedInput(entry, form.name, form.recognized_by)
 
 
-def _calibrations_above(folder: Path) -> tuple[Found, ...]:
+def _calibrations_above(folder: Path) -> tuple[RecognizedInput, ...]:
     """Return the calibrations in ``calib*`` folders above: Pose2Sim stores one for all trials or participants."""
     for level in list(folder.resolve().parents)[:2]:
         found = [
@@ -292,7 +292,7 @@ def _try_format(path: Path) -> KeypointFormat | None:
         return None
 
 
-def _recordings_of(found: Found, calibrations: tuple[Found, ...]) -> list[Found]:
+def _recordings_of(found: RecognizedInput, calibrations: tuple[RecognizedInput, ...]) -> list[RecognizedInput]:
     """Return the recordings of a folder with one file per camera, grouped by file name. There is usually one."""
     form = KEYPOINTS.find(found.format)
     if form is None:
@@ -310,7 +310,7 @@ def _recordings_of(found: Found, calibrations: tuple[Found, ...]) -> list[Found]
     return [found]
 
 
-def _camera_names(calibrations: tuple[Found, ...]) -> set[str]:
+def _camera_names(calibrations: tuple[RecognizedInput, ...]) -> set[str]:
     """Return the names of the cameras in all calibrations that can be read."""
     names: set[str] = set()
     for item in calibrations:
@@ -337,7 +337,7 @@ def _calibration_files(path: Path) -> list[Path]:
     return [entry for entry in path.rglob("*") if entry.suffix in _FOLDER_SUFFIXES]
 
 
-def _keypoint_files(item: Found) -> list[Path]:
+def _keypoint_files(item: RecognizedInput) -> list[Path]:
     """Return the files, or whole folders, of keypoints that are read."""
     form = KEYPOINTS.find(item.format)
     files_of = None if form is None else form.input_files

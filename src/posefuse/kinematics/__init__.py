@@ -1,1 +1,1 @@
-"""Poses, joint angles and their standard deviations, and twist."""
+"""Poses of bodies, joint angles and their standard deviations, and the twist of limbs."""

@@ -1,7 +1,7 @@
-"""How well joint angles are known, to first order, from the covariance of a pose. See docs/methods.md, "Joint angles".
+"""Standard deviations of joint angles, to first order, from the covariance of a pose. See docs/methods/angles.md.
 
-The derivative of angles by the numbers of the pose is taken by finite differences, of many numbers at once where no
-angle depends on two of them (Curtis, Powell & Reid 1974).
+Finite differences give the derivatives of angles with respect to the parameters of the pose. Parameters on which no
+angle depends jointly are varied at the same time (Curtis, Powell and Reid 1974).
 """
 
 from collections.abc import Callable
@@ -11,20 +11,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from posefuse.arrays import ranges
-from posefuse.kinematics.joint_angles import axes_at, carried_angles, joint_angles
+from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles
 from posefuse.kinematics.twist import full_rotations
 from posefuse.skeleton.trees import Tree
 
 _CHUNK = 512
-"""Frames worked on at a time."""
+"""Number of frames processed at a time."""
 _STEP = 1e-6
 _PROBES = 8
-_SOME = 1e-3
+_MIN_SLOPE = 1e-3
 _UNKNOWN_DEG = 180.0 / np.sqrt(3.0)
-"""Of an angle that may be anything; where the first order says more, it has no meaning."""
+"""Standard deviation of a uniformly distributed angle; larger first-order values have no meaning."""
 
 Read = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From turns (..., segment, 3, 3) and frames of bones (..., bone, 3, 3) to readings (..., reading), degrees."""
+"""Function from turns (..., segment, 3, 3) and frames of bones (..., bone, 3, 3) to readings (..., reading), degrees."""
 
 
 def joint_angle_sds(
@@ -34,17 +34,17 @@ def joint_angle_sds(
     covariance: np.ndarray,
     up: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> np.ndarray:
-    """Standard deviations of the angles of :func:`posefuse.kinematics.joint_angles.joint_angles`.
+    """Return the standard deviations of the angles of :func:`posefuse.kinematics.joint_angles.joint_angles`.
 
     Args:
-        tree: of the body.
+        tree: Tree of the body.
         turns: shape (frame, segment, 3, 3): world from segment.
         bones: shape (frame, bone, 3, 3): the third axis is the bone's direction; errors are about the first two.
-        covariance: shape (frame, pose, pose): of the numbers of the pose, in the tree's order.
-        up: of the world.
+        covariance: shape (frame, pose, pose): covariance of the pose, in the tree's order.
+        up: Up direction of the world.
 
     Returns:
-        Shape (frame, angle), degrees; NaN where the angle is, at most what an angle has that may be anything.
+        shape (frame, angle), in degrees; NaN where the angle is, and at most that of a uniform distribution.
     """
     groups, depends = _groups(tree, None)
     read, sds = _reader_of_angles(tree, up), np.empty((len(turns), len(depends)))
@@ -56,17 +56,18 @@ def joint_angle_sds(
 
 
 def axes_covariance(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """How well the axes of what moves a node are known, twist included.
+    """Return the covariance of the axes of a node's mover, including the twist.
 
     Args:
-        tree: of the body.
-        at: number of the node.
+        tree: Tree of the body.
+        at: Index of the node.
         turns: shape (frame, segment, 3, 3).
         bones: shape (frame, bone, 3, 3).
         covariance: shape (frame, pose, pose).
 
     Returns:
-        Shape (frame, 3, 3): of a small turn about these axes, degrees^2; NaN where the twist is not observed.
+        shape (frame, 3, 3): covariance of a small turn about these axes, degrees^2; NaN where the twist is not
+            observed.
     """
     groups, depends = _groups(tree, at)
     out = np.empty((len(turns), 3, 3))
@@ -78,41 +79,41 @@ def axes_covariance(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray, c
     return out
 
 
-def carried_angle_sds(
+def relative_angle_sds(
     own: np.ndarray, own_deg2: np.ndarray, turn: np.ndarray, turn_covariance: np.ndarray
 ) -> np.ndarray:
-    """Standard deviations of bend, lean and turn of a segment in the axes of what carries it.
+    """Return the standard deviations of bend, lean and turn of a segment relative to its carrier.
 
     Args:
-        own: shape (frame, 3, 3): those axes.
-        own_deg2: shape (frame, 3, 3): how well they are known, as :func:`axes_covariance` says it.
+        own: shape (frame, 3, 3): axes of the carrier.
+        own_deg2: shape (frame, 3, 3): their covariance from :func:`axes_covariance`.
         turn: shape (frame, 3, 3): world from segment.
-        turn_covariance: shape (frame, 3, 3): of a small turn about the segment's axes, rad^2.
+        turn_covariance: shape (frame, 3, 3): covariance of a small turn about the segment's axes, rad^2.
 
     Returns:
-        Shape (frame, 3), degrees.
+        shape (frame, 3), in degrees.
     """
-    here = carried_angles(own, turn)
+    here = relative_angles(own, turn)
     steps = Rotation.from_rotvec(_STEP * np.eye(3)).as_matrix()
-    by_own = np.stack([_change(carried_angles(own @ step, turn), here) for step in steps], axis=-1)
-    by_turn = np.stack([_change(carried_angles(own, turn @ step), here) for step in steps], axis=-1)
+    by_own = np.stack([_change(relative_angles(own @ step, turn), here) for step in steps], axis=-1)
+    by_turn = np.stack([_change(relative_angles(own, turn @ step), here) for step in steps], axis=-1)
     variance = np.einsum("fai,fij,faj->fa", np.radians(by_own), own_deg2, by_own * np.pi / 180.0)
     variance += np.einsum("fai,fij,faj->fa", by_turn, turn_covariance, by_turn)
     return np.minimum(np.sqrt(variance), _UNKNOWN_DEG)
 
 
 def _variances(derivative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Shape (frame, reading)."""
+    """Return the variances of readings, shape (frame, reading)."""
     return np.maximum(((derivative @ covariance[:, 3:, 3:]) * derivative).sum(axis=-1), 0.0)
 
 
 def _reader_of_angles(tree: Tree, up: tuple[float, float, float]) -> Read:
-    """All joint angles."""
+    """Return the function that reads all joint angles."""
     return lambda turns, bones: joint_angles(tree, turns, bones[..., 2], up)[1]
 
 
 def _reader_of_axes(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray) -> Read:
-    """By how much the axes of what moves a node are turned from those in these poses."""
+    """Return the function that reads the turn of a node's axes relative to these poses."""
     node = tree.nodes[at]
     known = axes_at(tree, node, turns, full_rotations(tree, turns, bones[..., 2])[0])
 
@@ -125,25 +126,28 @@ def _reader_of_axes(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray) -
 
 
 def _change(there: np.ndarray, here: np.ndarray) -> np.ndarray:
-    """By how much angles in degrees differ a step away, per radian; the short way round."""
+    """Return the slope of angles in degrees per radian, by the shorter way around the circle."""
     return ((there - here + 180.0) % 360.0 - 180.0) / _STEP
 
 
 def _small_turn(known: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """The turn from known axes to near ones, about the former, shape (..., 3), degrees."""
+    """Return the small turn between axes, about the first ones, shape (..., 3), in degrees."""
     r = np.swapaxes(known, -1, -2) @ axes
     differences = [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]]
     return np.degrees(0.5 * np.stack(differences, axis=-1))
 
 
 def _derivative(read: Read, turns: np.ndarray, bones: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Of readings by the numbers of the pose but for where the root is: shape (frame, reading, number).
+    """Return the derivative of readings with respect to all parameters but the root position.
 
     Args:
-        read: gives the readings.
+        read: Function that returns the readings.
         turns: shape (frame, segment, 3, 3).
         bones: shape (frame, bone, 3, 3).
-        groups: shape (number,): numbers of one group are moved together, and each of them gets all that came of it.
+        groups: shape (parameter,): parameters of one group are varied together, and each gets the whole change.
+
+    Returns:
+        shape (frame, reading, parameter).
     """
     n_groups = int(groups.max(initial=-1)) + 1
     here = read(turns, bones)
@@ -153,7 +157,7 @@ def _derivative(read: Read, turns: np.ndarray, bones: np.ndarray, groups: np.nda
 
 
 def _moved(turns: np.ndarray, bones: np.ndarray, groups: np.ndarray, n_groups: int) -> tuple[np.ndarray, np.ndarray]:
-    """Poses with the numbers of each group one step on: shapes (group, frame, ...)."""
+    """Return poses with the parameters of each group varied by one step, shapes (group, frame, ...)."""
     s, b = turns.shape[-3], bones.shape[-3]
     steps = _STEP * (groups == np.arange(n_groups)[:, None])
     by_segment = steps[:, : 3 * s].reshape(n_groups, s, 3)
@@ -162,29 +166,29 @@ def _moved(turns: np.ndarray, bones: np.ndarray, groups: np.ndarray, n_groups: i
 
 
 def _stepped(frames: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Frames (frame, n, 3, 3), each turned about its own axes by steps (group, n, 3)."""
+    """Turn frames (frame, n, 3, 3) about their own axes by steps (group, n, 3)."""
     turn = Rotation.from_rotvec(steps.reshape(-1, 3)).as_matrix().reshape(*steps.shape, 3) if steps.size else None
     return frames[None] @ turn[:, None] if turn is not None else np.tile(frames, (len(steps), 1, 1, 1, 1))
 
 
 @lru_cache(maxsize=64)
 def _groups(tree: Tree, at: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Which numbers of a pose can be moved together, and which readings depend on which.
+    """Return the parameters of a pose that can be varied together, and the readings that depend on each.
 
     Args:
-        tree: of the body.
-        at: of the axes at this node; None of all joint angles.
+        tree: Tree of the body.
+        at: Node whose axes are read; None for all joint angles.
 
     Returns:
-        Shape (number,): a group for each, such that no reading depends on two of one; and what
-        depends on what, shape (reading, number), bool.
+        Group of each parameter, shape (parameter,), such that no reading depends on two parameters of one group; and
+        dependencies, shape (reading, parameter), bool.
     """
     rng = np.random.default_rng(0)
     turns, bones = (_some_turns(n, rng) for n in (len(tree.segments), len(tree.bones)))
     read = _reader_of_angles(tree, (0.0, 0.0, 1.0)) if at is None else _reader_of_axes(tree, at, turns, bones)
     each = np.arange(3 * len(tree.segments) + 2 * len(tree.bones))
     slopes = np.nan_to_num(_derivative(read, turns, bones, each))
-    depends = np.any(np.abs(slopes) > _SOME, axis=0, keepdims=True)[0]
+    depends = np.any(np.abs(slopes) > _MIN_SLOPE, axis=0, keepdims=True)[0]
     group = np.full(depends.shape[1], -1)
     for number in range(len(group)):
         clash = depends[depends[:, number]].any(axis=0)
@@ -194,7 +198,7 @@ def _groups(tree: Tree, at: int | None) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _some_turns(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Shape (probe, n, 3, 3)."""
+    """Return random rotations, shape (probe, n, 3, 3)."""
     if not n:
         return np.empty((_PROBES, 0, 3, 3))
     return Rotation.random(_PROBES * n, rng=rng).as_matrix().reshape(_PROBES, n, 3, 3)

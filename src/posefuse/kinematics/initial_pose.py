@@ -1,4 +1,4 @@
-"""A first pose of a body from triangulated keypoints; the filter goes on from there."""
+"""Initial pose and uncertainty of a body from triangulated keypoints, from which the filter starts."""
 
 from collections.abc import Iterable
 
@@ -9,31 +9,31 @@ from posefuse.kernels.tracking.records import State
 from posefuse.model.options.tracker import MotionOptions
 from posefuse.skeleton.trees import Tree
 
-_NEIGHBOUR_WEIGHT = 0.1
+_NEIGHBOR_WEIGHT = 0.1
 _REST_WEIGHT = 1e-3
-"""Of the pose at rest, m^2 of a human."""
-# How far a first pose may be off, of a human.
+"""Weight of the rest pose, in m^2 for an adult human."""
+# Standard deviations of an initial pose for an adult human.
 _ROOT_SD_M, _TURN_SD, _LIMB_SD = 0.3, 0.7, 0.7
-_ROOT_MOST_M = 5.0
+_MAX_ROOT_SD_M = 5.0
 
 
 def pose_from_points(
     tree: Tree, points_m: np.ndarray, shape_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A pose that puts a body's points near given ones: segments by least squares (Kabsch), bones by their ends.
+    """Fit a pose to points: segments by least squares (Kabsch 1976), bones by their ends.
 
     Args:
-        tree: of the body.
+        tree: Tree of the body.
         points_m: shape (keypoint, 3), NaN where unknown.
         shape_m: shape (shape,).
 
     Returns:
-        The root, shape (3,), turns of segments (segment, 3, 3) and frames of bones (bone, 3, 3).
+        Root, shape (3,), turns of segments (segment, 3, 3) and frames of bones (bone, 3, 3).
     """
     known = np.full((len(tree.nodes), 3), np.nan)
     has = tree.keypoint_nodes >= 0
     known[tree.keypoint_nodes[has]] = points_m[has]
-    places = places_of(tree, shape_m)
+    places = node_offsets(tree, shape_m)
     turns = np.tile(np.eye(3), (len(tree.segments), 1, 1))
     bones = np.tile(np.eye(3), (len(tree.bones), 1, 1))
     found = np.full_like(known, np.nan)
@@ -60,15 +60,15 @@ def pose_from_points(
     return found[0], turns, bones
 
 
-def places_of(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
-    """Shape (node, 3): places in the axes of what carries them, for this shape."""
+def node_offsets(tree: Tree, shape_m: np.ndarray) -> np.ndarray:
+    """Return the offsets of nodes in the axes of their carriers, shape (node, 3)."""
     _, _, _, places, shape_of, signs, _, _ = tree.packed
     own = signs * np.append(shape_m, 0.0)[shape_of]
     return np.where(shape_of >= 0, own, places)
 
 
 def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the root is and how it is turned, from all points that ride on segments at it."""
+    """Return position and turn of the root from all points on segments at the root."""
     seen = [
         n
         for n, node in enumerate(tree.nodes)
@@ -78,7 +78,7 @@ def _root(tree: Tree, known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray
         there = known[0] if np.isfinite(known[0, 0]) else np.nanmedian(known, axis=0)
         return there, np.eye(3)
     own = np.array([n == 0 or tree.nodes[n].mover == 0 for n in seen])
-    weights = np.where(own, 1.0, _NEIGHBOUR_WEIGHT)
+    weights = np.where(own, 1.0, _NEIGHBOR_WEIGHT)
     middle_of, middle = (np.average(each[seen], axis=0, weights=weights) for each in (places, known))
     turn = _polar(
         _moments(known[seen] - middle, places[seen] - middle_of, weights) + _REST_WEIGHT * tree.scale**2 * np.eye(3)
@@ -90,7 +90,7 @@ def _turn(
     tree: Tree, segment: int, known: np.ndarray, places: np.ndarray, origin: np.ndarray, parent: np.ndarray
 ) -> np.ndarray:
     riding = [n for n, node in enumerate(tree.nodes) if node.parent >= 0 and not node.is_bone and node.mover == segment]
-    # Points beside points of the segment are not placed from where it turns.
+    # Points that hang on other points of the segment have no offset from its pivot.
     mine = [n for n in riding if tree.nodes[n].parent == tree.nodes[riding[0]].parent and np.isfinite(known[n, 0])]
     start = known[tree.nodes[mine[0]].parent] if mine else origin
     start = start if np.isfinite(start[0]) else origin
@@ -103,7 +103,7 @@ def _moments(there: np.ndarray, here: np.ndarray, weights: np.ndarray) -> np.nda
 
 
 def _polar(moments: np.ndarray) -> np.ndarray:
-    """The rotation nearest to a matrix."""
+    """Return the rotation closest to a matrix."""
     left, _, right = np.linalg.svd(moments)
     left[:, 2] *= np.sign(np.linalg.det(left @ right))
     return left @ right
@@ -116,8 +116,13 @@ def _frame_along(direction: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(direction, first), direction], axis=1)
 
 
-def bones_shown(tree: Tree, points_m: np.ndarray) -> np.ndarray:
-    """Shape (bone, 3): from end to end of bones by a body's points, shape (keypoint, 3); NaN where one is not there."""
+def bone_vectors(tree: Tree, points_m: np.ndarray) -> np.ndarray:
+    """Return the vectors from end to end of bones, shape (bone, 3), NaN where a point is missing.
+
+    Args:
+        tree: Tree of the body.
+        points_m: shape (keypoint, 3), NaN where unknown.
+    """
     known = np.full((len(tree.nodes), 3), np.nan)
     has = tree.keypoint_nodes >= 0
     known[tree.keypoint_nodes[has]] = points_m[has]
@@ -128,15 +133,15 @@ def bones_shown(tree: Tree, points_m: np.ndarray) -> np.ndarray:
     return shown
 
 
-def aim(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
-    """Turn bones, by the least rotation, to where they are shown; those of which nothing is shown stay.
+def turn_bones(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
+    """Turn bones by the least rotation to observed directions; bones without one stay.
 
-    A direction that is far off is not found by small steps from where it is thought to be.
+    Gauss-Newton steps do not find a direction that is far off.
 
     Args:
         frames: shape (bone, 3, 3), in and out.
-        shown: shape (bone, 3), from :func:`bones_shown`.
-        bones: which.
+        shown: shape (bone, 3), from :func:`bone_vectors`.
+        bones: Indices of the bones.
     """
     for b in bones:
         length = float(np.linalg.norm(shown[b]))
@@ -150,20 +155,20 @@ def aim(frames: np.ndarray, shown: np.ndarray, bones: Iterable[int]) -> None:
         frames[b] = turn.as_matrix() @ frames[b]
 
 
-def newborn(
+def initial_state(
     tree: Tree, points_m: np.ndarray, shape_m: np.ndarray, shape_covariance: np.ndarray, motion: MotionOptions
 ) -> State:
-    """One person about there, of whom little is known.
+    """Return the initial state of one person close to observed points.
 
     Args:
-        tree: of the body.
+        tree: Tree of the body.
         points_m: shape (keypoint, 3), NaN where unknown.
-        shape_m: shape (shape,): to begin with.
+        shape_m: shape (shape,): initial bone lengths.
         shape_covariance: shape (shape, shape).
-        motion: how fast people move.
+        motion: Motion model.
     """
     root, turns, bones = pose_from_points(tree, points_m, shape_m)
-    covariance = newborn_covariance(tree, shape_covariance, motion)
+    covariance = initial_covariance(tree, shape_covariance, motion)
     return State(
         root[None].copy(),
         turns[None].copy(),
@@ -175,8 +180,8 @@ def newborn(
     )
 
 
-def newborn_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionOptions) -> np.ndarray:
-    """What is known of somebody of whom nothing has been seen but about where they are: shape (all, all)."""
+def initial_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionOptions) -> np.ndarray:
+    """Return the covariance of an initial state, shape (all, all)."""
     n, h = tree.n_pose, tree.n_shape
     spread = np.concatenate(
         [
@@ -188,24 +193,24 @@ def newborn_covariance(tree: Tree, shape_covariance: np.ndarray, motion: MotionO
     covariance = np.zeros((2 * n + h, 2 * n + h))
     covariance[:n, :n] = np.diag(spread**2)
     covariance[n : n + h, n : n + h] = shape_covariance
-    decay, power = motion_laws(tree, motion)
+    decay, power = motion_parameters(tree, motion)
     covariance[n + h :, n + h :] = np.diag(0.5 * power * decay)
     return covariance
 
 
-def motion_laws(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Of each number of the pose: in what time velocities fade, and the spectral density of accelerations."""
+def motion_parameters(tree: Tree, motion: MotionOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Return the decay time of velocities and the spectral density of accelerations, shape (pose,) each."""
     kinds = [3, 3 * len(tree.segments), 2 * len(tree.bones)]
     decay = np.repeat([motion.root_decay_s, motion.turn_decay_s, motion.limb_decay_s], kinds)
     power = np.repeat([motion.root_acceleration, motion.turn_acceleration, motion.limb_acceleration], kinds)
     return decay, power
 
 
-def widest(tree: Tree) -> np.ndarray:
-    """The largest variance of each number of the pose: past it a direction is as good as unknown."""
+def max_variances(tree: Tree) -> np.ndarray:
+    """Return the largest variances of the pose, shape (pose,); beyond them a direction is unknown."""
     return np.concatenate(
         [
-            np.full(3, (_ROOT_MOST_M * tree.scale) ** 2),
+            np.full(3, (_MAX_ROOT_SD_M * tree.scale) ** 2),
             np.full(3 * len(tree.segments), 0.6),
             np.full(2 * len(tree.bones), 0.8),
         ]

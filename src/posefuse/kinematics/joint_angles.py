@@ -1,4 +1,4 @@
-"""Joint angles in degrees from how segments and bones stand. See docs/methods.md, "Joint angles"."""
+"""Joint angles in degrees from turns of segments and directions of bones. See docs/methods/angles.md."""
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache
@@ -10,32 +10,32 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Node, Tree
 
 _DOWN = np.array([0.0, 0.0, -1.0])
-_LEAST_ACROSS = 0.1
-"""Within some 6 degrees of straight sideways nobody can say how far a limb is forwards."""
+_MIN_SAGITTAL = 0.1
+"""Sine of the angle, about 6 degrees, within which a limb held sideways has no defined flexion."""
 
 
 def joint_angles(
     tree: Tree, turns: np.ndarray, directions: np.ndarray, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """All angles that a body's segments and bones define.
+    """Return all angles that a body's segments and bones define.
 
-    A segment's axes are forward, left and up. The root in the world: ``heading`` (to the left, about up; 0 where it
-    faces along the first world axis that is across ``up``), ``tilt`` (forwards), ``list`` (to the right), as successive
-    rotations in this order. Other segments in what carries them: ``bend`` (forwards), ``lean`` (to the right) and
-    ``turn`` (to the left), in this order. Bones that hang down from a segment: ``flexion`` (forwards), ``abduction``
-    (outwards) and ``rotation`` (inwards, about itself, from the least rotation). Bones after bones: ``flexion``, the
-    angle between them, 0 when straight; at a root that is no segment, each with the first one. Other bones on a
-    segment: ``bend``, the angle from their rest.
+    A segment's axes are forward, left and up. The root has, in the world and as successive rotations in this order,
+    ``heading`` (to the left, about up; 0 where it faces along the first world axis that is perpendicular to ``up``),
+    ``tilt`` (forward) and ``list`` (to the right). Other segments have, relative to their carriers and in this order,
+    ``bend`` (forward), ``lean`` (to the right) and ``turn`` (to the left). Bones that hang down from a segment have
+    ``flexion`` (forward), ``abduction`` (outward) and ``rotation`` (inward, about the bone, from the least rotation).
+    Bones after bones have ``flexion``, the angle between them, 0 when straight; at a root that is no segment, the angle
+    with the first bone. Other bones on a segment have ``bend``, the angle from their rest direction.
 
     Args:
-        tree: of the body.
-        turns: shape (..., segment, 3, 3): world from segment; NaN where a person is not followed.
-        directions: shape (..., bone, 3): unit vectors; NaN likewise.
-        up: of the world.
+        tree: Tree of the body.
+        turns: shape (..., segment, 3, 3): world from segment; NaN where a person is not tracked.
+        directions: shape (..., bone, 3): unit vectors; NaN where unknown.
+        up: Up direction of the world.
 
     Returns:
-        Names, ``joint.angle``, and angles, shape (..., angle), degrees; NaN where they are not known: missing people,
-        rotations that are not observed, and flexions of limbs held straight sideways.
+        Names, ``joint.angle``, and angles, shape (..., angle), in degrees; NaN where they are unknown: missing people,
+        unobserved rotations, and flexions of limbs held sideways.
     """
     frames, unseen = full_rotations(tree, turns, directions)
     found = [*_of_segments(tree, turns, frames, _world(up)), *_of_bones(tree, turns, directions, frames, unseen)]
@@ -45,21 +45,21 @@ def joint_angles(
     return names, np.degrees(np.stack([angle for _, angle in found], axis=-1))
 
 
-def whole_angles(
+def skeleton_angles(
     skeleton: Skeleton, turns: np.ndarray, directions: np.ndarray, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """All angles of a skeleton's body and of its parts, segments and bones of the body first.
+    """Return all angles of a skeleton's body and of its parts, segments and bones of the body first.
 
-    A part's root is a segment in what carries it: of a hand the forearm, of a face the head.
+    A part's root is a segment relative to its carrier: the forearm of a hand, the head of a face.
 
     Args:
-        skeleton: with a tree.
+        skeleton: Skeleton with a tree.
         turns: shape (..., segment, 3, 3), as for :func:`joint_angles`.
         directions: shape (..., bone, 3).
-        up: of the world.
+        up: Up direction of the world.
 
     Returns:
-        Names and angles, as of :func:`joint_angles`.
+        Names and angles, as those of :func:`joint_angles`.
     """
     body = skeleton.tree
     assert body is not None
@@ -72,9 +72,9 @@ def whole_angles(
         names, angles = joint_angles(part.tree, mine, theirs)
         at = body.nodes[body.keypoint_nodes[part.at]]
         own = axes_at(body, at, turns, frames)
-        successive = carried_angles(own, mine[..., 0, :, :])
+        successive = relative_angles(own, mine[..., 0, :, :])
         root = tuple(f"{part.tree.segments[0]}.{name}" for name in ("bend", "lean", "turn"))
-        # The part's own root angles, in the world, are the first three.
+        # The first three angles are those of the part's root in the world.
         found.append(((*root, *names[3:]), np.concatenate([successive, angles[..., 3:]], axis=-1)))
         s, b = s + n, b + m
     return tuple(name for names, _ in found for name in names), np.concatenate([a for _, a in found], axis=-1)
@@ -82,18 +82,21 @@ def whole_angles(
 
 @lru_cache(maxsize=64)
 def angle_names(tree: Tree) -> tuple[str, ...]:
-    """Names of the angles of :func:`joint_angles`."""
+    """Return the names of the angles of :func:`joint_angles`."""
     return joint_angles(tree, np.empty((0, len(tree.segments), 3, 3)), np.empty((0, len(tree.bones), 3)))[0]
 
 
-def whole_angle_names(skeleton: Skeleton) -> tuple[str, ...]:
-    """Names of the angles of :func:`whole_angles`."""
+def skeleton_angle_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return the names of the angles of :func:`skeleton_angles`."""
     segments, bones, _ = skeleton.body_names
-    return whole_angles(skeleton, np.empty((0, len(segments), 3, 3)), np.empty((0, len(bones), 3)))[0]
+    return skeleton_angles(skeleton, np.empty((0, len(segments), 3, 3)), np.empty((0, len(bones), 3)))[0]
 
 
 def _world(up: tuple[float, float, float]) -> np.ndarray:
-    """World from axes forward, left, up, shape (3, 3): forward is the first world axis that is across."""
+    """Return world from the axes forward, left and up, shape (3, 3).
+
+    Forward is the first world axis that is roughly perpendicular to up.
+    """
     above = np.array(up) / np.linalg.norm(up)
     ahead = np.eye(3)[int(np.argmax(np.abs(above) < 0.9))]
     ahead = ahead - (ahead @ above) * above
@@ -115,7 +118,7 @@ def _of_segments(
 
 
 def _successive(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """About up, left and forward, in this order: Rz Ry Rx."""
+    """Return rotations about up, left and forward, in this order: Rz Ry Rx."""
     return (
         np.arctan2(turn[..., 1, 0], turn[..., 0, 0]),
         np.arcsin(np.clip(-turn[..., 2, 0], -1.0, 1.0)),
@@ -124,7 +127,7 @@ def _successive(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _in_carrier(own: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Bend, lean and turn of a segment in the axes of what carries it, in this order: Ry Rx Rz."""
+    """Return bend, lean and turn of a segment relative to its carrier, in this order: Ry Rx Rz."""
     relative = np.swapaxes(own, -1, -2) @ turn
     return (
         np.arctan2(relative[..., 0, 2], relative[..., 2, 2]),
@@ -133,24 +136,24 @@ def _in_carrier(own: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
 
 
-def carried_angles(own: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Bend, lean and turn of a segment in the axes of what carries it, shape (..., 3), degrees.
+def relative_angles(own: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return bend, lean and turn of a segment relative to its carrier, shape (..., 3), in degrees.
 
     Args:
-        own: shape (..., 3, 3): those axes, from :func:`axes_at`.
+        own: shape (..., 3, 3): axes of the carrier, from :func:`axes_at`.
         turn: shape (..., 3, 3): world from segment.
     """
     return np.degrees(np.stack(_in_carrier(own, turn), axis=-1))
 
 
 def _own_axes(tree: Tree, segment: int, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """The axes of what carries a segment, as they are when the body stands straight, shape (..., 3, 3)."""
+    """Return the axes of a segment's carrier, aligned with the body when it stands straight, shape (..., 3, 3)."""
     first = next(node for node in tree.nodes if not node.is_bone and node.mover == segment)
     return axes_at(tree, tree.nodes[first.parent], turns, frames)
 
 
 def axes_at(tree: Tree, at: Node, turns: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """The axes of what moves a node, as they are when the body stands straight, shape (..., 3, 3)."""
+    """Return the axes of a node's mover, aligned with the body when it stands straight, shape (..., 3, 3)."""
     if at.is_bone:
         return frames[..., at.mover, :, :] @ rest_frames(tree)[at.mover].T
     return turns[..., at.mover, :, :]
@@ -177,7 +180,7 @@ def _of_bones(
                 continue
             side = -1.0 if end.startswith("right_") else 1.0
             across = np.hypot(local[..., 0], local[..., 2])
-            flexion = np.where(across > _LEAST_ACROSS, np.arctan2(local[..., 0], -local[..., 2]), np.nan)
+            flexion = np.where(across > _MIN_SAGITTAL, np.arctan2(local[..., 0], -local[..., 2]), np.nan)
             yield f"{joint(b)}.flexion", flexion
             yield f"{joint(b)}.abduction", side * np.arctan2(local[..., 1], across)
             least = least_rotation(tree, b, turns, directions, frames, rest)
@@ -187,12 +190,12 @@ def _of_bones(
 
 
 def _between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """The angle between vectors, shape (...,), radians."""
+    """Return the angle between vectors, shape (...,), in radians."""
     return np.arctan2(np.linalg.norm(cross(first, second), axis=-1), np.einsum("...i,...i->...", first, second))
 
 
 def _joint_namer(tree: Tree) -> Callable[[int], str]:
-    """Names of joints: the point at which a bone begins, with its end where several begin there."""
+    """Return a function that names joints: the start of a bone, with its end if several bones start there."""
     near = [near_node(tree, b) for b in range(len(tree.bones))]
 
     def name(bone: int) -> str:

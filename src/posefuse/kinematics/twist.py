@@ -1,6 +1,6 @@
-"""How limbs are turned about themselves, which keypoints do not show: told by the plane in which the next bone bends.
+"""Twist of limbs, which keypoints do not show directly, from the plane in which the next bone bends.
 
-See docs/methods.md, "Joint angles".
+See docs/methods/angles.md.
 """
 
 from functools import lru_cache
@@ -11,34 +11,34 @@ from posefuse.arrays import frozen
 from posefuse.skeleton.trees import HINGE, Tree
 
 _STRAIGHT, _BENT = np.radians(5.0), np.radians(15.0)
-_ALONG = 0.7
-"""A hinge's axis is that of the bend if its cosine with it is at least this."""
+_MIN_HINGE_COSINE = 0.7
+"""Cosine between a hinge's axis and the axis of the bend from which the hinge defines the sense."""
 _LEFT = np.array([0.0, 1.0, 0.0])
 _UP = np.array([0.0, 0.0, 1.0])
-# Elbows bend forwards, knees backwards; of others hinges say it.
+# Elbows bend forward and knees backward; for other joints the hinges of the tree define the sense.
 _BACKWARDS = {"left_wrist": False, "right_wrist": False, "left_ankle": True, "right_ankle": True}
 
 
 def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations of bones with a twist: world from bone.
+    """Return rotations of bones with a twist: world from bone.
 
-    The third axis points along the bone. The second is the axis about which the next bone bends (the last of a chain
-    bends against the one before it), to the person's left when standing straight. A bone that bends by less than 5
-    degrees has come from its rest by the least rotation in the axes of what carries it, one that bends by more than 15
-    is as the plane says, and between them the one goes over into the other.
+    The third axis points along the bone. The second is the axis about which the next bone bends (for the last bone of a
+    chain, the bone before it), to the person's left when standing straight. Below a bend of 5 degrees, the twist is
+    that of the least rotation from rest relative to the carrier; above 15 degrees, the plane of the bend defines it;
+    between them, the twist is interpolated.
 
     Args:
-        tree: of the body.
+        tree: Tree of the body.
         turns: shape (..., segment, 3, 3): world from segment.
         directions: shape (..., bone, 3): unit vectors, NaN where unknown.
 
     Returns:
-        The rotations, shape (..., bone, 3, 3), and whether the twist is not observed, shape (..., bone), bool.
+        Rotations, shape (..., bone, 3, 3), and whether the twist is unobserved, shape (..., bone), bool.
     """
     rest = rest_frames(tree)
     out = np.empty((*directions.shape, 3))
     unseen = np.ones(directions.shape[:-1], dtype=bool)
-    for bone in in_order(tree):
+    for bone in bones_in_order(tree):
         least = least_rotation(tree, bone, turns, directions, out, rest)
         axis, bend = bending_axis(tree, bone, directions, least[..., 1])
         share = np.clip((bend - _STRAIGHT) / (_BENT - _STRAIGHT), 0.0, 1.0)
@@ -52,7 +52,7 @@ def full_rotations(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> tup
 
 @lru_cache(maxsize=64)
 def rest_frames(tree: Tree) -> np.ndarray:
-    """Shape (bone, 3, 3): of bones when standing: the third axis along the bone, the second to the left."""
+    """Return the frames of bones at rest, shape (bone, 3, 3): third axis along the bone, second to the left."""
     frames = np.empty((len(tree.bones), 3, 3))
     for b, along in enumerate(tree.rest):
         aside = _LEFT if abs(along @ _LEFT) < 0.9 else _UP
@@ -63,14 +63,14 @@ def rest_frames(tree: Tree) -> np.ndarray:
 
 
 def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Cross products, shape (..., 3): ``np.cross`` several times as fast where there are few of them."""
+    """Return cross products, shape (..., 3); several times as fast as ``np.cross`` for few vectors."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]
     x, y, z = second[..., 0], second[..., 1], second[..., 2]
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def carrier(tree: Tree, bone: int) -> tuple[int, int]:
-    """What a bone hangs on: the number of a bone or of a segment, -1 for the other or for none."""
+    """Return the carrier of a bone: indices of a bone and of a segment, -1 for the other or for none."""
     near = tree.nodes[near_node(tree, bone)]
     if near.is_bone:
         return near.mover, -1
@@ -78,22 +78,22 @@ def carrier(tree: Tree, bone: int) -> tuple[int, int]:
 
 
 def near_node(tree: Tree, bone: int) -> int:
-    """The number of the node at which a bone begins."""
+    """Return the index of the node at which a bone starts."""
     return next(node.parent for node in tree.nodes if node.is_bone and node.mover == bone)
 
 
 def least_rotation(
     tree: Tree, bone: int, turns: np.ndarray, directions: np.ndarray, frames: np.ndarray, rest: np.ndarray
 ) -> np.ndarray:
-    """A bone's rotation had it come from its rest by the least rotation, shape (..., 3, 3).
+    """Return a bone's rotation by the least rotation from its rest direction, shape (..., 3, 3).
 
     Args:
-        tree: of the body.
-        bone: its number.
+        tree: Tree of the body.
+        bone: Index of the bone.
         turns: shape (..., segment, 3, 3).
         directions: shape (..., bone, 3).
-        frames: shape (..., bone, 3, 3): of the bone that carries this one, if one does.
-        rest: shape (bone, 3, 3).
+        frames: shape (..., bone, 3, 3): frames of the bones that carry others.
+        rest: shape (bone, 3, 3), from :func:`rest_frames`.
     """
     before, segment = carrier(tree, bone)
     if before >= 0:
@@ -106,12 +106,15 @@ def least_rotation(
 
 
 def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Shape (..., 3, 3): the least rotation from one unit vector to another; some half turn if it is the opposite."""
+    """Return the least rotation between unit vectors, shape (..., 3, 3).
+
+    An arbitrary half turn if they are opposite.
+    """
     cosine = np.einsum("...i,...i->...", start, end)
     normal = cross(start, end)
     x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]
-    nought = np.zeros_like(x)
-    skew = np.stack([nought, -z, y, z, nought, -x, -y, x, nought], axis=-1).reshape(*x.shape, 3, 3)
+    zero = np.zeros_like(x)
+    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
     opposite = cosine < -1.0 + 1e-9
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.eye(3) + skew + skew @ skew / (1.0 + cosine)[..., None, None]
@@ -121,22 +124,22 @@ def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _half_turn(start: np.ndarray) -> np.ndarray:
-    """Shape (..., 3, 3): a half turn about any unit vector across."""
+    """Return a half turn about a perpendicular unit vector, shape (..., 3, 3)."""
     across = np.cross(start, np.eye(3)[np.argmin(np.abs(start), axis=-1)])
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
     return 2.0 * across[..., :, None] * across[..., None, :] - np.eye(3)
 
 
 def about_third_axis(angle: np.ndarray) -> np.ndarray:
-    """Shape (..., 3, 3): rotations about the third axis, radians."""
-    c, s, nought = np.cos(angle), np.sin(angle), np.zeros_like(angle)
-    return np.stack([c, -s, nought, s, c, nought, nought, nought, nought + 1.0], axis=-1).reshape(*angle.shape, 3, 3)
+    """Return rotations about the third axis by angles in radians, shape (..., 3, 3)."""
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+    return np.stack([c, -s, zero, s, c, zero, zero, zero, zero + 1.0], axis=-1).reshape(*angle.shape, 3, 3)
 
 
 def bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The axis about which a bone bends with its neighbour, shape (..., 3), and by how much, shape (...,), radians.
+    """Return the axis about which a bone bends with its neighbor, shape (..., 3), and the angle, shape (...,), radians.
 
-    Where nothing is known of the sense in which the joint bends, it is that nearer to ``second``.
+    If the sense in which the joint bends is unknown, the axis is the one closer to ``second``.
     """
     first, then = _bending_pair(tree, bone)
     if first < 0:
@@ -154,21 +157,21 @@ def bending_axis(tree: Tree, bone: int, directions: np.ndarray, second: np.ndarr
 
 @lru_cache(maxsize=1024)
 def _sense(tree: Tree, bone: int, then: int) -> int:
-    """Whether a joint bends about the second axis of a bone (1) or against it (-1); 0 where that is not known.
+    """Return the sense in which a joint bends about the second axis of a bone, 1 or -1; 0 if it is unknown.
 
-    Hinges of the tree say it, and of elbows and knees it is known.
+    The names of elbows and knees define it, and the hinges of the tree.
     """
     if tree.bones[then] in _BACKWARDS:
         return 1 if _BACKWARDS[tree.bones[then]] else -1
     for limit in tree.limits:
         if limit.kind == HINGE and limit.bone == then:
             along = float(np.dot(limit.axis, rest_frames(tree)[bone][:, 1]))
-            return int(np.sign(along)) if abs(along) > _ALONG else 0
+            return int(np.sign(along)) if abs(along) > _MIN_HINGE_COSINE else 0
     return 0
 
 
 def _bending_pair(tree: Tree, bone: int) -> tuple[int, int]:
-    """Two successive bones of which one is this, the plane of which tells its twist; -1 where there are none."""
+    """Return the two successive bones whose plane defines the twist of a bone; -1 if there are none."""
     following = [b for b in range(len(tree.bones)) if carrier(tree, b)[0] == bone]
     if following:
         return bone, following[0]
@@ -176,6 +179,6 @@ def _bending_pair(tree: Tree, bone: int) -> tuple[int, int]:
     return (before, bone) if before >= 0 else (-1, -1)
 
 
-def in_order(tree: Tree) -> list[int]:
-    """Bones, those that carry others before them."""
+def bones_in_order(tree: Tree) -> list[int]:
+    """Return the bones in an order in which carriers come first."""
     return [node.mover for node in tree.nodes if node.is_bone]

@@ -63,7 +63,7 @@ class LineQueue:
             self._bytes += len(line)
             while self._full and not self._waits and len(self._lines) > 1:
                 self._bytes -= len(self._lines.popleft().line)
-                self.lost["queue was full"] += 1
+                self.lost["queue full"] += 1
             self._changed.notify_all()
 
     def lose(self, why: str) -> None:

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
+from posefuse.live.camera_warnings import CHECK_PERIOD_S
 from posefuse.live.line_queue import LineQueue
-from posefuse.live.monitor import CHECK_PERIOD_S
 from posefuse.live.session import Session
 
 _IDLE_S = 0.1

@@ -12,10 +12,10 @@ import numpy as np
 
 from posefuse.errors import OptionsError, PosefuseError, PosefuseWarning
 from posefuse.io.stream import PROTOCOL, LineReader, RejectedLine, encoded
+from posefuse.live.camera_warnings import CameraWarnings
 from posefuse.live.grouping import Group, Grouper
 from posefuse.live.measured_points import PointTriangulator
 from posefuse.live.messages import event_messages, person_message
-from posefuse.live.monitor import StreamMonitor
 from posefuse.live.statistics import Latencies, StreamCounts, ViewCounts
 from posefuse.model.cameras import CameraRig
 from posefuse.model.frames import Frame
@@ -66,7 +66,7 @@ class Session:
         self.rig, self.skeleton, self.stream = rig, find_skeleton(skeleton), stream
         self.counts = StreamCounts()
         self.grouper = Grouper(len(rig), stream)
-        self._monitor = StreamMonitor(rig.names)
+        self._monitor = CameraWarnings(rig.names)
         self._reader = LineReader(rig.names, len(self.skeleton), stream.max_view_people)
         self._tracker = Tracker(rig, self.skeleton, options)
         self._triangulator = PointTriangulator.of(rig, self.skeleton, options)

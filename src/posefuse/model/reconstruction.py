@@ -1,4 +1,4 @@
-"""What came out: people in 3D, in named layers, each number with a statement of how well it is known."""
+"""Result of a reconstruction: 3D people in named layers, with the uncertainty of each number."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -21,7 +21,7 @@ from posefuse.model.tracks import Tracks
 from posefuse.skeleton.skeletons import Skeleton
 
 LAYERS: tuple[LayerName, ...] = ("measured", "solved", "model")
-"""From the rawest to the most processed; exports take the last one present unless told otherwise."""
+"""Layers from least to most processed; by default, exports use the last one present."""
 
 COVARIANCE_ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 _DIAGONAL = (0, 3, 5)
@@ -29,20 +29,20 @@ _DIAGONAL = (0, 3, 5)
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """One kind of 3D points of all people.
+    """3D points of all people at one processing stage.
 
     Attributes:
         points_m: shape (frame, person, keypoint, 3), NaN where missing.
         covariance_m2: shape (frame, person, keypoint, 6): xx, xy, xz, yy, yz, zz.
         status: shape (frame, person, keypoint), int8: :class:`PointStatus`.
         source: shape (frame, person, keypoint), int8: :class:`Source`.
-        reprojection_error_px: shape (frame, person, keypoint): mean distance over the used views.
+        reprojection_error_px: shape (frame, person, keypoint): mean reprojection error over the used views.
         view_status: shape (frame, person, keypoint, view), int8: :class:`ViewStatus`.
-        view_error_px: shape (frame, person, keypoint, view), float32: distance in every view that has a detection,
-            used or not; NaN where it has none.
+        view_error_px: shape (frame, person, keypoint, view), float32: reprojection error in every view with a
+            detection, used or not; NaN without a detection.
 
     Raises:
-        ResultError: where the arrays do not fit each other.
+        ResultError: if the shapes of the arrays disagree.
     """
 
     points_m: ArraySource
@@ -67,27 +67,27 @@ class Layer:
             check_shape(ResultError, "Layer", name, getattr(self, name), **points, view=view)
 
     def frames(self, start: int, stop: int) -> "Layer":
-        """The frames ``start`` to ``stop``, in memory."""
+        """Return the frames from ``start`` to ``stop`` (excluded), in memory."""
         return Layer(*(np.asarray(getattr(self, f.name)[start:stop]) for f in fields(self)))
 
     @property
     def sd_m(self) -> np.ndarray:
-        """Shape (frame, person, keypoint, 3): standard deviations along the axes."""
+        """Standard deviations along the axes, shape (frame, person, keypoint, 3)."""
         return np.sqrt(np.asarray(self.covariance_m2[:])[..., _DIAGONAL])
 
     @property
     def n_views(self) -> np.ndarray:
-        """Shape (frame, person, keypoint), int: views used."""
+        """Number of used views, shape (frame, person, keypoint), int."""
         return is_used(np.asarray(self.view_status[:])).sum(axis=-1)
 
     @property
     def has_point(self) -> np.ndarray:
-        """Shape (frame, person, keypoint), bool: whether there are coordinates."""
+        """Whether a point has coordinates, shape (frame, person, keypoint), bool."""
         return np.asarray(self.status[:]) < PointStatus.NOT_SEEN
 
     @classmethod
     def concatenate(cls, parts: Sequence["Layer"]) -> "Layer":
-        """Consecutive ranges of frames as one."""
+        """Concatenate consecutive ranges of frames."""
         return cls(*(np.concatenate([getattr(part, f.name)[:] for part in parts]) for f in fields(cls)))
 
     def __eq__(self, other: object) -> bool:
@@ -100,12 +100,12 @@ class Layer:
 
 @dataclass(frozen=True)
 class Provenance:
-    """How a result was made; nothing that differs between two runs on the same input (no clock, host or path).
+    """Origin of a result. Holds nothing that differs between two runs on the same input (no time, host or path).
 
     Attributes:
-        versions: program to version.
-        inputs: what was read (by file name) to a hash of its content, where it came from files.
-        notes: what readers and stages found worth saying, in order.
+        versions: program -> version.
+        inputs: name of each input file -> hash of its content.
+        notes: notes of readers and stages, in order.
     """
 
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -113,36 +113,36 @@ class Provenance:
     notes: tuple[str, ...] = ()
 
     def with_notes(self, notes: Iterable[str]) -> "Provenance":
-        """The same with more worth saying."""
+        """Return a copy with additional notes."""
         return replace(self, notes=(*self.notes, *notes))
 
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """People in 3D.
+    """3D people of a recording.
 
     Attributes:
-        rig: the cameras, in the order of every view axis.
-        skeleton: what the keypoint axis means.
-        person_ids: names, in the order of every person axis.
+        rig: cameras, in the order of every view axis.
+        skeleton: skeleton of the keypoint axis.
+        person_ids: names of people, in the order of every person axis.
         frame_numbers: shape (frame,), int64: numbers of the frames in the recording.
-        time_s: shape (frame,): mean over the views that took the frame; NaN where unknown.
-        layers: name to layer; see :data:`LAYERS`.
-        tracks: which detection in which view was whose, or None for a result that was not made from detections.
-        noise: how noisy the detections were taken to be, or None likewise.
-        swaps: which views took left for right, or None where labels were believed.
-        poses: how bodies stand, or None where no body was fitted.
-        events: what happened to people, in order.
-        rate_hz: nominal frame rate, or None where unknown.
-        alignment: how the world follows from the calibration's, or None where it is the same.
-        unit: ``m``; ``px`` for one flattened camera, whose image plane is no place in the world.
+        time_s: shape (frame,): mean time over the views that recorded the frame; NaN if unknown.
+        layers: name -> layer; see :data:`LAYERS`.
+        tracks: detection of each person in each view, or None for a result that was not made from detections.
+        noise: noise model of the detections, or None for a result that was not made from detections.
+        swaps: left/right swaps by view, or None if left/right labels were accepted as given.
+        poses: body poses, or None if no body was fitted.
+        events: events of tracks and cameras, in order.
+        rate_hz: nominal frame rate, or None if unknown.
+        alignment: transform from the calibration's world, or None if the worlds are the same.
+        unit: ``m``; ``px`` for a single flattened camera, whose points are in its image plane.
         options: options as the user requested them.
-        resolved: the same options with every default resolved for this recording; ``options`` where it is not given.
-        findings: problems that the recording check found, the most serious first.
-        provenance: how it was made.
+        resolved: the same options with every default resolved for this recording; ``options`` by default.
+        findings: problems found by the recording check, most serious first.
+        provenance: origin of the result.
 
     Raises:
-        ResultError: where the parts do not fit each other.
+        ResultError: if the parts do not match.
     """
 
     rig: CameraRig
@@ -175,7 +175,7 @@ class Reconstruction:
         n_frames, n_people = len(self.frame_numbers), len(self.person_ids)
         check_shape(ResultError, "Reconstruction", "time_s", self.time_s, frame=n_frames)
         if not self.layers:
-            raise ResultError(f"A reconstruction needs a layer: {choices(LAYERS)}.")
+            raise ResultError(f"A reconstruction needs at least one layer: {choices(LAYERS)}.")
         for name, layer in self.layers.items():
             if name not in LAYERS:
                 raise ResultError(f"No layer {name!r}; there are {choices(LAYERS)}.")
@@ -196,10 +196,10 @@ class Reconstruction:
 
     @property
     def retimed(self) -> np.ndarray:
-        """Shape (frame, view), bool: which views' points were put between two of their frames, at the frame's time.
+        """Whether a view's points were interpolated in time to the frame's time, shape (frame, view), bool.
 
-        By the offsets in the options; nowhere without any. Where a view's frames were too far apart for that it shows
-        nothing.
+        True where the time offsets in the options require it. A view whose frames are too far apart to interpolate has
+        no points there.
         """
         if self.options.sync.does_nothing or not self.n_frames:
             return np.zeros((self.n_frames, len(self.rig)), dtype=bool)
@@ -208,10 +208,10 @@ class Reconstruction:
         return self.options.sync.time_shifted(self.rig.names, self.time_s, period)
 
     def best_layer(self, name: LayerName | None = None) -> tuple[LayerName, Layer]:
-        """The named layer, or the most processed one present.
+        """Return the named layer, or the most processed one present, with its name.
 
         Raises:
-            ResultError: if the named layer is not there.
+            ResultError: if the named layer does not exist.
         """
         if name is None:
             name = next(layer for layer in reversed(LAYERS) if layer in self.layers)
@@ -220,7 +220,7 @@ class Reconstruction:
         return name, self.layers[name]
 
     def frames(self, start: int, stop: int) -> "Reconstruction":
-        """The frames ``start`` to ``stop`` (counted from 0), in memory."""
+        """Return the frames from index ``start`` to ``stop`` (excluded), in memory."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
         numbers = set(self.frame_numbers[start:stop].tolist())
         return replace(
@@ -235,12 +235,12 @@ class Reconstruction:
         )
 
     def chunks(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
-        """The result in consecutive ranges of frames, each in memory."""
+        """Yield consecutive ranges of frames, each in memory."""
         for start, stop in ranges(self.n_frames, size):
             yield self.frames(start, stop)
 
     def windows(self, size: int = CHUNK_FRAMES) -> Iterator["Reconstruction"]:
-        """The same, each array read when it is first asked for; without poses."""
+        """Yield consecutive ranges of frames whose arrays are read on first access; without poses."""
         for start, stop in ranges(self.n_frames, size):
             numbers = set(self.frame_numbers[start:stop].tolist())
             yield replace(
@@ -248,15 +248,15 @@ class Reconstruction:
                 frame_numbers=self.frame_numbers[start:stop],
                 time_s=self.time_s[start:stop],
                 events=tuple(event for event in self.events if event.number in numbers),
-                layers={name: _stretch(layer, start, stop) for name, layer in self.layers.items()},
-                tracks=None if self.tracks is None else _stretch(self.tracks, start, stop),
-                swaps=None if self.swaps is None else _stretch(self.swaps, start, stop),
+                layers={name: _lazy_frames(layer, start, stop) for name, layer in self.layers.items()},
+                tracks=None if self.tracks is None else _lazy_frames(self.tracks, start, stop),
+                swaps=None if self.swaps is None else _lazy_frames(self.swaps, start, stop),
                 poses=None,
             )
 
     @classmethod
     def concatenate(cls, parts: Sequence["Reconstruction"]) -> "Reconstruction":
-        """Consecutive ranges of frames as one."""
+        """Concatenate consecutive ranges of frames."""
         first = parts[0]
         return replace(
             first,
@@ -266,7 +266,7 @@ class Reconstruction:
             tracks=None if first.tracks is None else Tracks.concatenate([part.tracks for part in parts if part.tracks]),
             swaps=None if first.swaps is None else Swaps.concatenate([part.swaps for part in parts if part.swaps]),
             poses=None if first.poses is None else Poses.concatenate([part.poses for part in parts if part.poses]),
-            # A maker of ranges may know of events before it comes to them, and say them twice.
+            # A producer of ranges may report an event early, and again in its own range.
             events=tuple(dict.fromkeys(event for part in parts for event in part.events)),
         )
 
@@ -279,15 +279,15 @@ class Reconstruction:
 
 
 def unpack_covariance(entries: np.ndarray) -> np.ndarray:
-    """Matrices of packed covariances: (..., 6) to (..., 3, 3)."""
+    """Return covariance matrices, shape (..., 3, 3), from packed entries, shape (..., 6)."""
     return np.asarray(entries)[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-_Noun = TypeVar("_Noun", Layer, Tracks, Swaps)
+_Record = TypeVar("_Record", Layer, Tracks, Swaps)
 
 
-def _stretch(noun: _Noun, start: int, stop: int) -> _Noun:
-    """Some frames of a noun, each array read when it is first asked for."""
-    arrays = {each.name: getattr(noun, each.name) for each in fields(noun)}
+def _lazy_frames(record: _Record, start: int, stop: int) -> _Record:
+    """Return a range of frames of a record, with arrays that are read on first access."""
+    arrays = {each.name: getattr(record, each.name) for each in fields(record)}
     cut = {name: ArrayRange(a, start, stop) for name, a in arrays.items() if not isinstance(a, tuple)}
-    return replace(noun, **cut)
+    return replace(record, **cut)

@@ -30,6 +30,19 @@ EVENT_KINDS: dict[EventKind, str] = {
 }
 """Kinds of events with one sentence each, in the order in which reports list them."""
 
+_FORMER_KINDS: dict[str, EventKind] = {
+    "born": "confirmed", "found": "reacquired", "returned": "reidentified", "forgotten": "terminated",
+    "identity uncertain": "possible_identity_switch", "identities exchanged": "identities_swapped",
+    "limb set anew": "limb_reinitialized", "camera refused": "camera_rejected", "camera trusted": "camera_restored",
+    "camera silent": "camera_silent", "camera heard again": "camera_back",
+}  # fmt: skip
+"""Former names of kinds. Stored results that use them are still read."""
+
+
+def current_event_kind(name: str) -> str:
+    """Return the current name of a kind of event that a stored result names."""
+    return _FORMER_KINDS.get(name, name)
+
 
 @dataclass(frozen=True)
 class Event:

@@ -2,7 +2,7 @@
 
 Each observation is compared with the point that the other views determine. Its error follows a bivariate Student t
 distribution; the uncertainty of the other views' point is Gaussian, since it combines several observations. Exponent,
-scale and degrees of freedom are maximum-likelihood estimates. See docs/methods.md, "Calibrating the noise".
+scale and degrees of freedom are maximum-likelihood estimates. See docs/methods/noise.md.
 """
 
 import math

@@ -135,7 +135,7 @@ def _agreement_options(options: Options) -> TriangulationOptions:
 
 
 def _search(agreement: _Agreement, samples: Samples, default: NoiseModel, progress: Progress) -> NoiseEstimate:
-    """Increase the noise until it explains its own residuals, see docs/methods.md, "Noise".
+    """Increase the noise until it explains its own residuals, see docs/methods/noise.md.
 
     Args:
         agreement: triangulates a sample.

@@ -2,7 +2,7 @@
 
 Each point has either inliers only or exactly one outlier from an unknown distribution. Expectation maximization
 estimates the noise of the inliers, the share of points with an outlier, and the distribution of outlier distances. See
-docs/methods.md, "Noise".
+docs/methods/noise.md.
 """
 
 from dataclasses import dataclass

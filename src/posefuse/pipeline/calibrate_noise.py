@@ -17,7 +17,7 @@ def calibrate_noise(
 ) -> NoiseModel:
     """Estimate the error model of a recording's detections by leaving views out.
 
-    See docs/methods.md, "Calibrating the noise".
+    See docs/methods/noise.md.
 
     Args:
         rig: calibrated cameras.

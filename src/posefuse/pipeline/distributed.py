@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from posefuse.alignment.apply import laid
+from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.association.one_subject import SingleSubject
 from posefuse.io.checkpoints import CheckpointFolder
@@ -160,7 +160,7 @@ def reconstruct_distributed(plan: Plan, runner: PieceRunner, progress: Progress)
         names = runner.run(solve_piece, "solved", (partial(solver.restricted_to, window) for window in windows))
         parts = (runner.folder.load(name).to_reconstruction(head) for name in names)
     if plan.alignment is not None:
-        parts = laid(parts, plan.alignment)
+        parts = align_parts(parts, plan.alignment)
     yield from report_ranges(parts, n_frames, "assembling", progress)
 
 

@@ -6,7 +6,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from posefuse.alignment.apply import laid
+from posefuse.alignment.apply import align_parts
 from posefuse.arrays import ranges
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.left_right import relabel
@@ -45,7 +45,7 @@ def reconstruct_chunks(
     checkpoint = checkpoint.child(_stage_name(plan))
     parts = _measured(plan, checkpoint) if plan.solver is None else _solved(plan, plan.solver, checkpoint)
     if plan.alignment is not None:
-        parts = laid(parts, plan.alignment)
+        parts = align_parts(parts, plan.alignment)
     yield from report_ranges(parts, n_frames, "triangulating", progress)
 
 
@@ -67,7 +67,7 @@ def finished_chunks(plan: Plan, checkpoint: Checkpoint) -> Iterator[Reconstructi
     events = tuple(event for event in plan.events if event.number <= until)
     head = replace(empty_result(plan), provenance=provenance, events=events)
     parts = (checkpoint.load(name.format(i)).to_reconstruction(head) for i, _ in finished)
-    yield from parts if plan.alignment is None else laid(parts, plan.alignment)
+    yield from parts if plan.alignment is None else align_parts(parts, plan.alignment)
 
 
 def partial_note(done: int, n_frames: int) -> str:

@@ -7,9 +7,9 @@ from platform import python_version
 
 import numpy as np
 
-from posefuse.alignment.apply import after_scaling, scaled_layer, scaled_rig, unchanged
-from posefuse.alignment.lay import lay
-from posefuse.alignment.size import scale_of
+from posefuse.alignment.apply import combine_with_scale, identity_alignment, scaled_layer, scaled_rig
+from posefuse.alignment.size import scale_factor
+from posefuse.alignment.world_axes import find_alignment
 from posefuse.arrays import ranges
 from posefuse.association import one_subject
 from posefuse.association.one_subject import SingleSubject
@@ -32,7 +32,7 @@ from posefuse.pipeline.measured_layer import measure, partial_note, reconstruct_
 from posefuse.pipeline.people.find_subjects import FindSubjects, find_subjects, frames_tracked
 from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.solved_layer import LayerSolver, Postprocess, Step
-from posefuse.postprocess.bones import usual_bones
+from posefuse.postprocess.bones import median_bones
 from posefuse.preprocess import time_offsets
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.preprocess.timeline import align_views
@@ -105,7 +105,7 @@ def prepare(
         plan = with_sample(plan)
     scale = None
     if align.scales:
-        scale = scale_of(sample_points(plan), plan.detections.skeleton, align)
+        scale = scale_factor(sample_points(plan), plan.detections.skeleton, align)
         again = checkpoint.child(f"resized_{plan.detections.n_frames}")
         plan = resize(plan, scale, progress, find or partial(find_subjects, checkpoint=again))
     return with_solver(with_alignment(with_findings(plan), scale))
@@ -265,11 +265,11 @@ def with_alignment(plan: Plan, scale: float | None) -> Plan:
         return plan
     if len(plan.rig) == 1:
         raise OptionsError("align: one camera gives coordinates in its image plane, which cannot be aligned.")
-    alignment = unchanged(plan.rig.up_axis)
+    alignment = identity_alignment(plan.rig.up_axis)
     if align.turns:
-        alignment = lay(sample_points(plan), plan.detections.skeleton, plan.rig, align)
+        alignment = find_alignment(sample_points(plan), plan.detections.skeleton, plan.rig, align)
     if scale is not None:
-        alignment = after_scaling(alignment, scale, align)
+        alignment = combine_with_scale(alignment, scale, align)
     return replace(plan, alignment=alignment, provenance=plan.provenance.with_notes(alignment.steps))
 
 
@@ -294,7 +294,7 @@ def with_solver(plan: Plan) -> Plan:
             )
     postprocess = plan.options.postprocess
     if not postprocess.does_nothing:
-        bones = usual_bones(sample_points(plan), plan.detections.skeleton) if postprocess.rigid_bones else None
+        bones = median_bones(sample_points(plan), plan.detections.skeleton) if postprocess.rigid_bones else None
         steps.append(Postprocess.of(plan.rig, plan.detections, plan.options, bones))
     if not steps:
         return plan

@@ -9,7 +9,7 @@ from pathlib import Path
 from posefuse.checkpoint import NO_CHECKPOINT, Checkpoint
 from posefuse.errors import PosefuseWarning, handle_warnings
 from posefuse.io.checkpoints import CheckpointFolder
-from posefuse.io.files import PARTS, RESULT_FILES, replacing_folder
+from posefuse.io.files import CHECKPOINT_FOLDER, RESULT_FILES, replacing_folder
 from posefuse.io.open_recording import OpenedRecording, RecordingInputs, open_recording
 from posefuse.io.results import netcdf
 from posefuse.model.findings import Finding
@@ -117,7 +117,10 @@ def reconstruct_recording(
     output, delivery = Path(output), delivery or Delivery()
     require_formats(also)
     after = ExitStack()
-    with _announce_checkpoint(output / PARTS), replacing_folder(output, delivery.marker, after=after) as staging:
+    with (
+        _announce_checkpoint(output / CHECKPOINT_FOLDER),
+        replacing_folder(output, delivery.marker, after=after) as staging,
+    ):
         run = _Run(staging, output, options or Options(), inputs or RecordingInputs(), progress or Silent())
         outcome, checkpoint = run.reconstruct(Path(recording), workers)
         files, remarks = write_other_formats(staging, also)
@@ -180,7 +183,7 @@ class _Run:
             # The result stores the whole skeleton; the path of its file differs between machines.
             options = replace(options, skeleton=opened.detections.skeleton.name)
         window_s = None if workers is None else workers.window_s
-        stored = open_checkpoint(self.output / PARTS, opened, options, self.progress, window_s)
+        stored = open_checkpoint(self.output / CHECKPOINT_FOLDER, opened, options, self.progress, window_s)
         checkpoint = None if opened.detections.n_frames <= options.chunk_frames and workers is None else stored
         path = self.staging / RESULT
         plan = _load_or_make(checkpoint, path, lambda: self._make(opened, options, path, checkpoint, workers))

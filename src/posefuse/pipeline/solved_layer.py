@@ -18,7 +18,7 @@ from posefuse.model.tracks import TrackState
 from posefuse.pipeline.reprojection_errors import with_reprojection_errors
 from posefuse.postprocess.bones import Bones
 from posefuse.postprocess.points import Clock
-from posefuse.postprocess.recipe import margin_s, postprocess
+from posefuse.postprocess.steps import margin_s, postprocess
 from posefuse.preprocess.timeline import fill_missing_times
 from posefuse.trajectory import solve as trajectory
 from posefuse.trajectory.observations import MeasuredRange
@@ -66,7 +66,7 @@ class Step(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Postprocess:
-    """Fill gaps, filter and make bones rigid; see :mod:`posefuse.postprocess.recipe`.
+    """Fill gaps, filter and make bones rigid; see :mod:`posefuse.postprocess.steps`.
 
     Attributes:
         rig: calibrated cameras.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from posefuse.biomechanics.tables import angles_of, tables_of
+from posefuse.biomechanics.tables import angle_table, body_tables
 from posefuse.errors import OptionsError, suggestion
 from posefuse.evaluation.error_profile import error_profile
 from posefuse.io.results.figures import write_figures
@@ -41,7 +41,7 @@ class WrittenOutputs:
 
 def write_outputs(result: Reconstruction, folder: Path, progress: Progress) -> WrittenOutputs:
     """Write the tables, TRC, C3D, BVH and glTF files and the report of a result."""
-    files, layer = write_folder(result, folder, progress, angles_of, tables_of(result))
+    files, layer = write_folder(result, folder, progress, angle_table, body_tables(result))
     figures, remarks = write_figures(result, people_with_frames(result), folder, progress)
     (folder / REPORT).write_text(render_report(result, progress=progress), "utf-8")
     return WrittenOutputs((*files, *figures, REPORT), layer, tuple(remarks))

@@ -1,1 +1,1 @@
-"""Gaps and filters: what can be done with points one after the other in time, each keypoint by itself."""
+"""Fill gaps, smooth points, and make bone lengths constant."""

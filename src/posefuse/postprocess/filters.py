@@ -1,8 +1,7 @@
-"""Filters over time: each keypoint by itself, and of it each unbroken stretch by itself.
+"""Filter points over time, each keypoint and each contiguous range of frames separately.
 
-What a fixed filter makes of errors depends on how long they last, which it does not know; detectors' errors last longer
-than a filter's window. So covariances stay those of the points that were filtered. See docs/methods.md,
-"Gaps and filters".
+The effect of a fixed filter on errors depends on their correlation time, which is unknown to it and longer than the
+window for detectors. Covariances therefore stay those of the unfiltered points. See docs/methods.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,72 +23,78 @@ from posefuse.model.options.postprocess import (
     SavgolOptions,
 )
 from posefuse.model.status import Source
-from posefuse.postprocess.kalman import smoothed
-from posefuse.postprocess.points import Clock, Points, stretches
+from posefuse.postprocess.kalman import smooth_kalman
+from posefuse.postprocess.points import Clock, Points, contiguous_ranges
 
 _ROBUST_SD = 1.4826
-_SHORTEST = 3
-"""Of fewer points nothing tells movement from noise: they stay as they are."""
+_MIN_FRAMES = 3
+"""Shorter ranges stay unchanged: they do not distinguish motion from noise."""
 
 Smoother = Callable[[np.ndarray], np.ndarray]
-"""From an unbroken stretch of one keypoint's positions, shape (frame, 3), to what is left of it, likewise."""
+"""Function from the positions in a contiguous range, shape (frame, 3), to smoothed positions of the same shape."""
 
 
 def smooth(points: Points, clock: Clock, name: Filter, options: PostprocessOptions) -> Points:
-    """Run a filter over points; those that it changes are marked as smoothed, filled ones stay marked as filled.
+    """Apply a filter; changed points are marked as smoothed, filled points stay marked as filled.
 
     Args:
-        points: missing ones are NaN; none of them is filled.
+        points: missing ones are NaN; they are not filled.
         clock: of their frames.
-        name: of the filter.
-        options: of all of them.
+        name: name of the filter.
+        options: of all filters.
 
     Raises:
-        OptionsError: if the filter cannot be had at this frame rate.
+        OptionsError: if the filter is not possible at this frame rate.
     """
     if name == "kalman":
-        return _with_covariance(points, smoothed(points, clock, options.kalman))
+        return _with_covariance(points, smooth_kalman(points, clock, options.kalman))
     smoother = _SMOOTHERS[name](options, clock)
     xyz = points.xyz_m.copy()
     for p in range(xyz.shape[1]):
-        for start, stop in stretches(points.known[:, p], clock.follows):
-            if stop - start >= _SHORTEST:
+        for start, stop in contiguous_ranges(points.known[:, p], clock.is_contiguous):
+            if stop - start >= _MIN_FRAMES:
                 xyz[start:stop, p] = smoother(xyz[start:stop, p])
     return replace(points, xyz_m=xyz, source=_sources(points, xyz))
 
 
 def _with_covariance(points: Points, expected: Points) -> Points:
-    """What the smoother says of points that are there; those without covariance, which it did not see, by it alone."""
-    there = (points.known & expected.known)[..., None]
-    xyz = np.where(there, expected.xyz_m, points.xyz_m)
-    covariance = np.where(there, expected.covariance_m2, points.covariance_m2)
+    """Return smoothed points and covariances where points exist; points without covariance use the smoother's alone."""
+    in_both = (points.known & expected.known)[..., None]
+    xyz = np.where(in_both, expected.xyz_m, points.xyz_m)
+    covariance = np.where(in_both, expected.covariance_m2, points.covariance_m2)
     return Points(xyz, covariance, _sources(points, xyz))
 
 
 def _sources(points: Points, xyz_m: np.ndarray) -> np.ndarray:
+    """Return the source of each point after a change."""
     changed = (xyz_m != points.xyz_m).any(axis=-1) & points.known & (points.source != Source.FILLED)
     return np.where(changed, Source.SMOOTHED, points.source).astype(np.int8)
 
 
 def _hampel(options: HampelOptions, clock: Clock) -> Smoother:
+    """Return a Hampel filter: outliers are replaced by the median of the window."""
     half = clock.window(options.window_s) // 2
 
     def smoother(xyz_m: np.ndarray) -> np.ndarray:
         padded = np.pad(xyz_m, ((half, half), (0, 0)), constant_values=np.nan)
-        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
-        middle = np.nanmedian(around, axis=-1)
-        deviation = _ROBUST_SD * np.nanmedian(np.abs(around - middle[..., None]), axis=-1)
-        return np.where(np.abs(xyz_m - middle) > options.sigma * deviation, middle, xyz_m)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
+        median = np.nanmedian(windows, axis=-1)
+        deviation = _ROBUST_SD * np.nanmedian(np.abs(windows - median[..., None]), axis=-1)
+        return np.where(np.abs(xyz_m - median) > options.sigma * deviation, median, xyz_m)
 
     return smoother
 
 
 def _running_median(options: MedianOptions, clock: Clock) -> Smoother:
+    """Return a running median."""
     return partial(_median, size=clock.window(options.window_s))
 
 
 def _median(xyz_m: np.ndarray, size: int) -> np.ndarray:
-    """The running median; towards the ends the window shrinks, so that a movement's ends are not flattened."""
+    """Return the running median.
+
+    The window shrinks towards the ends, so that the ends of a motion are not flattened.
+    """
     out = median_filter(xyz_m, size=(size, 1), mode="nearest")
     for i in range(min(size // 2, (len(xyz_m) + 1) // 2)):
         out[i] = np.median(xyz_m[: 2 * i + 1], axis=0)
@@ -98,26 +103,27 @@ def _median(xyz_m: np.ndarray, size: int) -> np.ndarray:
 
 
 def _butterworth(options: ButterworthOptions, clock: Clock) -> Smoother:
+    """Return a zero-phase Butterworth filter, forward and backward."""
     sections = np.asarray(
         butter(options.order // 2, pass_cutoff_hz(options, clock), fs=1.0 / clock.period_s, output="sos")
     )
-    # As many frames as SciPy thinks the ends need, where there are so many.
-    reach = 3 * (2 * len(sections) + 1)
+    # SciPy's default padding, limited by the number of frames.
+    padding = 3 * (2 * len(sections) + 1)
 
     def smoother(xyz_m: np.ndarray) -> np.ndarray:
-        return sosfiltfilt(sections, xyz_m, axis=0, padlen=min(reach, len(xyz_m) - 1))
+        return sosfiltfilt(sections, xyz_m, axis=0, padlen=min(padding, len(xyz_m) - 1))
 
     return smoother
 
 
 def pass_cutoff_hz(options: ButterworthOptions, clock: Clock) -> float:
-    """The cut-off of each of the two passes that together have the one asked for.
+    """Return the cutoff of each pass such that both passes together have the requested cutoff.
 
-    Digital filters bend the frequency axis, which their design undoes at this cut-off, so that the correction is made
-    on the bent axis. Source: Winter 2009, "Biomechanics and Motor Control of Human Movement", section 2.2.4.4.
+    Digital filters warp the frequency axis, and their design compensates this at the cutoff, so the correction is made
+    on the warped axis. Source: Winter 2009, "Biomechanics and Motor Control of Human Movement", section 2.2.4.4.
 
     Raises:
-        OptionsError: if it is not below half the frame rate.
+        OptionsError: if the cutoff is not below half the frame rate.
     """
     rate_hz = 1.0 / clock.period_s
     if not options.cutoff_hz < (0.5 - 1e-9) * rate_hz:
@@ -125,29 +131,34 @@ def pass_cutoff_hz(options: ButterworthOptions, clock: Clock) -> float:
             f"postprocess.butterworth.cutoff_hz must be below half the frame rate ({0.5 * rate_hz:.4g} Hz), got "
             f"{options.cutoff_hz:g}."
         )
-    bent = np.tan(np.pi * options.cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / options.order)
-    return float(np.arctan(bent) * rate_hz / np.pi)
+    warped = np.tan(np.pi * options.cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / options.order)
+    return float(np.arctan(warped) * rate_hz / np.pi)
 
 
 def _savgol(options: SavgolOptions, clock: Clock) -> Smoother:
+    """Return a Savitzky-Golay filter."""
     size = clock.window(options.window_s)
     if size <= options.degree:
         raise OptionsError(
-            f"postprocess.savgol.window_s ({options.window_s:g} s) holds {size} frames at {1.0 / clock.period_s:.4g} "
-            f"Hz; a polynomial of degree {options.degree} needs more than {options.degree}. Make it longer."
+            f"postprocess.savgol.window_s ({options.window_s:g} s) contains {size} frames at "
+            f"{1.0 / clock.period_s:.4g} Hz; a polynomial of degree {options.degree} needs more than {options.degree}. "
+            "Increase it."
         )
 
     def smoother(xyz_m: np.ndarray) -> np.ndarray:
-        fitting = min(size, len(xyz_m) - (len(xyz_m) + 1) % 2)
-        if fitting <= options.degree:
+        size_used = min(size, len(xyz_m) - (len(xyz_m) + 1) % 2)
+        if size_used <= options.degree:
             return xyz_m
-        return np.asarray(savgol_filter(xyz_m, fitting, options.degree, axis=0))
+        return np.asarray(savgol_filter(xyz_m, size_used, options.degree, axis=0))
 
     return smoother
 
 
 def _one_euro(options: OneEuroOptions, clock: Clock) -> Smoother:
-    """Source: Casiez, Roussel & Vogel 2012, "1 Euro Filter"; speed is that of the point, not of each coordinate."""
+    """Return a 1 Euro filter with the speed of the point, not of each coordinate.
+
+    Source: Casiez, Roussel and Vogel 2012, "1 Euro Filter".
+    """
 
     def weight(cutoff_hz: float) -> float:
         return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff_hz * clock.period_s))
@@ -159,8 +170,8 @@ def _one_euro(options: OneEuroOptions, clock: Clock) -> Smoother:
         velocity = np.zeros(3)
         for f in range(1, len(out)):
             velocity += of_velocity * ((xyz_m[f] - out[f - 1]) / clock.period_s - velocity)
-            share = weight(options.min_cutoff_hz + options.beta * float(np.linalg.norm(velocity)))
-            out[f] = out[f - 1] + share * (xyz_m[f] - out[f - 1])
+            gain = weight(options.min_cutoff_hz + options.beta * float(np.linalg.norm(velocity)))
+            out[f] = out[f - 1] + gain * (xyz_m[f] - out[f - 1])
         return out
 
     return smoother

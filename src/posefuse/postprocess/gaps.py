@@ -1,4 +1,4 @@
-"""Gaps: found, and filled where they are short, never beyond a keypoint's first and last point."""
+"""Find gaps and fill short ones, never before a keypoint's first or after its last point."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,32 +9,31 @@ from scipy.interpolate import PchipInterpolator
 
 from posefuse.model.options.postprocess import PostprocessOptions
 from posefuse.model.status import Source
-from posefuse.postprocess.kalman import smoothed
+from posefuse.postprocess.kalman import smooth_kalman
 from posefuse.postprocess.points import Clock, Points
 
-_EDGE = 1e-6
+_TOLERANCE = 1e-6
 
 
 def fill(points: Points, clock: Clock, options: PostprocessOptions) -> Points:
-    """Put points into short gaps.
+    """Fill short gaps.
 
-    What lies between measured points nobody saw: lines and cubics know no covariance (NaN); the smoother says how far
-    a point may have strayed.
+    Linear and cubic interpolation give no covariance (NaN); the smoother gives the covariance inside the gap.
 
     Args:
         points: with gaps.
         clock: of their frames.
-        options: how, and up to which length.
+        options: method and largest duration.
     """
     short = short_gaps(points.known, clock, options.max_gap_s)
     if options.fill == "none" or not short.any():
         return points
     covariance = np.where(short[..., None], np.nan, points.covariance_m2)
     if options.fill == "smoother":
-        expected = smoothed(points, clock, options.kalman)
+        expected = smooth_kalman(points, clock, options.kalman)
         xyz, covariance = expected.xyz_m, np.where(short[..., None], expected.covariance_m2, covariance)
     else:
-        xyz = _interpolated(points.xyz_m, short, clock, cubic=options.fill == "pchip")
+        xyz = _interpolate(points.xyz_m, short, clock, cubic=options.fill == "pchip")
     return Points(
         np.where(short[..., None], xyz, points.xyz_m),
         covariance,
@@ -43,42 +42,42 @@ def fill(points: Points, clock: Clock, options: PostprocessOptions) -> Points:
 
 
 def short_gaps(known: np.ndarray, clock: Clock, max_gap_s: float) -> np.ndarray:
-    """Shape (frame, point), bool: missing points between known ones that are missing for no longer than that.
+    """Return missing points in gaps of at most ``max_gap_s``, between known ones, shape (frame, point), bool.
 
-    A point is missing from a period after the last known one to the next.
+    A gap lasts from one period after the last known point to the next known point.
     """
     short = np.zeros_like(known)
     for p in range(known.shape[1]):
         for start, stop in _gaps(known[:, p]):
             missing_s = clock.time_s[stop] - clock.time_s[start - 1] - clock.period_s
-            short[start:stop, p] = missing_s <= max_gap_s + _EDGE * clock.period_s
+            short[start:stop, p] = missing_s <= max_gap_s + _TOLERANCE * clock.period_s
     return short & np.isfinite(clock.time_s)[:, None]
 
 
 def _gaps(known: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Ranges of frames in which one point is missing, but for those before its first and after its last."""
-    there = np.flatnonzero(known)
-    for before, after in pairwise(there.tolist()):
+    """Yield the ranges of frames in which one point is missing, without those before its first and after its last."""
+    known_frames = np.flatnonzero(known)
+    for before, after in pairwise(known_frames.tolist()):
         if after > before + 1:
             yield before + 1, after
 
 
-def _interpolated(xyz_m: np.ndarray, wanted: np.ndarray, clock: Clock, *, cubic: bool) -> np.ndarray:
-    """Shape (frame, point, 3): positions at the wanted places from the known ones around, elsewhere as they were."""
+def _interpolate(xyz_m: np.ndarray, missing: np.ndarray, clock: Clock, *, cubic: bool) -> np.ndarray:
+    """Return positions interpolated at the missing points, shape (frame, point, 3)."""
     out = xyz_m.copy()
-    for p in np.flatnonzero(wanted.any(axis=0)):
-        here = wanted[:, p]
+    for p in np.flatnonzero(missing.any(axis=0)):
+        frames = missing[:, p]
         known = np.isfinite(xyz_m[:, p, 0]) & np.isfinite(clock.time_s)
-        time_s, at_s, values = clock.time_s[known], clock.time_s[here], xyz_m[known, p]
+        time_s, at_s, values = clock.time_s[known], clock.time_s[frames], xyz_m[known, p]
         if cubic:
-            out[here, p] = PchipInterpolator(time_s, values, axis=0)(at_s)
+            out[frames, p] = PchipInterpolator(time_s, values, axis=0)(at_s)
         else:
-            out[here, p] = np.stack([np.interp(at_s, time_s, values[:, axis]) for axis in range(3)], axis=-1)
+            out[frames, p] = np.stack([np.interp(at_s, time_s, values[:, axis]) for axis in range(3)], axis=-1)
     return out
 
 
 def drop(points: Points, unreliable: np.ndarray) -> Points:
-    """Take points out.
+    """Remove points.
 
     Args:
         points: with unreliable ones among them.

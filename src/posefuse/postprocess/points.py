@@ -1,4 +1,4 @@
-"""What every step of post-processing takes and gives, and which frames follow each other without a break."""
+"""Points over time and their clock, the input and output of every post-processing step."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,13 +9,13 @@ from posefuse.errors import DetectionsError
 from posefuse.model.reconstruction import Layer
 from posefuse.model.status import PointStatus, Source, ViewStatus, is_used
 
-_UNEVEN = 0.5
-"""Frames that come more than this share of a period too early or too late do not follow each other."""
+_MAX_JITTER = 0.5
+"""Frames that deviate from the period by more than this share are not contiguous."""
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points over time, those of all people and keypoints side by side.
+    """Hold points over time, with all people and keypoints in one axis.
 
     Attributes:
         xyz_m: shape (frame, point, 3), NaN where missing.
@@ -29,7 +29,7 @@ class Points:
 
     @classmethod
     def of(cls, layer: Layer) -> Self:
-        """The points of a layer."""
+        """Return the points of a layer."""
         frames = layer.points_m.shape[0]
         return cls(
             np.asarray(layer.points_m[:]).reshape(frames, -1, 3),
@@ -39,20 +39,20 @@ class Points:
 
     @property
     def known(self) -> np.ndarray:
-        """Shape (frame, point), bool: which have coordinates."""
+        """Return which points have coordinates, shape (frame, point), bool."""
         return np.asarray(np.isfinite(self.xyz_m).all(axis=-1))
 
     def into(self, layer: Layer) -> Layer:
-        """The layer with these points in place of its own; what has become of them is said by status and source.
+        """Return the layer with these points; status and source state what changed.
 
-        Reprojection errors stay those of the layer: whoever has the detections measures them anew.
+        Reprojection errors stay those of the layer; they are recomputed where the detections are available.
         """
         shape = layer.points_m.shape
         known = self.known.reshape(shape[:-1])
         status = np.asarray(layer.status[:]).copy()
-        had = status < PointStatus.NOT_SEEN
-        dropped = ~known & had
-        status[known & ~had] = PointStatus.FILLED
+        had_point = status < PointStatus.NOT_SEEN
+        dropped = ~known & had_point
+        status[known & ~had_point] = PointStatus.FILLED
         status[dropped] = PointStatus.OUTLIER
         views = np.asarray(layer.view_status[:]).copy()
         views[dropped[..., None] & is_used(views)] = ViewStatus.NOT_USED
@@ -69,11 +69,11 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """When frames were.
+    """Hold the times of frames.
 
     Attributes:
         time_s: shape (frame,), increasing, NaN where unknown.
-        period_s: between frames as a rule.
+        period_s: typical time between frames.
     """
 
     time_s: np.ndarray
@@ -81,47 +81,47 @@ class Clock:
 
     @classmethod
     def of(cls, time_s: np.ndarray, rate_hz: float | None) -> Self:
-        """The clock of a recording.
+        """Return the clock of a recording.
 
         Args:
             time_s: shape (frame,), of the whole recording.
-            rate_hz: nominal, or None where only the times tell it.
+            rate_hz: nominal frame rate, or None to derive it from the times.
 
         Raises:
-            DetectionsError: if neither tells a rate.
+            DetectionsError: if the frame rate is unknown.
         """
         steps = np.diff(time_s)
         steps = steps[steps > 0.0]
         if not len(steps) and rate_hz is None:
             raise DetectionsError(
-                "Filling and smoothing need times, and this recording has no frame rate. Read the keypoints with "
-                "--rate-hz, or in Python: detections.with_rate(60)."
+                "Filling and smoothing need frame times, and this recording has no frame rate. Set --rate-hz, or in "
+                "Python: detections.with_rate(60)."
             )
         return cls(time_s, float(np.median(steps)) if len(steps) else 1.0 / float(rate_hz or 1.0))
 
     def frames(self, start: int, stop: int) -> "Clock":
-        """The frames ``start`` to ``stop``."""
+        """Return the clock of the frames ``start`` to ``stop``."""
         return Clock(self.time_s[start:stop], self.period_s)
 
     @property
-    def follows(self) -> np.ndarray:
-        """Shape (frame - 1,), bool: whether a frame comes a period after the one before."""
+    def is_contiguous(self) -> np.ndarray:
+        """Return whether each frame follows the previous one after one period, shape (frame - 1,), bool."""
         with np.errstate(invalid="ignore"):
-            return np.abs(np.diff(self.time_s) - self.period_s) <= _UNEVEN * self.period_s
+            return np.abs(np.diff(self.time_s) - self.period_s) <= _MAX_JITTER * self.period_s
 
     def window(self, length_s: float) -> int:
-        """The odd number of frames, at least 3, that comes nearest to a length."""
+        """Return the odd number of frames, at least 3, closest to a duration."""
         return max(2 * round((length_s / self.period_s - 1.0) / 2.0) + 1, 3)
 
 
-def stretches(known: np.ndarray, follows: np.ndarray) -> list[tuple[int, int]]:
-    """Unbroken ranges (start, stop) of one point's frames.
+def contiguous_ranges(known: np.ndarray, is_contiguous: np.ndarray) -> list[tuple[int, int]]:
+    """Return contiguous ranges (start, stop) of one point's frames.
 
     Args:
         known: shape (frame,), bool.
-        follows: shape (frame - 1,), bool: which frames come right after the one before.
+        is_contiguous: shape (frame - 1,), bool: frames that directly follow the previous one.
     """
-    joined = known[1:] & known[:-1] & follows
+    joined = known[1:] & known[:-1] & is_contiguous
     starts = np.flatnonzero(known & ~np.append(False, joined))
     stops = np.flatnonzero(known & ~np.append(joined, False)) + 1
     return list(zip(starts.tolist(), stops.tolist(), strict=True))

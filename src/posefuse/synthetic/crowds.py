@@ -19,11 +19,11 @@ from posefuse.synthetic.figures import human
 from posefuse.synthetic.options import DetectorOptions
 from posefuse.synthetic.rigs import build_rig
 from posefuse.synthetic.scenes import truth_of
-from posefuse.synthetic.walkers import GRID_HZ, Plan, Walk, meet, stroll
+from posefuse.synthetic.walkers import GRID_HZ, Attendance, Walk, meet, stroll
 
 __all__ = ["CrowdScene", "Kind", "Span", "crowd_of_points", "simulate_crowd"]
 
-_MOST_MERGED_S = 1.5
+_MAX_MERGED_S = 1.5
 _TURN_DEG = 20.0
 
 
@@ -137,12 +137,12 @@ def crowd_of_points(
         rig: cameras.
         skeleton: skeleton of the keypoints.
         rate_hz: frame rate.
-        detector: errors of keypoints.
-        faults: how it errs where there are several people.
-        seed: of everything random.
+        detector: keypoint errors.
+        faults: detector errors specific to several people.
+        seed: random seed.
 
     Raises:
-        OptionsError: where the points do not fit the skeleton.
+        OptionsError: if the points do not match the skeleton.
     """
     points = np.asarray(points_m, dtype=np.float64)
     if points.ndim != 4 or points.shape[2:] != (len(skeleton), 3):
@@ -152,8 +152,8 @@ def crowd_of_points(
         )
     staging = Staging.plain(rig, len(points))
     rng = np.random.default_rng(seed)
-    law, faults = detector or DetectorOptions(), faults or CrowdFaults()
-    detected = detect_crowd(rig, points, skeleton, rate_hz, law, faults, staging, rng)
+    detector, faults = detector or DetectorOptions(), faults or CrowdFaults()
+    detected = detect_crowd(rig, points, skeleton, rate_hz, detector, faults, staging, rng)
     return CrowdScene.of(rig, detected, truth_of(rig, skeleton, points, rate_hz), staging, ())
 
 
@@ -179,41 +179,45 @@ def _rig(options: CrowdOptions) -> CameraRig:
 
 
 def _keypoints(walk: Walk, stature_m: float, skeleton: Skeleton, time_s: np.ndarray) -> np.ndarray:
-    """Shape (frame, keypoint, 3)."""
+    """Return the true keypoints of a walker, shape (frame, keypoint, 3)."""
     figure = human(stature_m)
     if not figure.has(skeleton):
         lacking = ", ".join(sorted(set(skeleton.keypoints) - set(figure.names))[:5])
-        raise SkeletonError(f"Skeleton {skeleton.name!r} is not a human's: no {lacking}. Choose a human skeleton.")
+        raise SkeletonError(
+            f"Skeleton {skeleton.name!r} is not human: the human figure has no {lacking}. Choose another one."
+        )
     return walk.positions(figure, time_s)[:, figure.columns(skeleton)]
 
 
 def _strolling(
-    options: CrowdOptions, time_s: np.ndarray, rng: np.random.Generator, plans: tuple[Plan, ...]
+    options: CrowdOptions, time_s: np.ndarray, rng: np.random.Generator, attendances: tuple[Attendance, ...]
 ) -> list[Walk]:
-    return stroll(plans, _half_room_m(options), options.length_s, rng)
+    return stroll(attendances, _half_room_m(options), options.length_s, rng)
 
 
 def _crowd(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """Half are there all the time, the others come in the first quarter and go in the last."""
+    """Half of the people are always present; the others enter in the first quarter and leave in the last."""
     n, end = options.n_people, options.length_s
     comes, goes = rng.uniform(0.03, 0.25, n) * end, rng.uniform(0.75, 0.9, n) * end
-    plans = tuple(Plan() if p < (n + 1) // 2 else Plan(float(comes[p]), float(goes[p])) for p in range(n))
-    return _Script(_strolling(options, time_s, rng, plans), Staging.plain(rig, len(time_s)))
+    attendances = tuple(
+        Attendance() if p < (n + 1) // 2 else Attendance(float(comes[p]), float(goes[p])) for p in range(n)
+    )
+    return _Script(_strolling(options, time_s, rng, attendances), Staging.plain(rig, len(time_s)))
 
 
 def _leave(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """The last person leaves for 5 s."""
-    goes = Plan(leave_s=float(rng.uniform(7.0, 9.0)), away_s=5.0)
-    plans = (*[Plan()] * (options.n_people - 1), goes)
-    return _Script(_strolling(options, time_s, rng, plans), Staging.plain(rig, len(time_s)))
+    """The last person leaves and returns after 5 s."""
+    goes = Attendance(leave_s=float(rng.uniform(7.0, 9.0)), away_s=5.0)
+    attendances = (*[Attendance()] * (options.n_people - 1), goes)
+    return _Script(_strolling(options, time_s, rng, attendances), Staging.plain(rig, len(time_s)))
 
 
 def _stay(options: CrowdOptions, time_s: np.ndarray, rng: np.random.Generator) -> list[Walk]:
-    return _strolling(options, time_s, rng, (Plan(),) * options.n_people)
+    return _strolling(options, time_s, rng, (Attendance(),) * options.n_people)
 
 
 def _hug(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """They walk about, meet at 9 s, hug, step back, go around each other, and go on where the other came from."""
+    """Two people walk, meet at 9 s, hug, step back, walk around each other, and exchange sides."""
     meets, lasts = 9.0, float(rng.uniform(1.0, 2.0))
     parts = meets + lasts
     to_the = float(rng.uniform(-np.pi, np.pi))
@@ -228,7 +232,7 @@ def _hug(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.rand
         to_the + np.array([-0.8, 0.0, 0.0, turn]),
     )
     walks = meet(distance, bearing, (meets, parts), (meets - 1.0, parts + 2.5), options.length_s)
-    merged_s = float(rng.uniform(0.8, min(lasts, _MOST_MERGED_S)))
+    merged_s = float(rng.uniform(0.8, min(lasts, _MAX_MERGED_S)))
     begins = meets + 0.5 * (lasts - merged_s)
     merged = (time_s >= begins) & (time_s < begins + merged_s)
     staging = replace(Staging.plain(rig, len(time_s)), merged=merged, spared_view=int(rng.integers(len(rig))))
@@ -236,7 +240,7 @@ def _hug(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.rand
 
 
 def _one_camera(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """Boards in front of all cameras but one hide the first person for 2 s."""
+    """Pillars in front of all cameras but one hide the first person for 2 s."""
     walks = _stay(options, time_s, rng)
     begins = float(rng.uniform(0.4, 0.6) * options.length_s)
     sees = int(rng.integers(len(rig)))
@@ -244,12 +248,12 @@ def _one_camera(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: 
     grid = np.arange(len(walks[0].floor_m)) / GRID_HZ
     floor = np.stack([np.interp(time_s, grid, axis) for axis in walks[0].floor_m.T], axis=1)
     others = [camera for v, camera in enumerate(rig.cameras) if v != sees]
-    staging = replace(Staging.plain(rig, len(time_s)), things=_boards(others, floor, when))
+    staging = replace(Staging.plain(rig, len(time_s)), things=_occluding_pillars(others, floor, when))
     return _Script(walks, staging, [Span("hidden", begins, begins + 2.0, person=0, view=sees)])
 
 
-def _boards(cameras: list[Camera], floor_m: np.ndarray, when: np.ndarray) -> Capsules:
-    """Upright pillars between cameras and somebody on the floor, wide enough to hide them and no more."""
+def _occluding_pillars(cameras: list[Camera], floor_m: np.ndarray, when: np.ndarray) -> Capsules:
+    """Return upright pillars between cameras and a person, just wide enough to hide the person."""
     part, reach = 0.3, 0.55
     feet = [camera.centre_m[:2] + part * (floor_m - camera.centre_m[:2]) for camera in cameras]
     base = np.where(when[:, None, None], np.stack(feet, axis=1), np.nan)
@@ -258,25 +262,25 @@ def _boards(cameras: list[Camera], floor_m: np.ndarray, when: np.ndarray) -> Cap
 
 
 def _dark(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """One camera shows nothing for 10 s."""
+    """One camera delivers nothing for 10 s."""
     view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.25, 0.4) * options.length_s)
     staging = Staging.plain(rig, len(time_s))
-    dark = _from_to(staging.dark, view, time_s, begins, begins + 10.0)
+    dark = _with_interval(staging.dark, view, time_s, begins, begins + 10.0)
     return _Script(
         _stay(options, time_s, rng), replace(staging, dark=dark), [Span("dark", begins, begins + 10.0, view=view)]
     )
 
 
 def _bumped(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.random.Generator) -> _Script:
-    """One camera shows nothing for 2 s and has turned aside when it comes back."""
+    """One camera delivers nothing for 2 s and is rotated when it returns."""
     view, begins = int(rng.integers(len(rig))), float(rng.uniform(0.3, 0.4) * options.length_s)
     back = begins + 2.0
     staging = Staging.plain(rig, len(time_s))
     turned = _turned(rig, view, _TURN_DEG * float(rng.choice([-1.0, 1.0])))
     staging = replace(
         staging,
-        dark=_from_to(staging.dark, view, time_s, begins, back),
-        turned=_from_to(staging.turned, view, time_s, back, np.inf),
+        dark=_with_interval(staging.dark, view, time_s, begins, back),
+        turned=_with_interval(staging.turned, view, time_s, back, np.inf),
         turned_rig=turned,
     )
     spans = [Span("dark", begins, back, view=view), Span("bumped", back, np.inf, view=view)]
@@ -284,7 +288,7 @@ def _bumped(options: CrowdOptions, rig: CameraRig, time_s: np.ndarray, rng: np.r
 
 
 def _turned(rig: CameraRig, view: int, angle_deg: float) -> CameraRig:
-    """The rig with one camera turned about the vertical through its centre."""
+    """Return the rig with one camera rotated about the vertical through its center."""
     camera = rig.cameras[view]
     pose = camera.camera_from_world.copy()
     pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
@@ -293,10 +297,10 @@ def _turned(rig: CameraRig, view: int, angle_deg: float) -> CameraRig:
     return replace(rig, cameras=cameras)
 
 
-def _from_to(nowhere: np.ndarray, view: int, time_s: np.ndarray, from_s: float, to_s: float) -> np.ndarray:
-    where = nowhere.copy()
-    where[:, view] = (time_s >= from_s) & (time_s < to_s)
-    return where
+def _with_interval(mask: np.ndarray, view: int, time_s: np.ndarray, from_s: float, to_s: float) -> np.ndarray:
+    result = mask.copy()
+    result[:, view] = (time_s >= from_s) & (time_s < to_s)
+    return result
 
 
 _SCENARIOS: dict[Scenario, Callable[[CrowdOptions, CameraRig, np.ndarray, np.random.Generator], _Script]] = {

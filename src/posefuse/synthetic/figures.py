@@ -1,6 +1,6 @@
-"""Figures: trees of joints and landmarks at rest, for a human with every shipped human keypoint, or any skeleton.
+"""Figures: kinematic trees of a human with all shipped human keypoints, or of an arbitrary skeleton.
 
-Figure axes: x forward, y to the left, z up. Lengths are those of an adult of 1.75 m, scaled by stature.
+Figure axes: x forward, y to the left, z up. Human lengths are those of an adult of 1.75 m, scaled by stature.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ class Figure:
     """A kinematic tree.
 
     Attributes:
-        names: of the nodes; every parent stands before its children.
+        names: node names; every parent precedes its children.
         parents: index of each node's parent, -1 for the root.
-        offsets_m: shape (node, 3): from the parent, at rest.
-        joints: names of the nodes that turn, in the order of every rotation axis.
+        offsets_m: shape (node, 3): offset from the parent in the rest pose.
+        joints: names of the nodes that rotate, in the order of every joint axis.
     """
 
     names: tuple[str, ...]
@@ -31,26 +31,26 @@ class Figure:
     joints: tuple[str, ...]
 
     @cached_property
-    def _turning(self) -> np.ndarray:
+    def _joint_of_node(self) -> np.ndarray:
         places = {name: i for i, name in enumerate(self.joints)}
         return np.array([places.get(name, -1) for name in self.names])
 
     def positions(self, root_m: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-        """Where every node is.
+        """Return the positions of all nodes.
 
         Args:
-            root_m: shape (frame, 3).
-            rotations: shape (frame, joint, 3, 3).
+            root_m: shape (frame, 3): position of the root.
+            rotations: shape (frame, joint, 3, 3): rotation of each joint.
 
         Returns:
-            Shape (frame, node, 3), metres.
+            Shape (frame, node, 3), meters.
         """
         positions = np.empty((len(root_m), len(self.names), 3))
         scratch = np.empty((len(self.names), 3, 3))
         forward_kinematics(
             np.array(self.parents),
             np.ascontiguousarray(self.offsets_m),
-            self._turning,
+            self._joint_of_node,
             np.ascontiguousarray(rotations),
             np.ascontiguousarray(root_m),
             positions,
@@ -59,16 +59,16 @@ class Figure:
         return positions
 
     def columns(self, skeleton: Skeleton) -> np.ndarray:
-        """Shape (keypoint,): the node of each keypoint."""
+        """Return the node index of each keypoint, shape (keypoint,)."""
         return np.array([self.names.index(name) for name in skeleton.keypoints])
 
     def has(self, skeleton: Skeleton) -> bool:
-        """Whether every keypoint of the skeleton is a node."""
+        """Return whether every keypoint of the skeleton is a node."""
         return set(skeleton.keypoints) <= set(self.names)
 
 
 def human(stature_m: float = _STATURE_M) -> Figure:
-    """An adult standing with hanging arms, with the landmarks of every shipped human skeleton."""
+    """Return a standing adult with hanging arms and the landmarks of all shipped human skeletons."""
     nodes: list[tuple[str, str, tuple[float, float, float]]] = [
         ("mid_hip", "", (0.0, 0.0, 0.0)),
         ("spine", "mid_hip", (0.0, 0.0, 0.25)),
@@ -93,19 +93,19 @@ def human(stature_m: float = _STATURE_M) -> Figure:
 
 
 def creature(skeleton: Skeleton, size_m: float, rng: np.random.Generator) -> Figure:
-    """A figure of any skeleton: the tree its edges span, with random constant bones.
+    """Return a figure of an arbitrary skeleton: the tree spanned by its edges, with random constant bone lengths.
 
-    Keypoints that no edge reaches hang on the root. The whole is about ``size_m`` long.
+    Keypoints without an edge are attached to the root. Bones are 0.15 to 0.35 ``size_m`` long.
     """
     n = len(skeleton)
-    neighbours: list[list[int]] = [[] for _ in range(n)]
+    neighbors: list[list[int]] = [[] for _ in range(n)]
     for a, b in skeleton.edge_indices:
-        neighbours[a].append(int(b))
-        neighbours[b].append(int(a))
-    root = int(np.argmax([len(of) for of in neighbours]))
+        neighbors[a].append(int(b))
+        neighbors[b].append(int(a))
+    root = int(np.argmax([len(nodes) for nodes in neighbors]))
     order, parents = [root], {root: -1}
     for node in order:
-        for other in neighbours[node]:
+        for other in neighbors[node]:
             if other not in parents:
                 parents[other] = node
                 order.append(other)
@@ -174,7 +174,7 @@ def _side_of_head(side: str, sign: float) -> list[tuple[str, str, tuple[float, f
 
 
 def _face() -> list[tuple[str, str, tuple[float, float, float]]]:
-    """The 68 face keypoints on their curves, of which chin and lower lip ride on the jaw, and a mesh as a spiral."""
+    """Return the 68 face keypoints, with chin and lower lip attached to the jaw, and the face mesh as a spiral."""
     curve = np.linspace(0.0, 1.0, 17)
     points = [
         (0.01 + 0.07 * np.sin(np.pi * t), -0.07 * np.cos(np.pi * t), -0.01 - 0.1 * np.sin(np.pi * t)) for t in curve

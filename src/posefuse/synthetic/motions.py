@@ -1,9 +1,9 @@
-"""Motions: smooth, seeded, with constant bones, defined at every time.
+"""Simulate smooth, seeded motion with constant bone lengths, defined at every time.
 
-A human goes through a list of activities (walk, turn, reach, sit, jump, stand), each a set of joint angles over time;
-angles cross over smoothly between them. The root moves along the heading while walking, and its height is what puts
-the lower foot on the floor, plus the flight of a jump. Kinematics, not dynamics: good enough to look human and to
-make cameras and filters work for their living.
+A human performs a list of activities (walk, turn, reach, sit, jump, stand). Each activity is a set of joint angles over
+time, and angles blend smoothly between activities. The root moves along the heading while walking; its height puts the
+lower foot on the floor, plus the flight height of a jump. The model is kinematic, not dynamic: realistic enough to test
+cameras and filters.
 """
 
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ FEET = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("heel",
 
 @dataclass(frozen=True)
 class HumanMotion:
-    """How one person moves.
+    """Parameters of one person's motion.
 
     Attributes:
-        activities: what they do, each for ``activity_s``, then from the start again.
-        activity_s: how long each lasts.
+        activities: activities, each performed for ``activity_s``, repeated from the start.
+        activity_s: duration of each activity.
         cadence_hz: gait cycles per second.
-        stride_m: per gait cycle.
-        path_radius_m: of the circle they walk.
-        start_m: shape (2,): where on the floor the circle's centre is.
-        heading: radians from x, at time 0.
-        phase: of the gait, radians, at time 0.
+        stride_m: distance per gait cycle.
+        path_radius_m: radius of the circular path.
+        start_m: shape (2,): center of the circle on the floor.
+        heading: heading at time 0, radians from x.
+        phase: gait phase at time 0, radians.
     """
 
     activities: tuple[Activity, ...]
@@ -47,7 +47,7 @@ class HumanMotion:
 
     @classmethod
     def random(cls, activities: tuple[Activity, ...], rng: np.random.Generator) -> "HumanMotion":
-        """A person's way of moving, drawn from the generator."""
+        """Sample the parameters of a person's motion."""
         return cls(
             activities=activities,
             activity_s=3.0,
@@ -60,11 +60,11 @@ class HumanMotion:
         )
 
     def positions(self, figure: Figure, time_s: np.ndarray) -> np.ndarray:
-        """Shape (time, node, 3): where every node of the figure is, in metres.
+        """Return the node positions of the figure in meters, shape (time, node, 3).
 
         Args:
-            figure: a human.
-            time_s: shape (time,), in any order, from 0.
+            figure: human figure.
+            time_s: shape (time,), at least 0, in any order.
         """
         weights = self._weights(time_s)
         gait = self.phase + 2.0 * np.pi * self.cadence_hz * time_s
@@ -85,7 +85,7 @@ class HumanMotion:
         return positions
 
     def _slot(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which activity, counted on, and how long ago it began."""
+        """Return the running number of the activity and the time since its start."""
         slot = np.floor(time_s / self.activity_s).astype(int)
         return slot, time_s - slot * self.activity_s
 
@@ -97,7 +97,7 @@ class HumanMotion:
         return {a: np.where(now == a, fresh, 0.0) + np.where(before == a, 1.0 - fresh, 0.0) for a in ACTIVITIES}
 
     def _progress(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far walked, m, and how far turned on the spot, radians, since time 0: integrals of the weights."""
+        """Return the distance walked in m and the angle turned on the spot in radians since time 0."""
         end = float(np.max(time_s, initial=0.0)) + 1e-3
         grid = np.linspace(0.0, end, int(np.ceil(end * 100)) + 2)
         step = grid[1] - grid[0]
@@ -110,9 +110,9 @@ class HumanMotion:
         return speed * np.interp(time_s, grid, walked), 1.2 * np.interp(time_s, grid, turned)
 
     def _flight(self, time_s: np.ndarray) -> np.ndarray:
-        """Height above the floor, m: one bell in the middle of every jump, of gravity's curvature at its top.
+        """Return the flight height in m: one bell per jump, with the curvature of gravity at its top.
 
-        A true parabola would begin with a step in velocity, which no body makes.
+        A parabola would start with a step in velocity, which no body can produce.
         """
         slot, since = self._slot(time_s)
         jumping = np.array(self.activities)[slot % len(self.activities)] == "jump"
@@ -123,7 +123,7 @@ class HumanMotion:
     def _angles(
         self, time_s: np.ndarray, gait: np.ndarray, weights: Mapping[Activity, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Joint name to (bend forward, lean left, turn left) in degrees, shape (time, 3)."""
+        """Return joint name -> (bend forward, lean left, turn left) in degrees, shape (time, 3)."""
         _, since = self._slot(time_s)
         poses: dict[Activity, dict[str, tuple[np.ndarray, ...]]] = {
             "walk": walk_pose(gait),
@@ -143,13 +143,13 @@ class HumanMotion:
 
 @dataclass(frozen=True)
 class CreatureMotion:
-    """How any figure moves: every joint swings on three sines of its own, the root wanders.
+    """Motion of an arbitrary figure: every joint follows the sum of three sines, and the root wanders.
 
     Attributes:
-        seed: of the amplitudes and phases.
-        reach_m: how far the root wanders.
-        swing_deg: amplitude of a joint.
-        height_m: of the root, in the mean.
+        seed: seed of the frequencies and phases.
+        reach_m: maximum excursion of the root along each axis.
+        swing_deg: amplitude of the joint angles.
+        height_m: mean height of the root.
     """
 
     seed: int
@@ -158,7 +158,7 @@ class CreatureMotion:
     height_m: float = 0.0
 
     def positions(self, figure: Figure, time_s: np.ndarray) -> np.ndarray:
-        """Shape (time, node, 3): where every node of the figure is, in metres."""
+        """Return the node positions of the figure in meters, shape (time, node, 3)."""
         rng = np.random.default_rng(self.seed)
         n = len(figure.joints)
 
@@ -173,16 +173,16 @@ class CreatureMotion:
 
 
 def joint_rotations(angles: Mapping[str, np.ndarray], joint: str, n: int) -> np.ndarray:
-    """Shape (n, 3, 3): of a joint's bends in degrees, shape (n, 3): forward, to the left, turned left."""
+    """Return the rotations of a joint, shape (n, 3, 3), from bends in degrees: forward, to the left, turned left."""
     if joint not in angles:
         return np.broadcast_to(np.eye(3), (n, 3, 3))
     bend, lean, turn = angles[joint].T
-    # Forward bends turn about the y axis (to the left), leans about x, turns about z.
+    # A forward bend rotates about the y axis (to the left), a lean about x, a turn about z.
     return Rotation.from_euler("ZXY", np.stack([turn, -lean, bend], axis=-1), degrees=True).as_matrix()
 
 
 def walk_pose(gait: np.ndarray, swing: float | np.ndarray = 1.0) -> dict[str, tuple[np.ndarray, ...]]:
-    """Bends of a walker's joints, in degrees, by phase of the gait; ``swing`` 0 is standing still."""
+    """Return the joint bends of a walker in degrees by gait phase; ``swing`` 0 means standing still."""
     zero = np.zeros_like(gait)
     pose = {
         "mid_hip": (3.0 + zero, 2.0 * swing * np.sin(gait), 4.0 * swing * np.sin(gait)),
@@ -200,11 +200,11 @@ def walk_pose(gait: np.ndarray, swing: float | np.ndarray = 1.0) -> dict[str, tu
 
 
 def small_movements(time_s: np.ndarray, phase: float) -> dict[str, tuple[np.ndarray, ...]]:
-    """Bends of hands that open and close, finger after finger, and of a jaw that talks, in degrees.
+    """Return the bends of fingers that open and close one after the other, and of a talking jaw, in degrees.
 
     Args:
         time_s: shape (time,).
-        phase: of the person, radians.
+        phase: phase of the person, radians.
     """
     zero = np.zeros_like(time_s)
     pose = {"jaw": (12.0 * np.sin(2.0 * np.pi * 0.9 * time_s + phase) ** 2, zero, zero)}
@@ -238,7 +238,7 @@ def _sit(since: np.ndarray, length: float) -> dict[str, tuple[np.ndarray, ...]]:
 
 
 def _crouch(t: np.ndarray) -> dict[str, tuple[np.ndarray, ...]]:
-    """Down before the take-off at -0.225 s and after the landing at 0.225 s."""
+    """Return a pose that crouches before take-off and after landing; the jump is centered at 0 s."""
     down = np.exp(-(((t + 0.5) / 0.2) ** 2)) + 0.8 * np.exp(-(((t - 0.45) / 0.2) ** 2))
     pose = _squat(60.0 * down, 75.0 * down, 30.0 * down)
     swing = 60.0 * np.exp(-((t / 0.3) ** 2)) - 30.0 * down
@@ -259,12 +259,12 @@ def _squat(hip: np.ndarray, knee: np.ndarray, lean: np.ndarray) -> dict[str, tup
 
 
 def smooth_step(x: np.ndarray) -> np.ndarray:
-    """0 to 1 over 0 to 1, with two continuous derivatives."""
+    """Return a step from 0 to 1 over the interval 0 to 1, with two continuous derivatives."""
     x = np.clip(x, 0.0, 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
 
 
 def soft_minimum(heights: np.ndarray, softness_m: float = 0.01) -> np.ndarray:
-    """A smooth stand-in for the minimum over the last axis."""
+    """Return a smooth approximation of the minimum over the last axis."""
     low = heights.min(axis=-1, keepdims=True)
     return low[..., 0] - softness_m * np.log(np.exp(-(heights - low) / softness_m).sum(axis=-1))

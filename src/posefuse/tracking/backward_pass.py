@@ -75,8 +75,8 @@ def _gains(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the results of the kernel ``smoother_gains`` also where a covariance is almost singular.
 
-    With C = P F^T, the covariance of a state and its predicted successor, and P', the covariance of the latter, the gain
-    is G = C P'^-1, and the remainder is P - G C^T.
+    With C = P F^T, the covariance of a state and its predicted successor, and P', the covariance of the latter, the
+    gain is G = C P'^-1, and the remainder is P - G C^T.
     """
     n = settings.tree.n_pose
     predicted = select_states(state, np.arange(len(dt_s)))

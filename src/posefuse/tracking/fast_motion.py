@@ -1,8 +1,9 @@
 """Assignment of people who moved farther than the motion model predicts.
 
-The motion model describes how people and animals mostly move; a startled one accelerates more for a moment. A model that
-always expects such accelerations cannot distinguish people. So they are considered only where views show an unassigned
-person and a predicted person is missing: if more views show that person than the prediction, the person moved fast.
+The motion model describes how people and animals mostly move; a startled one accelerates more for a moment. A model
+that always expects such accelerations cannot distinguish people. So they are considered only where views show an
+unassigned person and a predicted person is missing: if more views show that person than the prediction, the person
+moved fast.
 """
 
 from dataclasses import dataclass

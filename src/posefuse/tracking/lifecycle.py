@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.arrays import frozen
 from posefuse.kernels.tracking.frame_statistics import predict_visibility
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.segment_lengths import told_of_lengths
+from posefuse.kinematics.segment_lengths import length_information
 from posefuse.model.track_events import EventKind
 from posefuse.model.tracks import TrackState
 from posefuse.tracking.body_states import ProjectedBodies, fix_shape_covariance, select_states, set_state
@@ -196,7 +196,7 @@ def restore_track(state: State, p: int, fitted: State, settings: TrackerSettings
     is_fixed = not state.free[p]
     fitted = select_states(fitted, [0])
     if not is_fixed:
-        information, pull = told_of_lengths(settings.tree, shape_m, block)
+        information, pull = length_information(settings.tree, shape_m, block)
         gradient = pull - information @ (fitted.shape[0] - settings.tree.shape_m)
         update_lengths(fitted, information, gradient, settings)
     set_state(state, p, fitted)

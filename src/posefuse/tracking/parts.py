@@ -2,7 +2,7 @@
 
 The same filter predicts and updates a part and a body. In addition to the detections, a part receives the position and
 orientation of its root from the body; it does not change the body. A part that no view shows for some time is dropped,
-and starts again from its points once two views or more show them. See docs/methods.md, "Hands and faces".
+and starts again from its points once two views or more show them. See docs/methods/parts.md.
 """
 
 from collections.abc import Sequence

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import aim, bones_shown, pose_from_points
+from posefuse.kinematics.initial_pose import bone_vectors, pose_from_points, turn_bones
 from posefuse.tracking.settings import TrackerSettings
 
 
@@ -54,12 +54,12 @@ def reinitialize_directions(
     if not np.isfinite(points_m).any():
         return
     tree, segments = settings.tree, len(settings.tree.segments)
-    shown = bones_shown(tree, points_m)
+    shown = bone_vectors(tree, points_m)
     bones = np.flatnonzero(which[segments:] & np.isfinite(shown).all(axis=1))
     turned = np.flatnonzero(which[:segments])
     if len(turned):
         state.turns[body, turned] = pose_from_points(tree, points_m, state.shape[body])[1][turned]
-    aim(state.bones[body], shown, bones)
+    turn_bones(state.bones[body], shown, bones)
 
 
 def reinitialize_limb(state: State, body: int, keypoint: int, points_m: np.ndarray, settings: TrackerSettings) -> bool:
@@ -83,7 +83,7 @@ def reinitialize_limb(state: State, body: int, keypoint: int, points_m: np.ndarr
         node = tree.nodes[node].parent
     if not bones:
         return False
-    aim(state.bones[body], bones_shown(tree, points_m), bones)
+    turn_bones(state.bones[body], bone_vectors(tree, points_m), bones)
     columns = np.array([3 + 3 * len(tree.segments) + 2 * bone + i for bone in bones for i in range(2)])
     _reset_covariance(state, body, columns, settings)
     return True

@@ -8,7 +8,7 @@ from posefuse.arrays import PickledByFields, frozen
 from posefuse.errors import SkeletonError
 from posefuse.kernels.tracking.error_model import ErrorModel
 from posefuse.kernels.tracking.records import Body
-from posefuse.kinematics.initial_pose import motion_laws, widest
+from posefuse.kinematics.initial_pose import max_variances, motion_parameters
 from posefuse.model.cameras import CameraRig
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
@@ -83,7 +83,7 @@ class TrackerSettings(PickledByFields):
         # Half of the keypoints support a person if the skeleton has few.
         half = (int((tree.keypoint_nodes >= 0).sum()) + 1) // 2
         options = replace(options, min_joints=min(options.min_joints, half))
-        decay, power = motion_laws(tree, options.motion)
+        decay, power = motion_parameters(tree, options.motion)
         # BodyFrame stand for the detections of either side.
         cameras = rig.packed[0]
         law = ErrorModel(
@@ -99,7 +99,7 @@ class TrackerSettings(PickledByFields):
         return cls(
             rig, skeleton, tree, noise, options, cameras,
             np.array([camera.size_px for camera in rig.cameras], dtype=np.float64),
-            body_of(tree), law, decay, power, widest(tree), group_of, int(group_of.max(initial=-1)) + 1,
+            body_of(tree), law, decay, power, max_variances(tree), group_of, int(group_of.max(initial=-1)) + 1,
             skeleton.core_indices,
         )  # fmt: skip
 
@@ -117,7 +117,8 @@ class TrackerSettings(PickledByFields):
 def filter_memory_s(
     n_views: np.ndarray, single_view_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions
 ) -> np.ndarray:
-    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape (track,).
+    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape
+    (track,).
 
     Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
     filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an

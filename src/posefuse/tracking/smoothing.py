@@ -1,11 +1,11 @@
 """Fixed-interval smoother over the history of a tracker.
 
 Detection errors are correlated over several frames. A filter averages over so few frames that the correlation hardly
-matters; a smoother averages over more, so that it must model the correlation. So each person is filtered again with less
-information per frame (:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch, Tung
-and Striebel (1965), on the error state, in which differences of turns are logarithms, those of bones the smallest turn
-from one direction to the other, and corrections are applied as the filter applies its own. See docs/methods.md,
-"Smoothing people".
+matters; a smoother averages over more, so that it must model the correlation. So each person is filtered again with
+less information per frame (:mod:`posefuse.tracking.tempering`), then smoothed from the last frame to the first: Rauch,
+Tung and Striebel (1965), on the error state, in which differences of turns are logarithms, those of bones the smallest
+turn from one direction to the other, and corrections are applied as the filter applies its own. See
+docs/methods/smoothing.md.
 """
 
 from dataclasses import dataclass

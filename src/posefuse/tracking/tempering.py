@@ -1,9 +1,9 @@
 """The filter run again with less information per frame, from its states alone.
 
-The information of a frame about a body is the difference that the update made: with P' and P the covariances of pose and
-shape before and after the update, m' and m the means, the log likelihood has the curvature P^-1 - P'^-1 and at m the
-gradient P'^-1 (m - m'). Correlated errors leave a fraction of both. No detections are needed, and each frame costs a few
-products of small matrices. See docs/methods.md, "Smoothing people".
+The information of a frame about a body is the difference that the update made: with P' and P the covariances of pose
+and shape before and after the update, m' and m the means, the log likelihood has the curvature P^-1 - P'^-1 and at m
+the gradient P'^-1 (m - m'). Correlated errors leave a fraction of both. No detections are needed, and each frame costs
+a few products of small matrices. See docs/methods/smoothing.md.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.refiltering import ROUNDING_TOLERANCE
 from posefuse.kernels.tracking.refiltering import refilter as refilter_frames
 from posefuse.kernels.tracking.smoothing import apply_changes, compare_states
-from posefuse.kinematics.initial_pose import newborn_covariance
+from posefuse.kinematics.initial_pose import initial_covariance
 from posefuse.tracking.body_states import free_columns, select_states, set_state
 from posefuse.tracking.settings import TrackerSettings
 
@@ -163,7 +163,7 @@ def temper_first_state(state: State, share: float, settings: TrackerSettings) ->
     rows = free_columns(n, h, bool(state.free[0]))
     m = len(rows) - n
     at, pose = np.ix_(rows, rows), rows[:m]
-    initial = newborn_covariance(settings.tree, settings.tree.shape_covariance, settings.options.motion)
+    initial = initial_covariance(settings.tree, settings.tree.shape_covariance, settings.options.motion)
     state = select_states(state, [0])
     block = state.covariance[0][at]
     prior = np.linalg.inv(initial[np.ix_(pose, pose)])

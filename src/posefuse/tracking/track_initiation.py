@@ -9,7 +9,7 @@ from posefuse.arrays import frozen
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import USED, State
 from posefuse.kernels.tracking.update import update_people
-from posefuse.kinematics.initial_pose import aim, bones_shown, newborn
+from posefuse.kinematics.initial_pose import bone_vectors, initial_state, turn_bones
 from posefuse.model.frames import Frame
 from posefuse.model.proposals import Proposals
 from posefuse.tracking.body_states import ProjectedBodies, select_states
@@ -161,7 +161,7 @@ def fit_body(
     tree = settings.tree
     mean = tree.shape_m if shape_m is None else shape_m
     spread = tree.shape_covariance if covariance is None else covariance
-    state = newborn(tree, observations[0].points_m, mean, spread, settings.options.motion)
+    state = initial_state(tree, observations[0].points_m, mean, spread, settings.options.motion)
     past: list[PastState] = []
     seen = np.zeros(len(tree.bones), dtype=bool)
     for i, each in enumerate(observations):
@@ -171,8 +171,8 @@ def fit_body(
                 np.array([since_s]), settings.decay_s, settings.power, settings.most,
                 settings.options.motion.shape_walk, state,
             )  # fmt: skip
-        shown = bones_shown(tree, each.points_m)
-        aim(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
+        shown = bone_vectors(tree, each.points_m)
+        turn_bones(state.bones[0], shown, np.flatnonzero(~seen & (i > 0)))
         seen |= np.isfinite(shown).all(axis=1)
         update_by_observation(state, each, settings, since_s)
         past.append(PastState(each.number, each.time_s, select_states(state, [0]), each.rows))

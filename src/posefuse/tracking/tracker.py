@@ -1,4 +1,4 @@
-"""The tracker: predict, associate, update and manage, frame by frame. See docs/methods.md, "People"."""
+"""The tracker: predict, associate, update and manage, frame by frame. See docs/methods/tracking.md."""
 
 from dataclasses import replace
 

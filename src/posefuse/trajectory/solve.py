@@ -1,6 +1,6 @@
 """Trajectory solve: keypoint paths that best explain every view, move smoothly and keep bone lengths.
 
-See docs/methods.md, "One solve over the whole recording".
+See docs/methods/trajectory.md.
 """
 
 from collections.abc import Iterable

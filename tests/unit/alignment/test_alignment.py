@@ -1,4 +1,4 @@
-"""Laws of laying the world anew."""
+"""Alignment of the world: floor, axes, size, and their application."""
 
 import warnings
 from dataclasses import replace
@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import posefuse
-from posefuse.alignment.apply import aligned, in_calibration_world, scaled_rig
-from posefuse.alignment.feet import floor_of_feet
-from posefuse.alignment.lay import lay
-from posefuse.alignment.size import height_of, scale_of
+from posefuse.alignment.apply import align, in_calibration_world, scaled_rig
+from posefuse.alignment.feet import floor_from_feet
+from posefuse.alignment.size import estimate_height_m, scale_factor
+from posefuse.alignment.world_axes import find_alignment
 from posefuse.diagnostics.floor import floor_findings
 from posefuse.errors import DetectionsError, OptionsError, ResultError
 from posefuse.model.alignment import Alignment
@@ -29,7 +29,7 @@ MOVED = Alignment(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix(), np.array([
 
 @pytest.fixture(scope="module")
 def walker():
-    """Somebody who walks over a floor at z = 0, for six seconds."""
+    """Simulate a person who walks for 6 s on a floor at z = 0."""
     return simulate(SceneOptions(duration_s=6, cameras=4, detector=CLEAN))
 
 
@@ -42,9 +42,9 @@ def turned(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.nd
     return points @ rotation.T + shift
 
 
-def test_a_result_and_back(walker):
+def test_alignment_can_be_undone(walker):
     result = followed(crowd())
-    there = aligned(result, MOVED)
+    there = align(result, MOVED)
     assert there.alignment == MOVED
     assert there.rig.up_axis == "y"
     for name, layer in result.layers.items():
@@ -68,7 +68,7 @@ def test_a_result_and_back(walker):
     )
 
 
-def test_covariances_turn_with_their_points():
+def test_covariances_rotate_with_their_points():
     rng = np.random.default_rng(0)
     result = followed(crowd())
     layer = result.layers["model"]
@@ -76,30 +76,30 @@ def test_covariances_turn_with_their_points():
     full = root @ root.T
     entries = np.broadcast_to(full[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], layer.covariance_m2.shape).copy()
     told = replace(result, layers={"model": replace(layer, covariance_m2=entries)})
-    found = np.asarray(aligned(told, MOVED).layers["model"].covariance_m2)[0, 0, 0]
+    found = np.asarray(align(told, MOVED).layers["model"].covariance_m2)[0, 0, 0]
     by_hand = 2.5**2 * MOVED.rotation @ full @ MOVED.rotation.T
     np.testing.assert_allclose(found, by_hand[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
 
 
-def test_an_alignment_that_mirrors_cannot_be():
+def test_mirroring_alignment_is_an_error():
     with pytest.raises(ResultError, match="rotation"):
         Alignment(np.diag([1.0, 1.0, -1.0]), np.zeros(3))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_floor_of_feet_wherever_it_is(walker, true_points, seed):
+def test_floor_is_found_in_any_world(walker, true_points, seed):
     rng = np.random.default_rng(seed)
     rotation, shift = Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3)
     noisy = turned(true_points, rotation, shift) + 0.004 * rng.normal(size=true_points.shape)
     wild = rng.random(true_points.shape[:3]) < 0.05
     noisy[wild] += rng.normal(size=(int(wild.sum()), 3))
-    plane = floor_of_feet([noisy], walker.truth.skeleton, None)
+    plane = floor_from_feet([noisy], walker.truth.skeleton, None)
     assert np.degrees(np.arccos(plane.normal @ rotation[:, 2])) < 1.0
     # Toes and heels are a few centimetres above their soles.
     assert abs((shift - plane.point_m) @ plane.normal) < 0.06
 
 
-def test_feet_on_one_spot_need_an_up_axis(walker, true_points):
+def test_feet_in_one_place_need_an_up_axis(walker, true_points):
     standing = np.broadcast_to(true_points[:1, :, 11:17], (60, 1, 6, 3))
     skeleton = replace(
         walker.truth.skeleton,
@@ -117,8 +117,8 @@ def test_feet_on_one_spot_need_an_up_axis(walker, true_points):
     )
     noisy = standing + 0.002 * np.random.default_rng(0).normal(size=standing.shape)
     with pytest.raises(DetectionsError, match="one line"):
-        floor_of_feet([noisy], skeleton, None)
-    plane = floor_of_feet([noisy], skeleton, np.array([0.0, 0.0, 1.0]))
+        floor_from_feet([noisy], skeleton, None)
+    plane = floor_from_feet([noisy], skeleton, np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose(plane.normal, [0, 0, 1])
     assert abs(plane.point_m[2]) < 0.1
 
@@ -131,7 +131,7 @@ def tilt_deg(normal: np.ndarray, up: np.ndarray = UP) -> float:
 
 
 def lasting(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
-    """Errors that hold on for about half a second at 30 Hz."""
+    """Return errors with a correlation time of about half a second at 30 Hz."""
     rng = np.random.default_rng(seed)
     errors = [rng.normal(size=points.shape[1:])]
     for _ in points[1:]:
@@ -140,30 +140,32 @@ def lasting(points: np.ndarray, size_m: float, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_feet_that_tell_little_heed_the_calibrations_up(walker, true_points, seed):
+def test_uncertain_feet_are_combined_with_the_calibrated_up(walker, true_points, seed):
     noisy, skeleton = lasting(true_points, 0.03, seed), walker.truth.skeleton
-    alone = floor_of_feet([noisy], skeleton, None)
-    both = floor_of_feet([noisy], skeleton, UP)
-    assert alone.doubt_deg > 0.5
-    assert tilt_deg(alone.normal) < 3.0 * alone.doubt_deg
-    assert both.up_counts
+    alone = floor_from_feet([noisy], skeleton, None)
+    both = floor_from_feet([noisy], skeleton, UP)
+    assert alone.tilt_sd_deg > 0.5
+    assert tilt_deg(alone.normal) < 3.0 * alone.tilt_sd_deg
+    assert both.uses_up
     assert tilt_deg(both.normal) < tilt_deg(alone.normal)
     assert tilt_deg(both.normal) < 2.0
-    # Somebody else's up: a floor that feet contradict is not theirs.
+    # A wrong up axis contradicts the feet and is ignored.
     leaning = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
-    against = floor_of_feet([noisy], skeleton, leaning)
-    assert not against.up_counts
+    against = floor_from_feet([noisy], skeleton, leaning)
+    assert not against.uses_up
     np.testing.assert_array_equal(against.normal, alone.normal)
 
 
-def test_feet_that_tell_much_are_believed(walker, true_points):
+def test_certain_feet_override_the_calibrated_up(walker, true_points):
     leaning = np.array([0.0, np.sin(np.radians(2.0)), np.cos(np.radians(2.0))])
-    plane = floor_of_feet([true_points], walker.truth.skeleton, leaning)
-    assert plane.doubt_deg < 1.0
+    plane = floor_from_feet([true_points], walker.truth.skeleton, leaning)
+    assert plane.tilt_sd_deg < 1.0
     assert tilt_deg(plane.normal) < 1.0
-    for turn_deg, says in ((0.0, "which counts with them"), (20.0, "which they contradict")):
+    for turn_deg, says in ((0.0, "which is combined with the feet"), (20.0, "which contradicts the feet")):
         rotation = Rotation.from_euler("x", turn_deg, degrees=True).as_matrix()
-        steps = lay([true_points @ rotation.T], walker.truth.skeleton, walker.rig, AlignOptions(floor="feet")).steps
+        steps = find_alignment(
+            [true_points @ rotation.T], walker.truth.skeleton, walker.rig, AlignOptions(floor="feet")
+        ).steps
         assert says in steps[0]
 
 
@@ -172,8 +174,8 @@ def test_axes_of_presets(walker, true_points, preset):
     options = AlignOptions(floor="feet", origin="subject", forward="walk", preset=preset)
     rotation = Rotation.from_rotvec([0.3, 0.2, -2.0]).as_matrix()
     points = turned(true_points, rotation, np.array([3.0, 1.0, -1.0]))
-    rig = aligned(walker.truth, Alignment(rotation, np.array([3.0, 1.0, -1.0]), 1.0, None, None)).rig
-    found = lay([points], walker.truth.skeleton, rig, options)
+    rig = align(walker.truth, Alignment(rotation, np.array([3.0, 1.0, -1.0]), 1.0, None, None)).rig
+    found = find_alignment([points], walker.truth.skeleton, rig, options)
     new = found.points(points)
     up, ahead = (np.array(up_vector(axis)) for axis in PRESETS[preset])
     skeleton = walker.truth.skeleton
@@ -189,26 +191,26 @@ def test_axes_of_presets(walker, true_points, preset):
     assert (preset == "unreal") == any("left-handed" in step for step in found.steps)
 
 
-def test_three_points_and_a_direction_by_hand(walker, true_points):
+def test_floor_from_three_points_and_a_direction(walker, true_points):
     options = AlignOptions(
         floor_points_m=(0, 0, 0, 0, 1, 0, 1, 0, 0), origin_m=(1, 2, 9),
         forward_m=(0, 1, 0.5),
     )  # fmt: skip
-    found = lay([true_points], walker.truth.skeleton, walker.rig, options)
+    found = find_alignment([true_points], walker.truth.skeleton, walker.rig, options)
     np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 0.0])), 0.0, atol=1e-12)
     np.testing.assert_allclose(found.points(np.array([1.0, 3.0, 0.0])), [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(found.points(np.array([1.0, 2.0, 1.0])), [0, 0, 1], atol=1e-12)
 
 
-def test_facing(walker, true_points):
-    found = lay([true_points[:30]], walker.truth.skeleton, walker.rig, AlignOptions(forward="subject"))
+def test_forward_is_the_facing_direction(walker, true_points):
+    found = find_alignment([true_points[:30]], walker.truth.skeleton, walker.rig, AlignOptions(forward="subject"))
     new = found.points(true_points[:30])
     skeleton = walker.truth.skeleton
     across = np.nanmean(new[:, 0, skeleton.index("left_hip")] - new[:, 0, skeleton.index("right_hip")], axis=0)
     assert across[1] > 5 * abs(across[0])
 
 
-def test_sizes(walker, true_points):
+def test_scale_from_height_or_distance(walker, true_points):
     skeleton = walker.truth.skeleton
     length = np.median(
         np.linalg.norm(
@@ -216,15 +218,15 @@ def test_sizes(walker, true_points):
         )
     )
     options = AlignOptions(length_m=2 * length, length_between=("left_hip", "left_knee"))
-    assert scale_of([true_points], skeleton, options) == pytest.approx(2.0)
-    height = height_of([true_points], skeleton)
-    assert height_of([2 * true_points], skeleton) == pytest.approx(2 * height)
+    assert scale_factor([true_points], skeleton, options) == pytest.approx(2.0)
+    height = estimate_height_m([true_points], skeleton)
+    assert estimate_height_m([2 * true_points], skeleton) == pytest.approx(2 * height)
     top = true_points[:, 0, skeleton.index("head_top"), 2]
     assert height == pytest.approx(np.nanmax(top), rel=0.08)
 
 
 class TestPipeline:
-    def test_floor_origin_and_scale_are_done_and_recorded(self, walker):
+    def test_floor_origin_and_scale_are_applied_and_recorded(self, walker):
         align = AlignOptions(floor="feet", origin="subject", preset="opensim", height_m=0.9)
         result = posefuse.reconstruct(walker.rig, walker.detections, Options(align=align))
         plain = posefuse.reconstruct(walker.rig, walker.detections)
@@ -242,8 +244,8 @@ class TestPipeline:
             atol=1e-3,
         )
 
-    def test_a_scale_is_found_with_one_look_at_the_recording(self, walker, monkeypatch):
-        """And nothing is said of the size that the calibration has: the options mend it."""
+    def test_scale_is_estimated_in_one_pass(self, walker, monkeypatch):
+        """No finding concerns the calibrated scale, because the options correct it."""
         looks = []
         estimate = recipe.estimate_noise
         monkeypatch.setattr(recipe, "estimate_noise", lambda *given: looks.append(1) or estimate(*given))
@@ -261,38 +263,38 @@ class TestPipeline:
             np.asarray(result.layers["measured"].points_m), np.asarray(plain.layers["measured"].points_m), atol=1e-5
         )
 
-    def test_it_comes_back_from_a_file(self, walker, tmp_path):
+    def test_alignment_survives_a_file(self, walker, tmp_path):
         result = posefuse.reconstruct(walker.rig, walker.detections, Options(align=AlignOptions(forward="walk")))
         posefuse.write(result, tmp_path / "reconstruction.nc")
         assert posefuse.read_reconstruction(tmp_path / "reconstruction.nc") == result
 
-    def test_without_an_up_axis_it_says_what_is_needed(self, walker):
+    def test_missing_up_axis_is_an_error(self, walker):
         rig = replace(walker.rig, up_axis=None)
         with pytest.raises(OptionsError, match="--up"):
             posefuse.reconstruct(rig, walker.detections, Options(align=AlignOptions(forward="walk")))
 
 
 class TestFindings:
-    def test_nothing_is_said_of_a_good_world(self, walker, true_points):
+    def test_no_findings_for_a_correct_world(self, walker, true_points):
         assert floor_findings([true_points], walker.truth.skeleton, walker.rig) == (None,)
 
-    def test_people_on_their_heads(self, walker, true_points):
+    def test_upside_down_people_are_reported(self, walker, true_points):
         rig = replace(walker.rig, up_axis="-z")
-        (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
-        assert "upside down" in said
-        assert "--up z" in said
+        (finding,) = floor_findings([true_points], walker.truth.skeleton, rig)
+        assert "upside down" in finding
+        assert "--up z" in finding
 
-    def test_a_camera_under_the_floor(self, walker, true_points):
+    def test_camera_below_the_floor_is_reported(self, walker, true_points):
         pose = walker.rig.cameras[0].camera_from_world.copy()
         low = pose.copy()
         low[:3, 3] = -pose[:3, :3] @ np.array([4.0, 0.0, -1.5])
         rig = replace(
             walker.rig, cameras=(replace(walker.rig.cameras[0], camera_from_world=low), *walker.rig.cameras[1:])
         )
-        (said,) = floor_findings([true_points], walker.truth.skeleton, rig)
-        assert "cam_0 is below" in said
+        (finding,) = floor_findings([true_points], walker.truth.skeleton, rig)
+        assert "cam_0 is below" in finding
 
-    def test_nothing_is_said_where_nobody_knows_up(self, true_points, walker):
+    def test_no_findings_without_an_up_axis(self, true_points, walker):
         assert floor_findings([true_points], walker.truth.skeleton, replace(ring(), up_axis=None)) == (None,)
 
 
@@ -306,6 +308,6 @@ class TestFindings:
         ({"height_m": 1.7, "length_m": 0.4, "length_between": ("a", "b")}, "one of them"),
     ],
 )
-def test_options_are_checked(change, says):
+def test_invalid_options_are_errors(change, says):
     with pytest.raises(OptionsError, match=says):
         AlignOptions(**change)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.association import one_subject
-from posefuse.association.one_subject import follow, longest_ids
+from posefuse.association.one_subject import follow, longest_track_ids
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from tests.scenes import skeleton_of
@@ -29,7 +29,7 @@ def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detec
 
 
 def chosen(detections: Detections, pick) -> list[list[int]]:
-    return follow(detections, pick, longest_ids(detections)).detection[:, 0].tolist()
+    return follow(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
 
 
 def test_one_person_needs_no_choice():
@@ -63,7 +63,7 @@ def test_people_without_keypoints_are_smallest():
 
 def test_the_track_id_that_lasts_longest_in_each_view():
     detections = crowd([[[1, 1], [1]], [[1, 1], [1]], [[1], [1]]], ids=[4, 7, 2, 7, 4, 2, 7, 3])
-    assert longest_ids(detections).tolist() == [7, 2]
+    assert longest_track_ids(detections).tolist() == [7, 2]
     assert chosen(detections, "track-id") == [[1, 0], [0, 0], [0, -1]]
 
 

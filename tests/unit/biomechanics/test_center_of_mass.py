@@ -1,4 +1,4 @@
-"""Where the mass is."""
+"""Centers of mass and segment lengths."""
 
 from dataclasses import replace
 from typing import get_args
@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from posefuse.biomechanics.center_of_mass import centres_of_mass
+from posefuse.biomechanics.center_of_mass import centers_of_mass
 from posefuse.biomechanics.segment_lengths import segment_lengths
 from posefuse.errors import SkeletonError
 from posefuse.model.options.subject import MassTable
@@ -31,7 +31,7 @@ def layer(truth):
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_shares_are_a_whole_body(name):
+def test_masses_add_up_to_the_whole_body(name):
     table = mass_table(name)
     assert sum(segment.mass for segment in table.segments) == pytest.approx(1.0, abs=2e-3)
     assert table.source
@@ -42,13 +42,13 @@ def test_shares_are_a_whole_body(name):
 
 @pytest.mark.parametrize("name", TABLES)
 @pytest.mark.parametrize("skeleton", ["halpe_26", "coco_17", "body_25", "mediapipe_33", "h36m_17"])
-def test_every_human_skeleton_has_the_segments(name, skeleton):
+def test_human_skeletons_have_all_segments(name, skeleton):
     mass_table(name).check(find_skeleton(skeleton))
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_standing_body_has_it_above_the_hips(name, truth, layer):
-    found = centres_of_mass(layer, truth.skeleton, mass_table(name))
+def test_center_of_mass_of_a_standing_person_is_above_the_hips(name, truth, layer):
+    found = centers_of_mass(layer, truth.skeleton, mass_table(name))
     points = np.asarray(layer.points_m)[:, 0]
     height = np.nanmax(points[..., 2], axis=1)
     assert found.xyz_m.shape == (15, 1, 3)
@@ -58,20 +58,20 @@ def test_a_standing_body_has_it_above_the_hips(name, truth, layer):
     np.testing.assert_allclose(found.filled_share, 0.0)
 
 
-def test_it_moves_with_the_body(truth, layer):
+def test_center_of_mass_moves_with_the_body(truth, layer):
     moved = replace(layer, points_m=np.asarray(layer.points_m) + SHIFT)
     table = mass_table("winter")
-    before, after = (centres_of_mass(each, truth.skeleton, table).xyz_m for each in (layer, moved))
+    before, after = (centers_of_mass(each, truth.skeleton, table).xyz_m for each in (layer, moved))
     np.testing.assert_allclose(after, before + SHIFT, atol=1e-9)
 
 
-def test_too_little_known_is_no_centre_and_what_was_filled_is_told(truth, layer):
+def test_missing_mass_and_filled_share(truth, layer):
     wrist, hip = truth.skeleton.index("left_wrist"), truth.skeleton.index("left_hip")
     points, source = np.array(layer.points_m), np.array(layer.source)
     points[0, 0, wrist] = np.nan
     points[1, 0, hip] = np.nan
     source[2, 0, wrist] = Source.FILLED
-    found = centres_of_mass(replace(layer, points_m=points, source=source), truth.skeleton, mass_table("winter"))
+    found = centers_of_mass(replace(layer, points_m=points, source=source), truth.skeleton, mass_table("winter"))
     assert found.known_share[0, 0] == pytest.approx(1 - 0.022)
     assert np.isfinite(found.xyz_m[0, 0]).all()
     assert found.known_share[1, 0] == pytest.approx(1 - 0.497 - 0.1)
@@ -79,12 +79,12 @@ def test_too_little_known_is_no_centre_and_what_was_filled_is_told(truth, layer)
     assert found.filled_share[2, 0] == pytest.approx(0.022)
 
 
-def test_an_animal_has_none(truth, layer):
+def test_animals_have_no_mass_table(truth, layer):
     with pytest.raises(SkeletonError, match="needs the segment"):
         mass_table("winter").check(find_skeleton("mouse_22"))
 
 
-def test_lengths_by_hand(truth, layer):
+def test_segment_lengths(truth, layer):
     name, _ = truth.best_layer()
     found = segment_lengths(truth.chunks(4), name)
     shank = next(each for each in found if (each.near, each.far) == ("left_knee", "left_ankle"))

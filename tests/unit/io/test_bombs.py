@@ -17,7 +17,7 @@ from posefuse.io.parquet_files import check_parquet, check_row_groups
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests import keypoint_files
-from tests.unit.io.test_keypoint_formats import some
+from tests.unit.io.keypoints.test_keypoint_formats import some
 
 HUGE = 10**9
 

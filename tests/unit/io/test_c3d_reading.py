@@ -105,8 +105,8 @@ def test_files_of_ezc3d(tmp_path):
     ("change", "why"),
     [
         (lambda data: data[:-600], "bytes of 20 frames"),
-        (lambda data: b"\2\0" + data[2:], "no format of 3D points|second byte"),
-        (lambda data: data[:515] + b"\7" + data[516:], "of processor 7"),
+        (lambda data: b"\2\0" + data[2:], "readable format of 3D points|second byte"),
+        (lambda data: data[:515] + b"\7" + data[516:], "unknown processor 7"),
         (lambda data: data[:300], "not a C3D file"),
     ],
 )

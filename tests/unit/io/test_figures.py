@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import posefuse
-from posefuse.biomechanics.animation_figures import body_of
+from posefuse.biomechanics.animation_figures import figure_of_person
 from posefuse.errors import ResultError
 from posefuse.io.results import bvh, clips, gltf
 from posefuse.io.results.axes import minimal_y_up_from_world
@@ -34,7 +34,7 @@ def expected(result, person: int = 0) -> np.ndarray:
 
 def joints_of(result, names: list[str], person: str = "person_1") -> tuple[np.ndarray, list[int]]:
     """Keypoints that have a joint, and which that is in the file."""
-    figure = body_of(result, person).figure
+    figure = figure_of_person(result, person).figure
     keypoints = np.flatnonzero(figure.keypoint_joints >= 0)
     return keypoints, [names.index(figure.joints[j].name) for j in figure.keypoint_joints[keypoints]]
 
@@ -257,7 +257,7 @@ class TestWhatCannotBeWritten:
     @pytest.mark.parametrize("end", ["bvh", "glb"])
     def test_without_bodies(self, end, tmp_path):
         bare = replace(posed("body_20"), poses=None)
-        with pytest.raises(ResultError, match="none were fitted in this result.*--bodies fit"):
+        with pytest.raises(ResultError, match="this result has none.*--bodies fit"):
             posefuse.write(bare, tmp_path / f"a.{end}")
         assert list(tmp_path.iterdir()) == []
         assert write_figures(bare, bare.person_ids, tmp_path) == ([], [])
@@ -275,7 +275,7 @@ class TestWhatCannotBeWritten:
 
     def test_poses_of_another_body(self, tmp_path):
         poses = posed("mouse_22").poses
-        with pytest.raises(ResultError, match="of another body than its skeleton 'body_20'"):
+        with pytest.raises(ResultError, match="do not match its skeleton 'body_20'"):
             posefuse.write(replace(posed("body_20"), poses=poses), tmp_path / "a.bvh")
 
     def test_several_people_are_a_file_each(self, tmp_path):

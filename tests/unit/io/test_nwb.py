@@ -98,7 +98,7 @@ def test_a_file_of_somebody_else(tmp_path):
 
     with h5py.File(tmp_path / "x.nwb", "w") as content:
         content.attrs["nwb_version"] = "2.9.0"
-    with pytest.raises(FileError, match="not of posefuse's; read it with pynwb"):
+    with pytest.raises(FileError, match="that posefuse did not write; read it with pynwb"):
         posefuse.read_points(tmp_path / "x.nwb")
 
 

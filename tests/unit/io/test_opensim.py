@@ -54,7 +54,7 @@ class TestOpenSim:
             "markers.xml", "person_1.trc", "person_1_ik.xml", "person_1_scaling.xml",
             "person_2.trc", "person_2_ik.xml", "person_2_scaling.xml",
         ]  # fmt: skip
-        assert any("no place on the model for nose" in note for note in notes)
+        assert any("the model has no marker for nose" in note for note in notes)
         found = trc.read(tmp_path / "o" / "person_2.trc")
         expected = np.asarray(result.layers["model"].points_m)[:, 1] @ y_up_from_world("z").T
         np.testing.assert_allclose(found.points_m, expected, atol=5e-7)
@@ -80,8 +80,8 @@ class TestOpenSim:
         result = posed("coco_17")
         result = replace(result, rig=replace(result.rig, up_axis=None))
         said = " ".join(posefuse.write(result, tmp_path / "o", "opensim").notes)
-        assert "mass of person_1 is not known (--subject.mass-kg)" in said
-        assert "which axis is up is not known" in said
+        assert "mass of person_1 is unknown (--subject.mass-kg)" in said
+        assert "the up axis is unknown" in said
 
     def test_other_peoples_files_stay(self, tmp_path):
         (tmp_path / "thesis.docx").write_text("years of work")
@@ -130,7 +130,7 @@ class TestOpenPose:
         assert list(tmp_path.iterdir()) == []
 
     def test_an_image_plane_is_not_projected(self, tmp_path):
-        with pytest.raises(ResultError, match="image plane; it has no points to project"):
+        with pytest.raises(ResultError, match="it has no 3D points to project"):
             openpose.write(replace(posed("coco_17", 1), unit="px"), tmp_path / "o", "model")
 
     def test_a_result_in_a_recordings_folder_is_not_taken_for_what_was_recorded(self, tmp_path):

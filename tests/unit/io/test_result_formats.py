@@ -65,10 +65,12 @@ def test_formats_are_told_by_names(result, tmp_path):
         done = posefuse.write(result, tmp_path / name)
         assert done.files == (tmp_path / name,)
         assert done.layer == "solved"
-        assert done.notes[0] == f"{form}: the layer solved; without measured, detections of each track, swapped sides."
-        assert done.notes[1:] == ((f"{form} has no place for {lacks[name]}.",) if name in lacks else ())
+        assert (
+            done.notes[0] == f"{form}: the layer solved; without measured, detections of each track, left/right swaps."
+        )
+        assert done.notes[1:] == ((f"{form} cannot hold {lacks[name]}.",) if name in lacks else ())
         np.testing.assert_allclose(posefuse.read_points(tmp_path / name).points_m, solved(result), rtol=1e-15)
-    with pytest.raises(ResultError, match=r"x.h5 may be of the format deeplabcut or sleap"):
+    with pytest.raises(ResultError, match=r"x.h5 may be in the format deeplabcut or sleap"):
         posefuse.write(result, tmp_path / "x.h5")
     with pytest.raises(ResultError, match=r"No format 'parket'. Did you mean 'parquet'"):
         posefuse.write(result, tmp_path / "x", "parket")

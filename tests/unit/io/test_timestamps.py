@@ -12,7 +12,7 @@ from posefuse.errors import DetectionsError, FileError, MatchError, PosefuseErro
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native
 from posefuse.io.keypoints.request import Request
-from posefuse.io.keypoints.timing import on_one_line, with_timestamps
+from posefuse.io.keypoints.timing import with_common_frames, with_timestamps
 from posefuse.io.open_recording import RecordingInputs, open_recording
 from posefuse.io.recording import choose_timestamps
 from posefuse.io.timestamps import find, matches, read_timestamps
@@ -122,13 +122,13 @@ def test_times_are_matched_to_views_by_name(tmp_path):
 def test_views_can_have_their_own_rates():
     first, second = two_views().view_names
     timeless = replace(two_views(12), time_s=np.full((12, 2), np.nan), rate_hz=None)
-    found = on_one_line(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
+    found = with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={second: 60.0}))
     assert (found.n_frames, found.rate_hz) == (12, 30.0)
     assert found.recorded.sum(axis=0).tolist() == [12, 6]
-    with pytest.raises(DetectionsError, match=f"says nothing of {first}; --rate-hz"):
-        on_one_line(timeless, Request(view_rates_hz={second: 60.0}))
+    with pytest.raises(DetectionsError, match=f"has no rate for {first}"):
+        with_common_frames(timeless, Request(view_rates_hz={second: 60.0}))
     with pytest.raises(MatchError, match=r"view_rates_hz: no view 'cam_9'"):
-        on_one_line(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
+        with_common_frames(timeless, Request(rate_hz=30.0, view_rates_hz={"cam_9": 60.0}))
 
 
 def test_unequal_lengths_without_times_are_reported():
@@ -143,7 +143,7 @@ def test_unequal_lengths_without_times_are_reported():
         track_ids=cut.track_ids[keep],
     )  # fmt: skip
     first, second = cut.view_names
-    note = on_one_line(shorter, Request()).notes[-1]
+    note = with_common_frames(shorter, Request()).notes[-1]
     assert re.search(rf"unequal numbers of frames \({first} 12, {second} 9\)", note)
 
 
@@ -204,7 +204,7 @@ def test_frame_numbers_that_agree_with_times_are_kept(tmp_path):
         track_ids=some.track_ids[kept],
     )  # fmt: skip
     rows = [(name, f, f / 60) for v, name in enumerate((first, second)) for f in range(0, 12, 1 + v)]
-    found = on_one_line(holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows))))
+    found = with_common_frames(holed, Request(timestamps=read_timestamps(table(tmp_path / "times.csv", rows=rows))))
     assert (found.n_frames, found.rate_hz) == (12, 60.0)
     np.testing.assert_array_equal(found.recorded, recorded)
     assert found.notes[-1] == "Times are those of times.csv."
@@ -225,5 +225,5 @@ def test_several_timestamps_are_an_error(recording, capsys):
 def test_times_in_the_keypoint_file_take_precedence_over_nearby_timestamps(tmp_path):
     native.write(two_views(), tmp_path / "keypoints.nc")
     stamps = read_timestamps(table(tmp_path / "times.csv"))
-    found = on_one_line(read_detections(tmp_path / "keypoints.nc"), Request(nearby=stamps))
+    found = with_common_frames(read_detections(tmp_path / "keypoints.nc"), Request(nearby=stamps))
     np.testing.assert_array_equal(found.time_s, two_views().time_s)

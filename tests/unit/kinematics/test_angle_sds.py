@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kinematics.angle_sds import axes_covariance, carried_angle_sds, joint_angle_sds
-from posefuse.kinematics.joint_angles import axes_at, carried_angles, joint_angles
+from posefuse.kinematics.angle_sds import axes_covariance, joint_angle_sds, relative_angle_sds
+from posefuse.kinematics.joint_angles import axes_at, joint_angles, relative_angles
 from posefuse.kinematics.twist import full_rotations
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.skeleton.trees import Tree
@@ -124,11 +124,11 @@ def test_a_part_on_a_forearm(seed):
     palm = palm if abs(palm[1, 2]) < 0.8 else palm.T
     own_deg2 = axes_covariance(BODY, at, turns, bones, covariance[None])
     own = axes_at(BODY, BODY.nodes[at], turns, full_rotations(BODY, turns, bones[..., 2])[0])
-    said = carried_angle_sds(own, own_deg2, palm[None], palm_covariance[None])[0]
+    said = relative_angle_sds(own, own_deg2, palm[None], palm_covariance[None])[0]
     many = drawn(BODY, turns, bones, covariance, rng)
     axes = axes_at(BODY, BODY.nodes[at], many[0], full_rotations(BODY, many[0], many[1][..., 2])[0])
     palms = palm @ Rotation.from_rotvec(rng.multivariate_normal(np.zeros(3), palm_covariance, DRAWS)).as_matrix()
-    np.testing.assert_allclose(said, spread_of(carried_angles(axes, palms)), rtol=0.1)
+    np.testing.assert_allclose(said, spread_of(relative_angles(axes, palms)), rtol=0.1)
 
 
 def test_a_hand_has_an_sd_for_each_angle(rng):

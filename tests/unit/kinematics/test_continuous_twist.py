@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from posefuse.kinematics.continuous_twist import reach_frames, steady_rotations
+from posefuse.kinematics.continuous_twist import reach_frames, smooth_rotations
 from posefuse.kinematics.twist import full_rotations
 from posefuse.skeleton.skeletons import shipped_skeleton
 
@@ -21,7 +21,7 @@ def standing(frames: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_bent_limb_that_keeps_its_plane_is_as_every_frame_shows_it():
     turns, ways = standing(50)
     ways[:, FOREARM] = [np.sin(1.2), 0.0, -np.cos(1.2)]
-    found = steady_rotations(TREE, turns, ways, STEP_S)
+    found = smooth_rotations(TREE, turns, ways, STEP_S)
     expected, _ = full_rotations(TREE, turns, ways)
     np.testing.assert_allclose(found[:, ARM], expected[:, ARM], atol=1e-12)
     np.testing.assert_allclose(found[:, FOREARM], expected[:, FOREARM], atol=1e-12)
@@ -32,7 +32,7 @@ def test_third_axes_are_the_bones():
     turns, ways = standing(20)
     ways = rng.standard_normal(ways.shape)
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
-    found = steady_rotations(TREE, turns, ways, STEP_S)
+    found = smooth_rotations(TREE, turns, ways, STEP_S)
     np.testing.assert_allclose(found[..., 2], ways, atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(found), 1.0, atol=1e-12)
 
@@ -48,7 +48,7 @@ def test_a_limb_that_stretches_and_bends_in_another_plane_turns_slowly():
         arm = Rotation.from_matrix(frames_of[:, ARM])
         return float(np.degrees((arm[1:] * arm[:-1].inv()).magnitude().max()))
 
-    by_itself, steady = full_rotations(TREE, turns, ways)[0], steady_rotations(TREE, turns, ways, STEP_S)
+    by_itself, steady = full_rotations(TREE, turns, ways)[0], smooth_rotations(TREE, turns, ways, STEP_S)
     assert fastest_deg(by_itself) > 10.0
     assert fastest_deg(steady) < 0.5 * fastest_deg(by_itself)
 
@@ -62,16 +62,16 @@ def test_what_is_farther_off_than_the_reach_has_no_bearing(name):
     turns = Rotation.random(frames * len(tree.segments), random_state=rng).as_matrix().reshape(frames, -1, 3, 3)
     ways = rng.standard_normal((frames, len(tree.bones), 3))
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
-    whole = steady_rotations(tree, turns, ways, 0.1)
-    cut = steady_rotations(tree, turns[5:-5], ways[5:-5], 0.1)
+    whole = smooth_rotations(tree, turns, ways, 0.1)
+    cut = smooth_rotations(tree, turns[5:-5], ways[5:-5], 0.1)
     np.testing.assert_allclose(cut[reach], whole[5 + reach], atol=1e-12)
 
 
 def test_frames_without_a_body_count_for_nothing():
     turns, ways = standing(40)
     ways[:, FOREARM] = [np.sin(1.0), 0.0, -np.cos(1.0)]
-    expected = steady_rotations(TREE, turns, ways, STEP_S)
+    expected = smooth_rotations(TREE, turns, ways, STEP_S)
     turns[15:20], ways[15:20] = np.nan, np.nan
-    found = steady_rotations(TREE, turns, ways, STEP_S)
+    found = smooth_rotations(TREE, turns, ways, STEP_S)
     assert np.isnan(found[15:20]).all()
     np.testing.assert_allclose(np.delete(found, range(15, 20), 0), np.delete(expected, range(15, 20), 0), atol=1e-12)

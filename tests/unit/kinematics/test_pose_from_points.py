@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from posefuse.kinematics.joint_angles import joint_angles
-from posefuse.kinematics.pose_from_points import shown_pose
+from posefuse.kinematics.pose_from_points import pose_of_points
 from posefuse.skeleton.skeletons import find_skeleton
 from posefuse.synthetic.options import CLEAN, SceneOptions
 from posefuse.synthetic.scenes import simulate
@@ -20,7 +20,7 @@ def points():
 
 def angles(points):
     tree = find_skeleton("halpe_26").tree
-    names, degrees = joint_angles(tree, *shown_pose(tree, points))
+    names, degrees = joint_angles(tree, *pose_of_points(tree, points))
     return dict(zip(names, np.moveaxis(degrees, -1, 0), strict=True))
 
 
@@ -54,7 +54,7 @@ def test_what_is_not_seen_is_not_known(points):
 def test_a_body_that_was_posed_is_found(points):
     """Of a body of average lengths, points of a known pose give that pose back."""
     tree = find_skeleton("halpe_26").tree
-    turns, directions = shown_pose(tree, points)
+    turns, directions = pose_of_points(tree, points)
     again = np.full_like(points, np.nan)
     places = np.zeros((len(tree.nodes), 3))
     _, _, _, fixed, shape_of, signs, _, _ = tree.packed
@@ -69,7 +69,7 @@ def test_a_body_that_was_posed_is_found(points):
     for k, n in enumerate(tree.keypoint_nodes):
         if n >= 0:
             again[..., k, :] = at[..., n, :]
-    found_turns, found_directions = shown_pose(tree, again)
+    found_turns, found_directions = pose_of_points(tree, again)
     # The pelvis is shown by hips and, a little, by the thorax, which bends against it.
     np.testing.assert_allclose(found_turns[..., 1:, :, :], turns[..., 1:, :, :], atol=2e-3)
     np.testing.assert_allclose(found_directions, directions, atol=1e-9)

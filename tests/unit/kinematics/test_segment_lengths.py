@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import newborn
-from posefuse.kinematics.segment_lengths import measured_lengths, told_of_lengths
+from posefuse.kinematics.initial_pose import initial_state
+from posefuse.kinematics.segment_lengths import length_information, measured_lengths
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
@@ -42,7 +42,7 @@ def body(settings: TrackerSettings, mean_m: np.ndarray, covariance: np.ndarray) 
     """At rest."""
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
-    return newborn(TREE, points, mean_m, covariance, settings.options.motion)
+    return initial_state(TREE, points, mean_m, covariance, settings.options.motion)
 
 
 def random_information(rng: np.random.Generator) -> np.ndarray:
@@ -52,7 +52,7 @@ def random_information(rng: np.random.Generator) -> np.ndarray:
 
 def test_the_prior_comes_off_whole(rng):
     information, measured = random_information(rng), rng.normal(0.0, 0.05, H)
-    found, pull = told_of_lengths(TREE, *posterior(measured, information))
+    found, pull = length_information(TREE, *posterior(measured, information))
     np.testing.assert_allclose(found, information, rtol=1e-6, atol=1e-6 * np.abs(information).max())
     np.testing.assert_allclose(pull, information @ measured, rtol=1e-6)
     back, errors = measured_lengths(TREE, *posterior(measured, information))
@@ -61,7 +61,7 @@ def test_the_prior_comes_off_whole(rng):
 
 
 def test_a_look_that_told_nothing_tells_nothing(settings):
-    information, pull = told_of_lengths(TREE, TREE.shape_m, 1.001 * TREE.shape_covariance)
+    information, pull = length_information(TREE, TREE.shape_m, 1.001 * TREE.shape_covariance)
     assert np.linalg.eigvalsh(information).min() > 0.0
     assert np.abs(information @ TREE.shape_covariance).max() < 1e-3
     assert np.abs(pull).max() == 0.0

@@ -71,7 +71,7 @@ def test_the_oldest_are_dropped_and_counted():
     for i in range(5):
         queue.put(b"%d" % i)
     assert [each.line for each in queue.take(0.0)[0]] == [b"2", b"3", b"4"]
-    assert queue.lost == {"queue was full": 2}
+    assert queue.lost == {"queue full": 2}
 
 
 def test_the_sender_waits_while_the_queue_is_full():

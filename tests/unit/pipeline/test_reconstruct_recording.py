@@ -10,7 +10,7 @@ import posefuse
 from posefuse import Options, RecordingInputs, SceneOptions
 from posefuse.cli.simulate import write_scene
 from posefuse.errors import DetectionsError, OptionsError, PosefuseWarning
-from posefuse.io.files import PARTS
+from posefuse.io.files import CHECKPOINT_FOLDER
 from posefuse.model.detections import Detections
 from posefuse.model.findings import FindingKind
 from posefuse.model.options.triangulation import TriangulationOptions
@@ -100,10 +100,10 @@ def test_an_interruption_leaves_a_partial_result_that_resumes(recording, tmp_pat
             outcome = posefuse.reconstruct_recording(recording, tmp_path / "out", options)
     assert outcome.partial.startswith("Partial: made of the first 120 of 180 frames")
     assert outcome.open().n_frames == 120
-    assert (tmp_path / "out" / PARTS).is_dir()
+    assert (tmp_path / "out" / CHECKPOINT_FOLDER).is_dir()
     resumed = posefuse.reconstruct_recording(recording, tmp_path / "out", options)
     assert resumed.partial == ""
-    assert not (tmp_path / "out" / PARTS).exists()
+    assert not (tmp_path / "out" / CHECKPOINT_FOLDER).exists()
     assert resumed.open() == whole.open()
 
 

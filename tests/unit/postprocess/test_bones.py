@@ -1,8 +1,8 @@
-"""Bones of one length."""
+"""Bones of constant length."""
 
 import numpy as np
 
-from posefuse.postprocess.bones import Bones, hierarchy, make_rigid, usual_bones
+from posefuse.postprocess.bones import Bones, hierarchy, make_rigid, median_bones
 from posefuse.skeleton.skeletons import find_skeleton, shipped_skeletons
 
 
@@ -18,7 +18,7 @@ def breathing(rng, frames=30, people=2):
     return skeleton, links, points, directions
 
 
-def test_every_keypoint_hangs_on_one_root_at_most_once():
+def test_hierarchy_is_a_forest():
     for name in shipped_skeletons():
         skeleton = find_skeleton(name)
         links = hierarchy(skeleton)
@@ -30,9 +30,9 @@ def test_every_keypoint_hangs_on_one_root_at_most_once():
             reached.add(far)
 
 
-def test_bones_get_their_median_and_keep_their_directions():
+def test_bones_get_their_median_length_and_keep_their_direction():
     skeleton, links, points, directions = breathing(np.random.default_rng(0))
-    bones = usual_bones([points[:10], points[10:]], skeleton)
+    bones = median_bones([points[:10], points[10:]], skeleton)
     by_hand = np.median(np.linalg.norm(points[:, 0, links[3, 0]] - points[:, 0, links[3, 1]], axis=-1))
     assert bones.length_m[0, 3] == by_hand
     out = make_rigid(points, bones)
@@ -44,17 +44,17 @@ def test_bones_get_their_median_and_keep_their_directions():
     np.testing.assert_allclose(make_rigid(out, bones), out, atol=1e-12)
 
 
-def test_missing_points_stay_missing_and_what_hangs_on_them_stays():
+def test_missing_points_stay_missing_and_descendants_stay():
     skeleton, _, points, _ = breathing(np.random.default_rng(1))
     knee, ankle = skeleton.index("left_knee"), skeleton.index("left_ankle")
     points[5, 0, knee] = np.nan
-    out = make_rigid(points, usual_bones([points], skeleton))
+    out = make_rigid(points, median_bones([points], skeleton))
     assert np.isnan(out[5, 0, knee]).all()
     np.testing.assert_array_equal(out[5, 0, ankle], points[5, 0, ankle])
     assert np.array_equal(np.isnan(out), np.isnan(points))
 
 
-def test_nobody_ever_seen_keeps_everything():
+def test_person_without_observations_stays_unchanged():
     links = np.array([[0, 1]])
     points = np.random.default_rng(2).normal(size=(4, 1, 2, 3))
     np.testing.assert_array_equal(make_rigid(points, Bones(links, np.array([[np.nan]]))), points)

@@ -1,4 +1,4 @@
-"""Laws of gaps and filters."""
+"""Properties of gaps and filters."""
 
 from dataclasses import replace
 
@@ -20,8 +20,8 @@ from posefuse.model.options.postprocess import (
 from posefuse.model.status import Source
 from posefuse.postprocess.filters import smooth
 from posefuse.postprocess.gaps import fill
-from posefuse.postprocess.kalman import smoothed, tempering
-from posefuse.postprocess.points import Clock, Points, stretches
+from posefuse.postprocess.kalman import smooth_kalman, tempering
+from posefuse.postprocess.points import Clock, Points, contiguous_ranges
 
 RATE_HZ = 60.0
 FILTERS: tuple[Filter, ...] = ("hampel", "median", "butterworth", "savgol", "one_euro", "kalman")
@@ -45,14 +45,14 @@ def wave(frames: int, hertz: float, amplitude: float = 0.1, rate_hz: float = RAT
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_what_stands_still_stays(name):
+def test_constant_points_stay_unchanged(name):
     points = points_of(np.broadcast_to([1.0, -2.0, 0.5], (40, 3, 3)).copy())
     out = smooth(points, clock_of(40), name, PostprocessOptions())
     np.testing.assert_allclose(out.xyz_m, points.xyz_m, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", FILTERS)
-def test_missing_points_stay_missing_and_stretches_know_nothing_of_each_other(name):
+def test_missing_points_stay_missing_and_ranges_are_independent(name):
     rng = np.random.default_rng(2)
     xyz = rng.normal(size=(60, 2, 3))
     xyz[20:30, 0] = np.nan
@@ -68,7 +68,7 @@ def test_missing_points_stay_missing_and_stretches_know_nothing_of_each_other(na
 @pytest.mark.parametrize("name", FILTERS)
 @given(seed=st.integers(0, 999))
 @settings(max_examples=5, deadline=None)
-def test_the_world_moved(name, seed):
+def test_filters_commute_with_rigid_motions(name, seed):
     rng = np.random.default_rng(seed)
     xyz = wave(50, 2.0) + 0.01 * rng.normal(size=(50, 1, 3))
     shift = rng.uniform(-3, 3, 3)
@@ -78,7 +78,7 @@ def test_the_world_moved(name, seed):
 
 
 @pytest.mark.parametrize("name", [name for name in FILTERS if name not in ("one_euro", "kalman")])
-def test_time_reversed(name):
+def test_symmetric_filters_commute_with_time_reversal(name):
     xyz = wave(80, 1.5) + 0.01 * np.random.default_rng(0).normal(size=(80, 1, 3))
     there = smooth(points_of(xyz), clock_of(80), name, PostprocessOptions())
     back = smooth(points_of(xyz[::-1]), clock_of(80), name, PostprocessOptions())
@@ -88,7 +88,7 @@ def test_time_reversed(name):
 
 @pytest.mark.parametrize("order", [2, 4, 8])
 @pytest.mark.parametrize("cutoff_hz", [3.0, 6.0, 20.0])
-def test_butterworth_leaves_71_percent_at_its_cutoff_and_is_never_late(order, cutoff_hz):
+def test_butterworth_keeps_71_percent_at_its_cutoff_without_delay(order, cutoff_hz):
     options = PostprocessOptions(butterworth=ButterworthOptions(order, cutoff_hz))
     frames = 1200
     out = smooth(points_of(wave(frames, cutoff_hz)), clock_of(frames), "butterworth", options)
@@ -100,7 +100,7 @@ def test_butterworth_leaves_71_percent_at_its_cutoff_and_is_never_late(order, cu
     np.testing.assert_allclose(slow.xyz_m[middle], wave(frames, cutoff_hz / 8)[middle], atol=2e-3)
 
 
-def test_the_true_frame_rate_counts():
+def test_actual_frame_rate_is_used():
     options = PostprocessOptions(butterworth=ButterworthOptions(4, 6.0))
     for rate in (50.0, 240.0):
         path = wave(1200, 6.0, rate_hz=rate)
@@ -108,20 +108,20 @@ def test_the_true_frame_rate_counts():
         assert np.abs(out.xyz_m[400:800, 0, 0]).max() == pytest.approx(0.1 * np.sqrt(0.5), rel=0.01)
 
 
-def test_a_cutoff_that_the_rate_does_not_allow():
+def test_cutoff_above_half_the_rate_is_an_error():
     options = PostprocessOptions(smooth=("butterworth",), butterworth=ButterworthOptions(4, 30.0))
     with pytest.raises(OptionsError, match=r"half the frame rate \(30 Hz\)"):
         smooth(points_of(wave(20, 1.0)), clock_of(20), "butterworth", options)
 
 
-def test_savgol_leaves_polynomials():
+def test_savgol_keeps_polynomials():
     t = np.arange(60) / RATE_HZ
     cubic = np.stack([t**3 - t, 2 * t**2, t], axis=-1)[:, None]
     out = smooth(points_of(cubic), clock_of(60), "savgol", PostprocessOptions(savgol=SavgolOptions(0.2, 3)))
     np.testing.assert_allclose(out.xyz_m, cubic, atol=1e-12)
 
 
-def test_hampel_replaces_the_outlier_only():
+def test_hampel_replaces_only_outliers():
     path = wave(100, 0.5) + 0.005 * np.random.default_rng(3).normal(size=(100, 1, 3))
     hit = path.copy()
     hit[40, 0, 1] += 0.3
@@ -131,7 +131,7 @@ def test_hampel_replaces_the_outlier_only():
     assert (out.source == Source.SMOOTHED).mean() < 0.1
 
 
-def test_median_removes_single_jumps_of_what_moves_steadily():
+def test_median_removes_single_jumps():
     ramp = np.linspace(0, 1, 60)[:, None, None] * np.ones(3)
     hit = ramp.copy()
     hit[30] += 1.0
@@ -139,7 +139,7 @@ def test_median_removes_single_jumps_of_what_moves_steadily():
     assert np.abs(out.xyz_m - ramp).max() < 0.05
 
 
-def test_one_euro_is_causal_and_steadier_than_what_it_gets():
+def test_one_euro_is_causal_and_reduces_jitter():
     rng = np.random.default_rng(1)
     noisy = 0.01 * rng.normal(size=(200, 1, 3))
     out = smooth(points_of(noisy), clock_of(200), "one_euro", PostprocessOptions())
@@ -151,7 +151,7 @@ def test_one_euro_is_causal_and_steadier_than_what_it_gets():
 
 
 def random_walk(rng: np.random.Generator, frames: int, points: int, acceleration: float) -> np.ndarray:
-    """Positions whose accelerations are white with that spectral density."""
+    """Return positions with white accelerations of a spectral density."""
     dt = 1 / RATE_HZ
     walk = acceleration * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     kicks = rng.multivariate_normal([0, 0], walk, size=(frames, points, 3))
@@ -163,13 +163,13 @@ def random_walk(rng: np.random.Generator, frames: int, points: int, acceleration
     return np.stack(out)
 
 
-def test_the_smoother_knows_how_well_it_knows():
+def test_smoother_covariances_match_the_errors():
     rng = np.random.default_rng(5)
     truth = random_walk(rng, 150, 40, 20.0)
     sd = 0.01
     noisy = truth + sd * rng.normal(size=truth.shape)
     noisy[rng.random(truth.shape[:2]) < 0.2] = np.nan
-    out = smoothed(points_of(noisy, sd), clock_of(150), KalmanOptions(20.0, 0.0))
+    out = smooth_kalman(points_of(noisy, sd), clock_of(150), KalmanOptions(20.0, 0.0))
     inside = out.known
     error = (out.xyz_m - truth)[inside]
     variance = out.covariance_m2[inside][:, [0, 3, 5]]
@@ -180,14 +180,14 @@ def test_the_smoother_knows_how_well_it_knows():
     assert out.covariance_m2[missing][:, 0].mean() > 1.5 * out.covariance_m2[inside & ~missing][:, 0].mean()
 
 
-def test_the_smoother_equals_the_dense_solution():
-    """Twin: all positions and velocities as one Gaussian, solved at once."""
+def test_smoother_equals_the_dense_solution():
+    """Solve all positions and velocities as one Gaussian."""
     rng = np.random.default_rng(7)
     frames, sd, q = 12, 0.01, 20.0
     time = np.cumsum(rng.uniform(0.5, 1.5, frames)) / RATE_HZ
     z = rng.normal(size=(frames, 1, 3)) * 0.05
     z[4:6] = np.nan
-    out = smoothed(points_of(z, sd), Clock.of(time, None), KalmanOptions(q, 0.0))
+    out = smooth_kalman(points_of(z, sd), Clock.of(time, None), KalmanOptions(q, 0.0))
     information, vector = np.zeros((2 * frames, 2 * frames)), np.zeros((2 * frames, 3))
     information[:2, :2] += np.diag([1.0, 1 / 25.0])
     vector[0] += z[0, 0]
@@ -206,20 +206,20 @@ def test_the_smoother_equals_the_dense_solution():
     np.testing.assert_allclose(out.covariance_m2[:, 0, [1, 2, 4]], 0.0, atol=1e-12)
 
 
-def test_a_fast_hand_keeps_its_swing_at_defaults():
+def test_defaults_keep_the_amplitude_of_a_fast_hand():
     swing = wave(240, 3.0, amplitude=0.15)
-    out = smoothed(points_of(swing), clock_of(240), KalmanOptions())
+    out = smooth_kalman(points_of(swing), clock_of(240), KalmanOptions())
     assert np.abs(out.xyz_m[60:180, 0, 0]).max() > 0.98 * 0.15
 
 
-def test_errors_that_last_count_for_less():
+def test_correlated_errors_have_less_weight():
     assert tempering(1 / 60, 0.0) == 1.0
     assert tempering(1.0, 0.001) == 1.0
     assert tempering(0.01, 1.0) == pytest.approx(200, rel=0.01)
 
 
 @pytest.mark.parametrize("how", ["linear", "pchip", "smoother"])
-def test_gaps_are_filled_to_the_longest_and_never_beyond_the_ends(how):
+def test_only_short_inner_gaps_are_filled(how):
     path = wave(100, 0.5)
     holed = path.copy()
     for start, stop in ((0, 3), (20, 26), (50, 63), (95, 100)):
@@ -236,24 +236,24 @@ def test_gaps_are_filled_to_the_longest_and_never_beyond_the_ends(how):
     assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")
 
 
-def test_linear_filling_by_hand():
+def test_linear_interpolation():
     xyz = np.full((5, 1, 3), np.nan)
     xyz[0], xyz[4] = 0.0, 4.0
     out = fill(points_of(xyz), clock_of(5), PostprocessOptions(fill="linear", max_gap_s=1.0))
     np.testing.assert_allclose(out.xyz_m[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-12)
 
 
-def test_frames_that_nobody_recorded_break_stretches_and_lengthen_gaps():
+def test_unrecorded_frames_split_ranges_and_lengthen_gaps():
     time = np.array([0, 1, 2, 8, 9, 10]) / RATE_HZ
     clock = Clock.of(time, RATE_HZ)
-    assert stretches(np.ones(6, dtype=bool), clock.follows) == [(0, 3), (3, 6)]
+    assert contiguous_ranges(np.ones(6, dtype=bool), clock.is_contiguous) == [(0, 3), (3, 6)]
     xyz = np.ones((6, 1, 3))
     xyz[3] = np.nan
     assert not fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.09)).known[3, 0]
     assert fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.1)).known[3, 0]
 
 
-def test_filled_points_stay_marked_when_they_are_smoothed():
+def test_smoothed_filled_points_stay_marked_as_filled():
     path = wave(60, 1.0)
     path[30:33] = np.nan
     options = PostprocessOptions(fill="pchip")
@@ -264,7 +264,7 @@ def test_filled_points_stay_marked_when_they_are_smoothed():
     assert np.isnan(out.covariance_m2[30:33]).all()
 
 
-def test_no_times_is_an_error_that_says_what_to_do():
+def test_missing_times_are_an_error():
     with pytest.raises(DetectionsError, match="--rate-hz"):
         Clock.of(np.full(5, np.nan), None)
 
@@ -280,6 +280,6 @@ def test_no_times_is_an_error_that_says_what_to_do():
         ({"smooth": ("median", "median")}, "twice"),
     ],
 )
-def test_options_are_checked(change, says):
+def test_invalid_options_are_errors(change, says):
     with pytest.raises(OptionsError, match=says):
         replace(PostprocessOptions(), **change)

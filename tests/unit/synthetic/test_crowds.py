@@ -404,7 +404,7 @@ class TestSceneOptions:
 
     def test_only_humans(self, tmp_path):
         (tmp_path / "fly.toml").write_text('name = "fly"\nkeypoints = ["antenna"]')
-        with pytest.raises(SkeletonError, match="not a human's: no antenna"):
+        with pytest.raises(SkeletonError, match="is not human: the human figure has no antenna"):
             simulate_crowd(CrowdOptions(skeleton=str(tmp_path / "fly.toml")))
 
     def test_points_of_another_shape(self):

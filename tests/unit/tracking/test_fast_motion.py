@@ -7,7 +7,7 @@ import pytest
 from benchmarks.animal_scenes import animal_rig
 
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.proposals import Proposals
@@ -29,7 +29,9 @@ def standing(at_m: np.ndarray) -> State:
     """A mouse at rest, well known."""
     points = np.full((len(MOUSE), 3), np.nan)
     points[MOUSE.index("spine_middle")] = at_m
-    state = newborn(TREE, points, np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance), SETTINGS.options.motion)
+    state = initial_state(
+        TREE, points, np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance), SETTINGS.options.motion
+    )
     state.covariance[:] *= 1e-3
     return state
 

@@ -8,7 +8,7 @@ import pytest
 from posefuse.errors import OptionsError
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import PartOptions, TrackerOptions
 from posefuse.model.tracks import TrackState
@@ -33,7 +33,9 @@ def somebody(settings: TrackerSettings, state: TrackState) -> tuple[Track, State
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
-    body = newborn(tree, points, np.asarray(tree.shape_m), np.asarray(tree.shape_covariance), settings.options.motion)
+    body = initial_state(
+        tree, points, np.asarray(tree.shape_m), np.asarray(tree.shape_covariance), settings.options.motion
+    )
     body.covariance[0, :3, :3] = np.eye(3) * 0.25 / 3.0
     track = new_track(1, 0.0, BOUNDS)
     track.state, track.last_inside_s = state, 0.0

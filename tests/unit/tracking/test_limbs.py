@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import aim, bones_shown
+from posefuse.kinematics.initial_pose import bone_vectors, turn_bones
 from posefuse.tracking.body_states import ProjectedBodies
 from posefuse.tracking.track_initiation import fit_body
 from tests.unit.tracking.test_track_initiation import SKELETON, settings_with, standing
@@ -16,12 +16,12 @@ def test_bones_are_turned_to_where_they_are_shown(rng):
     frames = Rotation.random(3, rng=rng).as_matrix()
     before = frames.copy()
     shown = np.array([-0.4 * frames[0][:, 2], [0.0, 0.3, 0.4], [np.nan, 0.0, 0.0]])
-    aim(frames, shown, range(3))
+    turn_bones(frames, shown, range(3))
     np.testing.assert_allclose(frames[:2, :, 2], shown[:2] / np.linalg.norm(shown[:2], axis=1)[:, None], atol=1e-12)
     np.testing.assert_array_equal(frames[2], before[2])
     np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
     untouched = frames.copy()
-    aim(frames, -shown, [])
+    turn_bones(frames, -shown, [])
     np.testing.assert_array_equal(frames, untouched)
 
 
@@ -30,7 +30,7 @@ def test_bones_go_from_joint_to_joint(rng):
     assert tree is not None
     points = rng.normal(size=(len(SKELETON), 3))
     points[SKELETON.index("left_wrist")] = np.nan
-    shown = bones_shown(tree, points)
+    shown = bone_vectors(tree, points)
     thigh = points[SKELETON.index("right_knee")] - points[SKELETON.index("right_hip")]
     np.testing.assert_allclose(shown[tree.bones.index("right_knee")], thigh)
     assert np.isnan(shown[tree.bones.index("left_wrist")]).all()
@@ -45,7 +45,7 @@ def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
     shown[tree.bones.index("right_knee")] = thigh
 
     def lift_leg(body: State) -> None:
-        aim(body.bones[0], shown, range(len(tree.bones)))
+        turn_bones(body.bones[0], shown, range(len(tree.bones)))
 
     seen = standing(settings, np.arange(5) / 25.0, lift_leg)
     for each in seen[:3]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posefuse.kernels.tracking.projection import project_people
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
@@ -36,7 +36,7 @@ def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
     tree = tracker.settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
-    body = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
+    body = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, tracker.settings.options.motion)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
     project_people(tracker.settings.cameras, tracker.settings.body, body, *projected.arrays)
     return projected.pixels[0]

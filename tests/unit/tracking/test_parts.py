@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from posefuse.arrays import frozen
-from posefuse.biomechanics.tables import angles_of
+from posefuse.biomechanics.tables import angle_table
 from posefuse.kernels.tracking.anchors import update_from_anchors
 from posefuse.kernels.tracking.smoothing import apply_changes
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
@@ -166,7 +166,7 @@ def test_a_tracker_with_hands_goes_on_from_a_pickle(scene):
 
 def test_anchors_are_told_as_kalman_says(rng):
     tree = FACE.tree
-    state = newborn(
+    state = initial_state(
         tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
     )
     size = state.covariance.shape[1]
@@ -189,7 +189,7 @@ def test_anchors_are_told_as_kalman_says(rng):
 
 def test_a_turn_that_is_surely_known_is_taken(rng):
     tree = FACE.tree
-    state = newborn(
+    state = initial_state(
         tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
     )
     size = state.covariance.shape[1]
@@ -214,7 +214,7 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert np.isfinite(np.asarray(measured.points_m)[10:, 0, hands]).all()
     assert result.poses is not None
     assert result.poses.segments[-4:] == ("left_palm", "right_palm", "face", "jaw")
-    names, degrees, sds = angles_of(result)
+    names, degrees, sds = angle_table(result)
     assert len(set(names)) == len(names) == degrees.shape[-1]
     # What is known of an angle is said, but for what is carried by a limb whose twist is not seen.
     twisted = [name.split(".")[0] in ("left_foot", "right_foot", "left_palm", "right_palm") for name in names]

@@ -9,7 +9,7 @@ from posefuse.kernels.tracking.posture_statistics import lowest_point
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.cameras import UpAxis, up_vector
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
@@ -39,7 +39,7 @@ def somebody(settings: TrackerSettings, seed: int) -> State:
     tree, rng = settings.tree, np.random.default_rng(seed)
     points = np.full((len(settings.skeleton), 3), np.nan)
     points[settings.skeleton.index("mid_hip")] = [0.0, 0.0, 0.9]
-    state = newborn(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, settings.options.motion)
+    state = initial_state(tree, points, np.asarray(tree.shape_m), tree.shape_covariance, settings.options.motion)
     change = np.zeros((1, state.covariance.shape[1]))
     change[0, : tree.n_pose] = 0.3 * rng.normal(size=tree.n_pose)
     apply_changes(change, state)

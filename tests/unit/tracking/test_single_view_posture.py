@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import apply_changes
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.pipeline.people import default_noise
@@ -32,7 +32,7 @@ def somebody(settings: TrackerSettings, seed: int) -> State:
     points = np.full((len(settings.skeleton), 3), np.nan)
     points[settings.skeleton.index("mid_hip")] = [0.0, 0.0, 0.9]
     shape = np.asarray(tree.shape_m)
-    state = newborn(tree, points, shape, tree.shape_covariance, settings.options.motion)
+    state = initial_state(tree, points, shape, tree.shape_covariance, settings.options.motion)
     change = np.zeros((1, state.covariance.shape[1]))
     change[0, : tree.n_pose] = 0.3 * rng.normal(size=tree.n_pose)
     apply_changes(change, state)

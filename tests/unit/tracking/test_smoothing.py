@@ -7,7 +7,7 @@ import pytest
 
 from posefuse.kernels.tracking.records import State
 from posefuse.kernels.tracking.smoothing import add_information, apply_changes, compare_states
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.model.tracks import TrackState
@@ -37,7 +37,7 @@ def settings() -> TrackerSettings:
 
 def standing(settings: TrackerSettings) -> State:
     points = np.array([(0.0, 0.0, 1.0)] * len(SKELETON)) + np.linspace(0.0, 0.3, 3 * len(SKELETON)).reshape(-1, 3)
-    return newborn(
+    return initial_state(
         settings.tree, points, settings.tree.shape_m, settings.tree.shape_covariance, settings.options.motion
     )
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from posefuse.errors import OptionsError
 from posefuse.kernels.tracking.predict import predict_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.frames import Frame
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import Options
@@ -54,7 +54,7 @@ def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
     points = np.full((KEYPOINTS, 3), np.nan)
     points[SKELETON.index("mid_hip")] = [x_m, y_m, 0.95]
     shape, covariance = np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance)
-    return newborn(TREE, points, shape, covariance, SETTINGS.options.motion)
+    return initial_state(TREE, points, shape, covariance, SETTINGS.options.motion)
 
 
 def somebody() -> Track:

@@ -8,7 +8,7 @@ import pytest
 
 from posefuse.kernels.tracking.projection import project_people
 from posefuse.kernels.tracking.records import State
-from posefuse.kinematics.initial_pose import newborn
+from posefuse.kinematics.initial_pose import initial_state
 from posefuse.model.noise import NoiseModel
 from posefuse.model.options.tracker import TrackerOptions
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -34,7 +34,7 @@ def standing(
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
-    body = newborn(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
+    body = initial_state(tree, points, size * tree.shape_m, tree.shape_covariance, settings.options.motion)
     posed(body)
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
     project_people(settings.cameras, settings.body, body, *projected.arrays)

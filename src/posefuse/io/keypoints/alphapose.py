@@ -1,14 +1,14 @@
-"""AlphaPose's own JSON (``alphapose-results.json``), one a camera: a list of people with ``image_id`` (a file's name).
+"""AlphaPose's own JSON (``alphapose-results.json``), one per camera: a list of people with ``image_id``, a file name.
 
-``keypoints`` are x, y, score in a row; ``idx`` is the track, where tracking was on. Frames without people are not
-in the file: all up to the last are taken to have been recorded, from 0.
+``keypoints`` is a flat list of x, y, score; ``idx`` is the track if tracking was on. Frames without people are absent
+from the file: all frames from 0 to the last are assumed to have been recorded.
 """
 
 from pathlib import Path
 
 import msgspec
 
-from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, read_views, valid_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns
@@ -23,12 +23,12 @@ class _Person(msgspec.Struct):
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(camera_files(path, _KIND))
+    """Return whether a path is a file in this format, or a folder or folders with one per camera."""
+    return bool(valid_camera_files(path, _KIND))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, damaged ones too: a camera must not go missing unsaid."""
+    """Return the files, including damaged ones, because a camera must not be dropped silently."""
     return all_camera_files(path, _KIND)
 
 
@@ -37,21 +37,21 @@ def _is_one(file: Path) -> bool:
     return start.startswith(b"[{") and b'"image_id":"' in start and b'"keypoints":' in start
 
 
-def _was_meant(file: Path) -> bool:
-    """A list in which nobody is, or of something that is of an image."""
+def _is_similar(file: Path) -> bool:
+    """Return whether a file is an empty list, or a list of objects with an image id."""
     start = beginning(file)
     return start == b"[]" or (start.startswith(b"[") and b'"image_id":' in start)
 
 
-_KIND = FileKind((".json",), _is_one, _was_meant)
+_KIND = FileKind((".json",), _is_one, _is_similar)
 
 
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is cut short or another, or views have different keypoints.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If a file is truncated or in another format, or views have different keypoints.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     return detections_of(path, read_views(path, _KIND, request, _read_view), request)
 
@@ -65,8 +65,8 @@ def _read_view(file: Path, name: str) -> ViewColumns:
 
 
 def _track(person: _Person) -> int:
-    given = person.idx[0] if isinstance(person.idx, list) and person.idx else person.idx
-    return int(given) if isinstance(given, (int, float)) and 0 <= given < 2**40 else -1
+    track = person.idx[0] if isinstance(person.idx, list) and person.idx else person.idx
+    return int(track) if isinstance(track, (int, float)) and 0 <= track < 2**40 else -1
 
 
 FORMAT = KeypointFormat(

@@ -1,8 +1,8 @@
 """NumPy arrays of one subject: [camera, frame, keypoint, 2 or 3], in ``.npy`` or ``.npz``.
 
-What the third channel is, the file does not say: ``third_channel`` must. An ``.npz`` holds the array as
-``keypoints`` (or alone), and may hold ``confidence`` [camera, frame, keypoint], ``names`` (of the cameras) and
-``rate_hz``. NaN is missing. [camera, frame, 2] is one point a frame, of no body.
+The file does not state the meaning of a third channel; ``third_channel`` must define it. An ``.npz`` contains the array
+as ``keypoints`` (or as its only array), and optionally ``confidence`` [camera, frame, keypoint], ``names`` of the
+cameras and ``rate_hz``. NaN is missing. An array [camera, frame, 2] contains one point per frame without a skeleton.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ import numpy as np
 from posefuse.errors import DetectionsError, FileError, choices
 from posefuse.io.files import read_npy, read_npz
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.infer_skeleton import guess_skeleton
+from posefuse.io.keypoints.infer_skeleton import infer_skeleton, wrong_skeleton
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import ThirdChannel
@@ -22,7 +22,7 @@ from posefuse.skeleton.skeletons import Skeleton
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is a NumPy file."""
     return path.suffix in (".npy", ".npz")
 
 
@@ -30,18 +30,20 @@ def read(path: Path, request: Request) -> Detections:
     """Read the array.
 
     Raises:
-        FileError: if the file is cut short, holds objects, or an array of another shape.
-        DetectionsError: if there is a third channel and nobody said what it is.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If the file is truncated, contains objects, or its array has another shape.
+        DetectionsError: If the meaning of the third channel is not stated.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     content = _load(path)
     keypoints = content.pop("keypoints", None)
     if keypoints is None and len(content) == 1:
         keypoints = content.popitem()[1]
     if keypoints is None:
-        raise FileError(f"{path} holds {choices(content)}; the keypoint array must be called 'keypoints' or be alone.")
+        raise FileError(
+            f"{path} contains {choices(content)}; the keypoint array must be called 'keypoints' or be the only array."
+        )
     if keypoints.ndim == 3 and keypoints.shape[2] == 2:
-        # One point a frame, [camera, frame, 2]: a wand's, or a subject's that nobody told apart.
+        # [camera, frame, 2]: one point per frame, such as that of a wand.
         keypoints = keypoints[:, :, None]
         request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
     n_cameras = keypoints.shape[0] if keypoints.ndim else 0
@@ -58,14 +60,23 @@ def from_array(
     request: Request,
     confidence: np.ndarray | None = None,
 ) -> Detections:
-    """Detections of a [camera, frame, keypoint, 2 or 3] array.
+    """Return the detections of an array.
+
+    Args:
+        path: The file, for messages.
+        keypoints: Shape (camera, frame, keypoint, 2 or 3), px, or (camera, point, 2).
+        view_names: Names of the cameras.
+        rate_hz: Frame rate, or None.
+        request: Skeleton and meaning of the third channel.
+        confidence: Shape (camera, frame, keypoint), or None.
 
     Raises:
-        FileError: if the shape is another.
-        DetectionsError: if there is a third channel and nobody said what it is.
+        FileError: If the array has another shape.
+        DetectionsError: If the meaning of the third channel is not stated, or the keypoints are invalid.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     if keypoints.ndim == 3 and keypoints.shape[-1] == 2:
-        # Points that are of no body, each seen by some of the cameras.
+        # Single points without a skeleton, each seen by some of the cameras.
         keypoints = keypoints[:, :, None]
         request = replace(request, skeleton=request.skeleton or Skeleton("point", ("point",)))
     if keypoints.ndim != 4 or keypoints.shape[-1] not in (2, 3) or keypoints.dtype.kind not in "fiu":
@@ -74,7 +85,7 @@ def from_array(
             f"{keypoints.shape}."
         )
     if keypoints.shape[0] != len(view_names):
-        raise FileError(f"{path}: {keypoints.shape[0]} cameras in the array, {len(view_names)} names.")
+        raise FileError(f"{path}: the array has {keypoints.shape[0]} cameras, but there are {len(view_names)} names.")
     frame_first = np.moveaxis(keypoints, 0, 1).astype(np.float64)
     third = _third_channel(path, frame_first, request.third_channel)
     if confidence is not None:
@@ -85,19 +96,16 @@ def from_array(
             )
         third["confidence"] = np.moveaxis(confidence.astype(np.float64), 0, 1)
     pixels = frame_first[..., :2]
-    # A keypoint without both numbers is not one.
+    # A keypoint with only one coordinate is missing.
     pixels = np.where(np.isnan(pixels).any(axis=-1, keepdims=True), np.nan, pixels)
     origin = (pixels == 0).all(axis=-1)
     pixels = np.where(origin[..., None], np.nan, pixels)
     skeleton, notes = request.skeleton, ()
     if skeleton is not None and len(skeleton) != pixels.shape[2]:
-        raise FileError(
-            f"{path} has {pixels.shape[2]} keypoints, skeleton {skeleton.name} has {len(skeleton)}. Choose another "
-            "with --skeleton, or leave it out to have it told from the file."
-        )
+        raise wrong_skeleton(path, pixels.shape[2], skeleton)
     if skeleton is None:
         rows = pixels.reshape(-1, *pixels.shape[2:])
-        skeleton, notes = guess_skeleton(pixels.shape[2], rows, str(path))
+        skeleton, notes = infer_skeleton(pixels.shape[2], rows, str(path))
     try:
         if origin.any():
             notes = (*notes, f"{int(origin.sum())} keypoints at exactly (0, 0) px are read as missing.")
@@ -112,8 +120,8 @@ def _third_channel(path: Path, keypoints: np.ndarray, meaning: ThirdChannel | No
         return {}
     if meaning is None:
         raise DetectionsError(
-            f"{path} has three numbers a keypoint, and nothing says what the third is. Add --third-channel confidence "
-            "or --third-channel depth (MediaPipe's and FreeMoCap's is depth)."
+            f"{path} has three numbers per keypoint and does not state what the third is. Add --third-channel "
+            "confidence or --third-channel depth (depth for MediaPipe and FreeMoCap)."
         )
     return {meaning: keypoints[..., 2]}
 
@@ -122,7 +130,7 @@ def _rate(path: Path, value: np.ndarray | None) -> float | None:
     if value is None:
         return None
     if value.size != 1 or value.dtype.kind not in "fiu":
-        raise FileError(f"{path}: rate_hz should be one number, got {value.dtype} of shape {value.shape}.")
+        raise FileError(f"{path}: expected one number for rate_hz, got {value.dtype} of shape {value.shape}.")
     return float(value.reshape(()))
 
 

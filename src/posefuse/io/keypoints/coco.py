@@ -1,8 +1,8 @@
-"""COCO's keypoint JSON, one a camera: results (a list with ``image_id``), or ``images`` with ``annotations``.
+"""COCO keypoint JSON, one per camera: results (a list with ``image_id``), or ``images`` with ``annotations``.
 
-Of results ``image_id`` is the frame, and all frames up to the last are taken to have been recorded, from 0. Of
-annotations the frame is the last number in an image's ``file_name``, the images are the frames, and ``categories``
-name the keypoints; a visibility of 0 is missing, 1 (hidden) and 2 say nothing about confidence.
+In results, ``image_id`` is the frame, and all frames from 0 to the last are assumed to have been recorded. In
+annotations, the frame is the last number in the ``file_name`` of an image, the images are the recorded frames, and
+``categories`` names the keypoints; visibility 0 is missing, 1 (hidden) and 2 (visible) are not confidences.
 """
 
 from dataclasses import replace
@@ -12,11 +12,19 @@ import msgspec
 import numpy as np
 
 from posefuse.errors import FileError
-from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, read_views, valid_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_of
-from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, last_number, view_columns, whole
+from posefuse.io.keypoints.people import (
+    Person,
+    beginning,
+    checked_integer,
+    decode,
+    detections_of,
+    last_number,
+    view_columns,
+)
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton
@@ -46,12 +54,12 @@ class _Annotations(msgspec.Struct):
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(camera_files(path, _KIND))
+    """Return whether a path is a file in this format, or a folder or folders with one per camera."""
+    return bool(valid_camera_files(path, _KIND))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, damaged ones too: a camera must not go missing unsaid."""
+    """Return the files, including damaged ones, because a camera must not be dropped silently."""
     return all_camera_files(path, _KIND)
 
 
@@ -77,21 +85,21 @@ def _looks_annotated(file: Path) -> bool:
     return start.startswith(b"{") and named and b'"multiview_images":' not in start
 
 
-def _was_meant(file: Path) -> bool:
-    """Results of which there is none, or of images; annotations that something is wrong with."""
+def _is_similar(file: Path) -> bool:
+    """Return whether a file has empty results, results of images, or broken annotations."""
     start = beginning(file)
     return start == b"[]" or (start.startswith(b"[") and b'"image_id":' in start) or _looks_annotated(file)
 
 
-_KIND = FileKind((".json",), lambda file: _is_results(file) or _is_annotations(file), _was_meant)
+_KIND = FileKind((".json",), lambda file: _is_results(file) or _is_annotations(file), _is_similar)
 
 
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is cut short or another, or views have different keypoints.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If a file is truncated or in another format, or views have different keypoints.
+        SkeletonError: If neither the names nor the number of keypoints identify a skeleton.
     """
     skeletons: list[Skeleton] = []
 
@@ -114,13 +122,13 @@ def _annotated_view(file: Path, name: str, content: _Annotations) -> ViewColumns
 
 
 def _person(one: _Result, frame: int, where: str) -> Person:
-    track = -1 if one.track_id is None else whole(one.track_id, "track_id", where)
-    return Person(whole(frame, "image_id", where), one.keypoints, track)
+    track = -1 if one.track_id is None else checked_integer(one.track_id, "track_id", where)
+    return Person(checked_integer(frame, "image_id", where), one.keypoints, track)
 
 
 def _annotated(one: _Result, frames: dict[int, int], where: str) -> Person:
     if one.image_id not in frames:
-        raise FileError(f"{where}: an annotation is of image {one.image_id}, which is not among the images.")
+        raise FileError(f"{where}: an annotation refers to image {one.image_id}, which is not listed.")
     person = _person(one, frames[one.image_id], where)
     values = np.array(one.keypoints)
     if values.size % 3 == 0:
@@ -131,7 +139,7 @@ def _annotated(one: _Result, frames: dict[int, int], where: str) -> Person:
 
 
 def _skeletons(content: _Annotations) -> list[Skeleton]:
-    """Of the first category that names keypoints."""
+    """Return the skeleton of the first category that names keypoints, or none."""
     category = next((one for one in content.categories if one.keypoints), None)
     if category is None:
         return []

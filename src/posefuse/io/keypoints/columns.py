@@ -1,4 +1,4 @@
-"""From what each view's files hold to one :class:`Detections`."""
+"""Assembly of the people of each view to one :class:`Detections`."""
 
 import math
 from collections.abc import Sequence
@@ -14,17 +14,17 @@ from posefuse.skeleton.skeletons import Skeleton
 
 @dataclass(frozen=True)
 class ViewColumns:
-    """The people of one view.
+    """The people of one view, one row per person.
 
     Attributes:
-        name: of the view.
-        recorded: shape (n,), int64: numbers of the frames it has, with people or without.
-        frame_of_row: shape (row,), int64: the frame number of each person, in order.
-        keypoints: shape (row, keypoint, 3): x, y, confidence; NaN where missing.
-        track_ids: shape (row,), int64, -1 where there is none.
-        sigma_px: shape (row, keypoint): the detector's own standard deviations, or None.
-        depth: shape (row, keypoint): the detector's own depths, or None.
-        time_s: shape (n,): when it took the recorded frames, or None where the files do not say.
+        name: Name of the view.
+        recorded: Shape (n,), int64: numbers of the recorded frames, with or without people.
+        frame_of_row: Shape (row,), int64: frame number of each person, ascending.
+        keypoints: Shape (row, keypoint, 3): x, y in px and confidence, NaN where missing.
+        track_ids: Shape (row,), int64, -1 without one.
+        sigma_px: Shape (row, keypoint): standard deviations stated by the detector, or None.
+        depth: Shape (row, keypoint): depths stated by the detector, or None.
+        time_s: Shape (n,): times of the recorded frames, or None if the files have none.
     """
 
     name: str
@@ -37,15 +37,15 @@ class ViewColumns:
     time_s: np.ndarray | None = None
 
 
-def counted_from_start(views: Sequence[ViewColumns]) -> tuple[list[ViewColumns], int]:
-    """The views with times from the whole second before the first frame on, and that second: 0 where it is the first.
+def with_times_from_start(views: Sequence[ViewColumns]) -> tuple[list[ViewColumns], int]:
+    """Return the views with times relative to the full second before the first frame, and that second.
 
-    Clocks of computers count from when they started, or from 1970.
+    Computer clocks count from their start or from 1970.
     """
     times = [view.time_s for view in views if view.time_s is not None and len(view.time_s)]
     begin_s = math.floor(min(float(each.min()) for each in times)) if times else 0
-    moved = [view if view.time_s is None else replace(view, time_s=view.time_s - begin_s) for view in views]
-    return moved, begin_s
+    shifted = [view if view.time_s is None else replace(view, time_s=view.time_s - begin_s) for view in views]
+    return shifted, begin_s
 
 
 def assemble(
@@ -57,24 +57,24 @@ def assemble(
     *,
     sparse: bool = False,
 ) -> Detections:
-    """Put views together, frame by frame, over every frame number from the first to the last.
+    """Combine views to detections over all frame numbers from the first to the last.
 
     Args:
-        path: for messages.
-        views: in order.
-        skeleton: of the keypoints.
-        rate_hz: frames per second, or None.
-        notes: what is worth saying.
-        sparse: whether frames lie far apart, as labels by hand do: then only those that some view has are kept.
+        path: The recording, for messages.
+        views: Views in order.
+        skeleton: Skeleton of the keypoints.
+        rate_hz: Frame rate, or None.
+        notes: Notes for the user.
+        sparse: Whether to keep only the frames that a view has, as in manually labeled data.
 
     Raises:
-        FileError: if there is no frame, or the numbers make no recording.
-        DetectionsError: if the keypoints cannot be.
+        FileError: If there is no frame, or the frame numbers are not plausible.
+        DetectionsError: If the keypoints are invalid.
     """
     numbers = np.unique(np.concatenate([view.recorded for view in views]))
     if not len(numbers):
         raise FileError(f"{path} is an empty recording: its views have no frames.")
-    frame_numbers = numbers if sparse else line_of_frames(path, numbers, own=False)
+    frame_numbers = numbers if sparse else common_frames(path, numbers, own=False)
     recorded = np.stack([np.isin(frame_numbers, view.recorded) for view in views], axis=1)
     frame = np.searchsorted(frame_numbers, np.concatenate([view.frame_of_row for view in views]))
     view_of_row = np.repeat(np.arange(len(views)), [len(view.frame_of_row) for view in views])
@@ -108,7 +108,7 @@ def assemble(
 
 
 def _joined(parts: Sequence[np.ndarray | None], views: Sequence[ViewColumns], order: np.ndarray) -> np.ndarray | None:
-    """What some views have, NaN for the others; None where none has it."""
+    """Return an optional column of all views, with NaN for views that lack it, or None if all lack it."""
     if all(part is None for part in parts):
         return None
     filled = [
@@ -118,42 +118,43 @@ def _joined(parts: Sequence[np.ndarray | None], views: Sequence[ViewColumns], or
     return np.concatenate(filled)[order]
 
 
-def far_apart(numbers: np.ndarray) -> bool:
-    """Whether frame numbers are so far apart that they are no recording's, but somebody's choice of frames, or wrong.
+def is_sparse(numbers: np.ndarray) -> bool:
+    """Return whether frame numbers have such large gaps that they are selected frames, or wrong.
 
     Args:
-        numbers: shape (frame,), ascending.
+        numbers: Shape (frame,), ascending.
     """
     return bool(numbers[-1] - numbers[0] + 1 > 4 * len(numbers) + 1000)
 
 
-def line_of_frames(path: Path, frame: np.ndarray, *, own: bool) -> np.ndarray:
-    """Shape (frame,): every frame number from the first to the last; of frames far apart those that there are.
+def common_frames(path: Path, frame: np.ndarray, *, own: bool) -> np.ndarray:
+    """Return the frame numbers of a recording, shape (frame,): all from the first to the last.
 
     Args:
-        path: for messages.
-        frame: shape (cell,): numbers of the frames that views have, in any order.
-        own: whether posefuse wrote the file: then frames may lie far apart, as those labelled by hand do.
+        path: The recording, for messages.
+        frame: Shape (cell,): numbers of the frames of all views, in any order.
+        own: Whether posefuse wrote the file. Then large gaps are allowed, as in manually labeled data, and only the
+            given numbers are returned.
 
     Raises:
-        FileError: if they are far apart in a file of another program's.
+        FileError: If a file of another program has large gaps.
     """
     numbers = np.unique(frame)
-    if not far_apart(numbers):
+    if not is_sparse(numbers):
         return np.arange(numbers[0], numbers[-1] + 1)
     if own:
         return numbers
     raise FileError(
-        f"{path}: frame numbers run from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. Are "
-        "files of another recording among them?"
+        f"{path}: frame numbers range from {numbers[0]} to {numbers[-1]}, but there are only {len(numbers)} frames. "
+        "Does a file belong to another recording?"
     )
 
 
 def rate_of_frames(time_s: np.ndarray) -> float | None:
-    """Frames per second from the times of consecutive frames, to six decimals; None where there are none.
+    """Return the frame rate in Hz from the median interval between frames, to six decimals, or None without times.
 
     Args:
-        time_s: shape (frame, view), NaN where unknown.
+        time_s: Shape (frame, view), NaN where unknown.
     """
     steps = np.diff(time_s, axis=0)
     steps = steps[np.isfinite(steps) & (steps > 0.0)]

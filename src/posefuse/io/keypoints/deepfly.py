@@ -1,7 +1,7 @@
-"""DeepFly3D's points of a tethered fly, in an ``.npz`` with ``points2d_px`` or ``points2d`` (camera, frame, 38, 2).
+"""DeepFly3D points of a tethered fly, in an ``.npz`` with ``points2d_px`` or ``points2d`` (camera, frame, 38, 2).
 
-Pixels; 0, 0 is missing: each camera sees one side. Cameras are called by their places (0, 1, ...), as those of the
-same file's calibration are; nothing says a rate.
+Pixels; (0, 0) is missing, because each camera sees one side. Cameras are named by their index (0, 1, ...), like those
+of the calibration in the same file. There is no frame rate.
 """
 
 from pathlib import Path
@@ -21,30 +21,30 @@ _POINTS = 38
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     return path.suffix == ".npz" and path.is_file() and _points(path) is not None
 
 
 def _points(path: Path) -> np.ndarray | None:
     try:
-        held = read_npz(path, _NAMES)
+        arrays = read_npz(path, _NAMES)
     except FileError:
         return None
-    return next((array for array in held.values() if array.ndim == 4 and array.shape[2:] == (_POINTS, 2)), None)
+    return next((array for array in arrays.values() if array.ndim == 4 and array.shape[2:] == (_POINTS, 2)), None)
 
 
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if the file is cut short or another.
+        FileError: If the file is truncated or in another format.
     """
     points = _points(path)
     if points is None:
-        raise FileError(f"{path} holds no points2d_px (camera, frame, {_POINTS}, 2).")
+        raise FileError(f"{path} contains no points2d_px (camera, frame, {_POINTS}, 2).")
     skeleton = request.skeleton or shipped_skeleton("fly_38")
-    asked = Request(skeleton, request.rate_hz, request.third_channel, request.progress)
-    return from_array(path, points, [str(v) for v in range(len(points))], request.rate_hz, asked)
+    array_request = Request(skeleton, request.rate_hz, request.third_channel, request.progress)
+    return from_array(path, points, [str(v) for v in range(len(points))], request.rate_hz, array_request)
 
 
 FORMAT = KeypointFormat(

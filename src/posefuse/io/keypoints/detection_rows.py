@@ -1,4 +1,4 @@
-"""Who is where in parquet tables of a row a camera and frame, and their numbers read by ranges of people."""
+"""Index of parquet tables with one row per camera and frame, and their numbers read by ranges of people."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ from posefuse.io.parquet_files import check_row_groups
 
 @dataclass(frozen=True)
 class Index:
-    """Rows of tables in the order of :class:`Detections`: by frame, then view.
+    """Rows of tables in the order of :class:`Detections`: by frame, then view. A cell is a row of a table.
 
     Attributes:
-        files: the tables.
-        frame: shape (cell,), int64: frame number of each row.
-        view: shape (cell,).
-        people: shape (cell,): how many are in it.
-        time_s: shape (cell,), or None where the tables give no times.
-        file_of: shape (person,): which table each person is in.
-        place_of: shape (person,): which of its people.
-        group_ends: of each table, shape (row group + 1,): people before each row group.
-        n_keypoints: of each person; 0 where there is nobody.
+        files: The tables.
+        frame: Shape (cell,), int64: frame number.
+        view: Shape (cell,): index of the view.
+        people: Shape (cell,): number of people.
+        time_s: Shape (cell,), or None if the tables have no times.
+        file_of: Shape (person,): index of the table that contains the person.
+        place_of: Shape (person,): index of the person in that table.
+        group_ends: For each table, shape (row group + 1,): number of people before each row group.
+        n_keypoints: Number of keypoints per person, 0 without people.
     """
 
     files: tuple[Path, ...]
@@ -42,7 +42,7 @@ class Index:
 
 @dataclass(frozen=True)
 class _Table:
-    """The rows of one table in its own order; ``camera`` codes ``names``, or is 0 where it is of one camera."""
+    """The rows of one table in file order. ``camera`` is the index of the view."""
 
     frame: np.ndarray
     time_s: np.ndarray | None
@@ -53,36 +53,36 @@ class _Table:
 
 
 def index_files(files: Sequence[Path], names: Sequence[str], columns: dict[str, str]) -> tuple[tuple[str, ...], Index]:
-    """Look through tables, a row group at a time.
+    """Index tables one row group at a time.
 
     Args:
-        files: the tables.
-        names: of the camera of each; of tables with a column of cameras that does not count.
-        columns: what the columns are called.
+        files: The tables.
+        names: Name of the camera of each table. Ignored for tables with a camera column.
+        columns: Names of the columns by kind.
 
     Returns:
-        The cameras' names in order, and the index.
+        The names of the cameras in order, and the index.
 
     Raises:
-        FileError: if a camera has a frame twice, or people have different numbers of keypoints.
+        FileError: If a camera has a frame twice, or people have different numbers of keypoints.
     """
     views: list[str] = [] if "camera" in columns else list(dict.fromkeys(names))
     tables = []
     for file, name in zip(files, names, strict=True):
         with reading(file, "parquet table"):
-            tables.append(_look_through(file, name, views, columns))
+            tables.append(_index_table(file, name, views, columns))
     lengths = sorted({table.n_keypoints for table in tables if table.n_keypoints})
     if len(lengths) > 1:
-        raise FileError(f"{files[0].parent}: people have {lengths} keypoints; one recording has one skeleton.")
+        raise FileError(f"{files[0].parent}: people have {lengths} keypoints. All must have the same skeleton.")
     frame, view, people = (np.concatenate([getattr(t, n) for t in tables]) for n in ("frame", "camera", "people"))
     order = np.lexsort((view, frame))
     frame, view = frame[order], view[order]
-    twice = (np.diff(frame) == 0) & (np.diff(view) == 0)
-    if twice.any():
-        at = int(np.argmax(twice))
+    repeated = (np.diff(frame) == 0) & (np.diff(view) == 0)
+    if repeated.any():
+        at = int(np.argmax(repeated))
         raise FileError(
-            f"{files[0].parent}: camera {views[view[at]]!r} has two rows of frame {frame[at]}. "
-            "Are there several recordings? Give the folder of one."
+            f"{files[0].parent}: camera {views[view[at]]!r} has two rows for frame {frame[at]}. "
+            "If the folder contains several recordings, give the folder of one."
         )
     first = np.concatenate([np.cumsum(table.people) - table.people for table in tables])[order]
     table_of = np.repeat(np.arange(len(tables), dtype=np.int32), [len(table.frame) for table in tables])[order]
@@ -96,16 +96,18 @@ def index_files(files: Sequence[Path], names: Sequence[str], columns: dict[str, 
 
 
 def reordered(index: Index, places: np.ndarray) -> Index:
-    """The index with views in another order: ``places`` says where each goes. Rows keep theirs within a frame's view.
+    """Return an index with its views in another order.
 
-    Frames' rows are put in the order of the views.
+    Args:
+        index: The index.
+        places: New position of each view. The order of people within a cell is kept.
     """
     view = places[index.view]
     order = np.lexsort((view, index.frame))
     starts = np.cumsum(index.people) - index.people
     people = index.people[order]
-    fresh = np.cumsum(people) - people
-    rows = np.repeat(starts[order] - fresh, people) + np.arange(int(people.sum()))
+    new_starts = np.cumsum(people) - people
+    rows = np.repeat(starts[order] - new_starts, people) + np.arange(int(people.sum()))
     return replace(
         index,
         frame=index.frame[order],
@@ -124,21 +126,23 @@ def _times(tables: Sequence[_Table], order: np.ndarray) -> np.ndarray | None:
     return times if np.isfinite(times).any() else None
 
 
-def _look_through(file: Path, name: str, views: list[str], columns: dict[str, str]) -> _Table:
+def _index_table(file: Path, name: str, views: list[str], columns: dict[str, str]) -> _Table:
     import pyarrow.parquet as pq
 
     length = columns.get("scores", columns["kps"])
-    wanted = [columns[kind] for kind in ("frame", "time", "camera") if kind in columns] + [length]
+    selected = [columns[kind] for kind in ("frame", "time", "camera") if kind in columns] + [length]
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
     counts, n_keypoints = [0], 0
     check_row_groups(file)
     with pq.ParquetFile(file) as content:
         for group in range(content.num_row_groups):
-            table = content.read_row_group(group, columns=wanted)
+            table = content.read_row_group(group, columns=selected)
             people, k = _lengths(file, table[length])
             n_keypoints = n_keypoints or k
             if k and k != n_keypoints:
-                raise FileError(f"{file}: people have {n_keypoints} and {k} keypoints; one recording has one skeleton.")
+                raise FileError(
+                    f"{file}: people have {n_keypoints} and {k} keypoints. All must have the same skeleton."
+                )
             counts.append(int(people.sum()))
             parts.append((_frames(file, table[columns["frame"]]), _seconds(table, columns), people,
                           _cameras(file, table, name, views, columns)))  # fmt: skip
@@ -149,23 +153,23 @@ def _look_through(file: Path, name: str, views: list[str], columns: dict[str, st
 
 
 def _lengths(file: Path, column: Any) -> tuple[np.ndarray, int]:
-    """People in each row, and keypoints of each person."""
+    """Return the number of people in each row, and the number of keypoints per person."""
     from pyarrow.compute import call_function
 
-    whole = column.combine_chunks()
-    people = call_function("list_value_length", [whole]).fill_null(0).to_numpy(zero_copy_only=False)
-    inner = call_function("list_value_length", [whole.flatten()])
-    known = np.unique(inner.to_numpy(zero_copy_only=False))
-    if len(known) > 1 or inner.null_count:
-        raise FileError(f"{file}: people have {known.tolist()} keypoints; one recording has one skeleton.")
-    return people.astype(np.int64), int(known[0]) if len(known) else 0
+    combined = column.combine_chunks()
+    people = call_function("list_value_length", [combined]).fill_null(0).to_numpy(zero_copy_only=False)
+    inner = call_function("list_value_length", [combined.flatten()])
+    lengths = np.unique(inner.to_numpy(zero_copy_only=False))
+    if len(lengths) > 1 or inner.null_count:
+        raise FileError(f"{file}: people have {lengths.tolist()} keypoints. All must have the same skeleton.")
+    return people.astype(np.int64), int(lengths[0]) if len(lengths) else 0
 
 
 def _frames(file: Path, column: Any) -> np.ndarray:
     values = column.to_numpy().astype(np.float64)
     bad = ~(np.abs(values) < 2**40) | (values != np.round(values))
     if bad.any():
-        raise FileError(f"{file}: a frame number should be a whole number, got {values[int(np.argmax(bad))]}.")
+        raise FileError(f"{file}: expected an integer for the frame number, got {values[int(np.argmax(bad))]}.")
     return values.astype(np.int64)
 
 
@@ -174,14 +178,14 @@ def _seconds(table: Any, columns: dict[str, str]) -> np.ndarray:
         return np.full(len(table), np.nan)
     column = table[columns["time"]]
     if columns["time"] == "timestamp_ns":
-        # Nanoseconds of the clock are more than a float can tell apart; those of a day are not.
-        whole = column.fill_null(0).to_numpy().astype(np.int64)
-        return np.where(column.is_valid().to_numpy(), whole * 1e-9, np.nan)
+        # Nanoseconds since 1970 exceed the precision of float64, so they are converted as integers.
+        nanoseconds = column.fill_null(0).to_numpy().astype(np.int64)
+        return np.where(column.is_valid().to_numpy(), nanoseconds * 1e-9, np.nan)
     return column.to_numpy().astype(np.float64)
 
 
 def _cameras(file: Path, table: Any, name: str, views: list[str], columns: dict[str, str]) -> np.ndarray:
-    """Which view each row is of; views that are new are added."""
+    """Return the index of the view of each row. New views are appended to ``views``."""
     if "camera" not in columns:
         return np.full(len(table), views.index(name))
     names = [str(value) for value in table[columns["camera"]].to_pylist()]
@@ -192,44 +196,44 @@ def _cameras(file: Path, table: Any, name: str, views: list[str], columns: dict[
 
 
 class _PersonRows(RowsByRange):
-    """A column of lists, a row a person."""
+    """A column of lists, as an array with one row per person."""
 
     def __init__(self, index: Index, column: str | None, shape: tuple[int, ...], dtype: type = np.float64) -> None:
         super().__init__((len(index.place_of), *shape), dtype)
         self._index, self._column = index, column
 
     def rows(self, start: int, stop: int) -> np.ndarray:
-        """Of all tables that they lie in."""
+        """Read the rows from the tables that contain them."""
         index = self._index
         files, places = index.file_of[start:stop], index.place_of[start:stop]
         out = np.full((stop - start, *self.shape[1:]), -1 if self.dtype.kind == "i" else np.nan, dtype=self.dtype)
         if self._column is None:
             return out
         for f in np.unique(files):
-            mine = np.flatnonzero(files == f)
-            for first, values in self._groups(int(f), places[mine]):
-                here = mine[(places[mine] >= first) & (places[mine] < first + len(values))]
-                out[here] = values[places[here] - first]
+            in_file = np.flatnonzero(files == f)
+            for first, values in self._groups(int(f), places[in_file]):
+                in_group = in_file[(places[in_file] >= first) & (places[in_file] < first + len(values))]
+                out[in_group] = values[places[in_group] - first]
         return out
 
     def _groups(self, f: int, places: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-        """The row groups that hold those people, each with the place of its first."""
+        """Yield the row groups that contain these people, each with the index of its first person."""
         import pyarrow.parquet as pq
 
         ends, file = self._index.group_ends[f], self._index.files[f]
-        wanted = np.unique(np.searchsorted(ends, places, side="right") - 1)
+        groups = np.unique(np.searchsorted(ends, places, side="right") - 1)
         with reading(file, "parquet table"), pq.ParquetFile(file) as content:
-            for group in wanted.tolist():
+            for group in groups.tolist():
                 column = content.read_row_group(group, columns=[self._column])[self._column].combine_chunks()
                 values = self._values(column)
                 if len(values) != ends[group + 1] - ends[group]:
                     raise FileError(
-                        f"{file}: {self._column} has {len(values)} people where others have another number."
+                        f"{file}: {self._column} has {len(values)} people, other columns have another number."
                     )
                 yield int(ends[group]), values
 
     def _values(self, column: Any) -> np.ndarray:
-        """The numbers of a row group's people."""
+        """Return the numbers of the people of a row group."""
         raise NotImplementedError
 
 
@@ -237,16 +241,18 @@ class NumberRows(_PersonRows):
     """Pixels, confidences, or other numbers of keypoints.
 
     Args:
-        index: of the tables.
-        column: its name.
-        channels: which numbers of each keypoint; none where the column has one number a keypoint.
-        blank: whether a keypoint at 0, 0 is missing.
+        index: Index of the tables.
+        column: Name of the column.
+        channels: Indices of the numbers of each keypoint to read. Empty if the column has one number per keypoint.
+        zero_is_missing: Whether a keypoint at (0, 0) is missing.
     """
 
-    def __init__(self, index: Index, column: str, channels: Sequence[int] = (), *, blank: bool = False) -> None:
+    def __init__(
+        self, index: Index, column: str, channels: Sequence[int] = (), *, zero_is_missing: bool = False
+    ) -> None:
         depth = (len(channels),) if len(channels) > 1 else ()
         super().__init__(index, column, (index.n_keypoints, *depth))
-        self._channels, self._blank = list(channels), blank
+        self._channels, self._zero_is_missing = list(channels), zero_is_missing
 
     def _values(self, column: Any) -> np.ndarray:
         people = column.flatten()
@@ -258,7 +264,7 @@ class NumberRows(_PersonRows):
             if values.shape[-1] <= max(self._channels):
                 return np.full((len(people), *self.shape[1:]), np.nan)
             values = values[..., self._channels].reshape(len(people), *self.shape[1:])
-        if self._blank:
+        if self._zero_is_missing:
             values = np.where((values == 0.0).all(axis=-1, keepdims=True), np.nan, values)
         if len(self.shape) == 3:
             values = np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
@@ -266,7 +272,7 @@ class NumberRows(_PersonRows):
 
 
 class TrackRows(_PersonRows):
-    """The detector's identities; -1 where the tables have none."""
+    """Track ids stated by the detector, -1 if the tables have none."""
 
     def __init__(self, index: Index, column: str | None) -> None:
         super().__init__(index, column, (), np.int64)

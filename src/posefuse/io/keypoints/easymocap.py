@@ -1,7 +1,7 @@
-"""EasyMocap's and ViTPose's ``annots``: a folder a camera, a ``*.json`` a frame.
+"""``annots`` of EasyMocap and ViTPose: one folder per camera, one ``*.json`` per frame.
 
-In it ``annots`` with ``personID`` and ``keypoints``: rows of x, y, confidence; 0 is missing. Frames that have no
-file were not recorded.
+A file has ``annots`` with ``personID`` and ``keypoints``, rows of x, y, confidence; 0 is missing. Frames without a file
+were not recorded.
 """
 
 from pathlib import Path
@@ -25,7 +25,7 @@ class _Frame(msgspec.Struct):
 
 
 def matches(path: Path) -> bool:
-    """Whether the folder holds such files, of one camera or of one camera a folder."""
+    """Return whether a folder contains such files of one camera, or one folder of them per camera."""
     return path.is_dir() and any(b'"annots":' in start for start in first_bytes(path))
 
 
@@ -33,8 +33,8 @@ def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is cut short or another, or its name has no frame number.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If a file is truncated or in another format, or its name has no frame number.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     files = {folder: frame_files(folder) for folder in camera_folders(path)}
     request.progress.start("reading keypoints", sum(map(len, files.values())))

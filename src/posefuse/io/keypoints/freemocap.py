@@ -1,8 +1,8 @@
-"""A FreeMoCap recording folder: ``output_data/raw_data/*2dData*.npy``, [camera, frame, keypoint, 3].
+"""FreeMoCap recording folders: ``output_data/raw_data/*2dData*.npy``, [camera, frame, keypoint, 3].
 
-The third channel is MediaPipe's depth (the file's name says pixelXY), OpenPose's confidence, and nothing of trackers
-that leave it empty; of others ``--third-channel`` says what it is. Cameras are in the order of the videos' lower-
-cased names in ``synchronized_videos``; without those, views are called ``camera_0`` ... and need ``--camera-order``.
+The third channel is MediaPipe's depth, OpenPose's confidence, or empty; for other trackers ``--third-channel`` defines
+it. Cameras are in the order of the lower-case names of the videos in ``synchronized_videos``; without videos, views are
+called ``camera_0``, ... and need ``--camera-order``.
 """
 
 from pathlib import Path
@@ -18,46 +18,47 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import ThirdChannel
 
 _THIRD: tuple[tuple[str, ThirdChannel], ...] = (("mediapipe", "depth"), ("openpose", "confidence"))
-"""What the third channel is, by how the array's name begins."""
+"""Meaning of the third channel, by the start of the name of the array."""
 _VIDEOS = (".mp4", ".avi", ".mov", ".mkv")
 
 
 def matches(path: Path) -> bool:
-    """Whether the folder is one."""
+    """Return whether a folder is a FreeMoCap recording."""
     return path.is_dir() and bool(arrays_in(path))
 
 
 def arrays_in(path: Path) -> list[Path]:
-    """The 2D arrays of a recording folder."""
+    """Return the 2D arrays of a recording folder."""
     return sorted((path / "output_data" / "raw_data").glob("*2dData*.npy"))
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read the recording's 2D array.
+    """Read the 2D array of a recording.
 
     Raises:
-        FileError: if there are several arrays, or videos do not fit the array.
+        FileError: If there is not exactly one array, or the number of videos does not match it.
+        DetectionsError: If the meaning of the third channel is unknown.
     """
     arrays = arrays_in(path)
     if len(arrays) != 1:
         raise FileError(
-            f"{path} has {len(arrays)} 2D arrays ({choices(a.name for a in arrays)}). Give one: --keypoints FILE."
+            f"{path} has {len(arrays)} 2D arrays ({choices(a.name for a in arrays)}). Choose one with --keypoints FILE."
         )
     keypoints = read_npy(arrays[0])
     names = view_names(path)
     if names and len(names) != len(keypoints):
-        raise FileError(f"{path}: {len(names)} videos, but {len(keypoints)} cameras in {arrays[0].name}.")
+        raise FileError(f"{path} has {len(names)} videos, but {arrays[0].name} has {len(keypoints)} cameras.")
     names = names or [f"camera_{i}" for i in range(len(keypoints))]
-    told: list[ThirdChannel] = [kind for name, kind in _THIRD if arrays[0].name.lower().startswith(name)]
+    by_name: list[ThirdChannel] = [kind for name, kind in _THIRD if arrays[0].name.lower().startswith(name)]
     if keypoints.ndim == 4 and keypoints.shape[-1] == 3 and not np.isfinite(keypoints[..., 2]).any():
         keypoints = keypoints[..., :2]
-    third = request.third_channel or (told[0] if told else None)
-    asked = Request(request.skeleton, request.rate_hz, third, request.progress)
-    return from_array(arrays[0], keypoints, names, request.rate_hz, asked)
+    third = request.third_channel or (by_name[0] if by_name else None)
+    array_request = Request(request.skeleton, request.rate_hz, third, request.progress)
+    return from_array(arrays[0], keypoints, names, request.rate_hz, array_request)
 
 
 def view_names(path: Path) -> list[str]:
-    """Stems of the synchronised videos, in FreeMoCap's order."""
+    """Return the stems of the synchronized videos in FreeMoCap's order."""
     folder = path / "synchronized_videos"
     videos = [entry for entry in folder.iterdir() if entry.suffix.lower() in _VIDEOS] if folder.is_dir() else []
     return [video.stem for video in sorted(videos, key=lambda video: video.name.lower())]

@@ -1,67 +1,84 @@
-"""Which skeleton so many keypoints are, where files do not say."""
+"""Inference of the skeleton from the number and layout of keypoints, for files that do not name it."""
+
+from pathlib import Path
 
 import numpy as np
 
-from posefuse.errors import SkeletonError, choices
+from posefuse.errors import FileError, SkeletonError, choices
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton, shipped_skeletons
 
-# The right skeleton's bones are short against the person; a wrong one's run across the body. Measured on OpenPose
-# BODY_25B data: 0.11 of the person's extent when read as it is, 0.32 when read as BODY_25.
-_CLEAR = 0.8
+# The bones of the correct skeleton are short relative to the person; those of a wrong one cross the body. Measured on
+# OpenPose BODY_25B data: 0.11 of the person's extent when read as BODY_25B, 0.32 when read as BODY_25.
+_MAX_RATIO = 0.8
+_MAX_PEOPLE = 500
 
 
-def guess_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> tuple[Skeleton, tuple[str, ...]]:
-    """The skeleton of so many keypoints; among several, the one whose bones hold together on the people seen.
+def infer_skeleton(n_keypoints: int, keypoints_px: np.ndarray, source: str) -> tuple[Skeleton, tuple[str, ...]]:
+    """Return the shipped skeleton with this number of keypoints; of several, the one with the shortest bones.
 
     Args:
-        n_keypoints: how many keypoints each person has.
-        keypoints_px: shape (row, n_keypoints, 2): people to judge by.
-        source: where they come from, for messages.
+        n_keypoints: Number of keypoints per person.
+        keypoints_px: Shape (row, n_keypoints, 2): detected people.
+        source: Origin of the keypoints, for messages.
 
     Returns:
-        The skeleton, and what is worth saying about the choice.
+        The skeleton, and notes about the choice.
 
     Raises:
-        SkeletonError: if no shipped skeleton has so many keypoints, or several do and the people do not tell.
+        SkeletonError: If no shipped skeleton has this number of keypoints, or several do and the bone lengths do not
+            decide between them.
     """
     candidates = [shipped_skeleton(name) for name in shipped_skeletons()]
-    # Laboratories number an animal's keypoints as they like: how many there are says too little.
+    # Laboratories define the keypoints of animals themselves, so their number does not identify the skeleton.
     fitting = [s for s in candidates if len(s) == n_keypoints and (s.tree is None or s.tree.scale == 1.0)]
     if not fitting:
-        known = choices((f"{s.name} ({len(s)})" for s in candidates), 20)
+        shipped = choices((f"{s.name} ({len(s)})" for s in candidates), 20)
         raise SkeletonError(
-            f"{source} has {n_keypoints} keypoints, and no shipped skeleton has: {known}. "
-            "Say what they are: --skeleton takes a name or the path of a skeleton's TOML file."
+            f"{source} has {n_keypoints} keypoints, but no shipped skeleton does: {shipped}. "
+            "Give --skeleton with the name of a skeleton or the path of its TOML file."
         )
     if len(fitting) == 1:
         return fitting[0], ()
-    spread = sorted((mean_bone_share(skeleton, keypoints_px), skeleton.name) for skeleton in fitting)
+    ratios = sorted((relative_bone_length(skeleton, keypoints_px), skeleton.name) for skeleton in fitting)
     names = [skeleton.name for skeleton in fitting]
-    (best, best_name), (second, _) = spread[0], spread[1]
-    if not best < _CLEAR * second:
+    (best, best_name), (second, _) = ratios[0], ratios[1]
+    if not best < _MAX_RATIO * second:
         raise SkeletonError(
-            f"{source} has {n_keypoints} keypoints, which may be {choices(names)}, and the people seen do not tell. "
-            f"Say which: --skeleton {names[0]}."
+            f"{source} has {n_keypoints} keypoints, which may be {choices(names)}; the detections do not decide. "
+            f"Choose one, such as --skeleton {names[0]}."
         )
     note = (
-        f"{n_keypoints} keypoints read as {best_name}, whose bones hold together, not as "
-        f"{choices(name for name in names if name != best_name)}. --skeleton says otherwise."
+        f"{n_keypoints} keypoints read as {best_name}, whose bones are shortest, not as "
+        f"{choices(name for name in names if name != best_name)}. Override with --skeleton."
     )
     return shipped_skeleton(best_name), (note,)
 
 
-def mean_bone_share(skeleton: Skeleton, keypoints_px: np.ndarray) -> float:
-    """Median over people of the mean bone length as a share of the person's extent; inf without people."""
-    points = np.asarray(keypoints_px)[:500]
-    seen = np.isfinite(points).all(axis=-1)
-    points = points[seen.sum(axis=1) >= 0.5 * points.shape[1]]
+def no_skeleton(path: Path) -> FileError:
+    """Return the error for a recording without people whose skeleton is unknown."""
+    return FileError(f"{path}: no person was detected in any view, so the skeleton is unknown. Add --skeleton.")
+
+
+def wrong_skeleton(path: Path, n_keypoints: int, skeleton: Skeleton) -> FileError:
+    """Return the error for people with another number of keypoints than the skeleton."""
+    return FileError(
+        f"{path} has {n_keypoints} keypoints per person, skeleton {skeleton.name} has {len(skeleton)}. Choose another "
+        "with --skeleton, or omit it to infer the skeleton from the files."
+    )
+
+
+def relative_bone_length(skeleton: Skeleton, keypoints_px: np.ndarray) -> float:
+    """Return the median over people of the mean bone length divided by the person's extent; inf without people."""
+    points = np.asarray(keypoints_px)[:_MAX_PEOPLE]
+    detected = np.isfinite(points).all(axis=-1)
+    points = points[detected.sum(axis=1) >= 0.5 * points.shape[1]]
     if not len(points):
         return float("inf")
-    # Coordinates beyond all reason are as far apart as can be, and tell nothing.
+    # Clip implausible coordinates, which would overflow.
     points = np.clip(points, -1e100, 1e100)
     edges = skeleton.edge_indices
     lengths = np.linalg.norm(points[:, edges[:, 0]] - points[:, edges[:, 1]], axis=-1)
     extent = np.linalg.norm(np.nanmax(points, axis=1) - np.nanmin(points, axis=1), axis=-1)
-    known = np.isfinite(lengths)
-    mean = np.where(known, lengths, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    finite = np.isfinite(lengths)
+    mean = np.where(finite, lengths, 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
     return float(np.median(mean / np.maximum(extent, 1e-9)))

@@ -1,8 +1,8 @@
-"""Label3D's and DANNCE's labels (``.mat`` with ``labelData``): by hand, x and y of every keypoint, one animal.
+"""Labels of Label3D and DANNCE (``.mat`` with ``labelData``): manual x and y of every keypoint of one animal.
 
-``data_2d`` (frame, 2 x keypoint) of each camera, frames by ``data_frame`` where it is there; NaN and 0, 0 are
-missing. Pixels count as in the calibration of the same file. The joints' names are not in it: ``--skeleton``, or as
-many keypoints as a shipped skeleton has.
+Each camera has ``data_2d`` (frame, 2 x keypoint), with frame numbers in ``data_frame`` if it exists; NaN and (0, 0) are
+missing. The pixel convention is that of the calibration in the same file. The file has no keypoint names: the skeleton
+is given by ``--skeleton`` or inferred from the number of keypoints.
 """
 
 from pathlib import Path
@@ -21,7 +21,7 @@ from posefuse.skeleton.skeletons import shipped_skeleton, shipped_skeletons
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     return path.suffix == ".mat" and path.is_file() and "labelData" in variable_names(path)
 
 
@@ -29,8 +29,8 @@ def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if the file is cut short or another.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If the file is truncated or in another format.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     data = read_mat(path, ("labelData", "camnames"))
     cells = np.asarray(data.get("labelData"), dtype=object).ravel()
@@ -45,23 +45,24 @@ def _view(path: Path, name: str, cell: Any) -> ViewColumns:
     where = f"{path}, camera {name!r}"
     inside = cell.ravel()[0] if isinstance(cell, np.ndarray) and cell.size else cell
     labels: dict[str, Any] = inside if isinstance(inside, dict) else {}
-    pixels, given = labels.get("data_2d"), labels.get("data_frame")
+    pixels, stored_frames = labels.get("data_2d"), labels.get("data_frame")
     if not isinstance(pixels, np.ndarray) or pixels.ndim != 2 or pixels.shape[1] % 2 or pixels.dtype.kind not in "fiu":
-        raise FileError(f"{where}: labelData should have data_2d (frame, 2 x keypoint).")
-    places = pixels.astype(np.float64).reshape(len(pixels), -1, 2)
-    numbers = np.arange(len(places))
+        raise FileError(f"{where}: expected data_2d (frame, 2 x keypoint) in labelData.")
+    positions = pixels.astype(np.float64).reshape(len(pixels), -1, 2)
+    numbers = np.arange(len(positions))
     if (
-        isinstance(given, np.ndarray) and given.dtype.kind in "fiu" and given.size == len(places)
-        and np.all(np.abs(given) < 2**40) and len(np.unique(given)) == len(places)
+        isinstance(stored_frames, np.ndarray) and stored_frames.dtype.kind in "fiu"
+        and stored_frames.size == len(positions) and np.all(np.abs(stored_frames) < 2**40)
+        and len(np.unique(stored_frames)) == len(positions)
     ):  # fmt: skip
-        numbers = given.ravel().astype(np.int64)
-    values = np.concatenate([places, np.ones((*places.shape[:2], 1))], axis=-1)
+        numbers = stored_frames.ravel().astype(np.int64)
+    values = np.concatenate([positions, np.ones((*positions.shape[:2], 1))], axis=-1)
     people = [Person(int(number), rows, 0) for number, rows in zip(numbers, values, strict=True)]
     return view_columns(name, numbers.tolist(), people, where)
 
 
 def _with_skeleton(request: Request, views: list[ViewColumns]) -> Request:
-    """Label3D is of animals: of the shipped skeletons with so many keypoints the one that is no human's."""
+    """Return the request with the only shipped skeleton of this number of keypoints, if it names none."""
     count = next((view.keypoints.shape[1] for view in views if len(view.keypoints)), 0)
     fitting = [skeleton for name in shipped_skeletons() if len(skeleton := shipped_skeleton(name)) == count]
     if request.skeleton is not None or len(fitting) != 1:

@@ -1,4 +1,4 @@
-"""Arrays that stay in their files, whatever the files are: read by ranges of rows, never whole."""
+"""Arrays that stay in their files and are read by ranges of rows."""
 
 from abc import ABC, abstractmethod
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 
 
 class RowsByRange(ABC):
-    """An array of a row a person, of which a range of rows at a time is read.
+    """An array with one row per person that is read by ranges of rows.
 
     Args:
-        shape: of the whole array.
-        dtype: of its numbers.
+        shape: Shape of the whole array.
+        dtype: Type of its numbers.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: type = np.float64) -> None:
@@ -19,7 +19,7 @@ class RowsByRange(ABC):
 
     @abstractmethod
     def rows(self, start: int, stop: int) -> np.ndarray:
-        """The rows from ``start`` to before ``stop``, both within the array."""
+        """Return the rows from ``start`` up to but excluding ``stop``, both within the array."""
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -28,16 +28,16 @@ class RowsByRange(ABC):
         if isinstance(key, slice):
             start, stop, step = key.indices(len(self))
             return self._range(start, max(stop, start))[::step]
-        chosen = np.asarray(key)
-        if chosen.dtype == bool:
-            chosen = np.flatnonzero(chosen)
-        if not chosen.size:
-            return np.empty((*chosen.shape, *self.shape[1:]), dtype=self.dtype)
-        if chosen.min() < -len(self) or chosen.max() >= len(self):
-            raise IndexError(f"There are {len(self)} rows, none {key}.")
-        chosen = np.where(chosen < 0, chosen + len(self), chosen)
-        low = int(chosen.min())
-        return self._range(low, int(chosen.max()) + 1)[chosen - low]
+        indices = np.asarray(key)
+        if indices.dtype == bool:
+            indices = np.flatnonzero(indices)
+        if not indices.size:
+            return np.empty((*indices.shape, *self.shape[1:]), dtype=self.dtype)
+        if indices.min() < -len(self) or indices.max() >= len(self):
+            raise IndexError(f"Index {key} is out of bounds for {len(self)} rows.")
+        indices = np.where(indices < 0, indices + len(self), indices)
+        low = int(indices.min())
+        return self._range(low, int(indices.max()) + 1)[indices - low]
 
     def _range(self, start: int, stop: int) -> np.ndarray:
         if stop <= start:

@@ -1,7 +1,6 @@
-"""Records of JSON, mostly lines of it, read by ranges of people: what is where is found once, numbers when asked for.
+"""JSON records, usually lines, read by ranges of people: they are indexed once, and numbers are read on demand.
 
-Of a recording of any length some 40 bytes for each view's frame and 8 for each person are in memory, and the numbers
-of the range that was asked for last.
+Memory holds about 40 bytes per frame and view, 8 bytes per person, and the numbers of the last requested range.
 """
 
 from array import array
@@ -15,28 +14,31 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, FileError
 from posefuse.io.files import reading
-from posefuse.io.keypoints.columns import line_of_frames, rate_of_frames
-from posefuse.io.keypoints.infer_skeleton import guess_skeleton
+from posefuse.io.keypoints.columns import common_frames, rate_of_frames
+from posefuse.io.keypoints.infer_skeleton import infer_skeleton, no_skeleton, wrong_skeleton
 from posefuse.io.keypoints.lazy_columns import RowsByRange
 from posefuse.model.detections import Detections, frame_times
 from posefuse.skeleton.skeletons import Skeleton
 
 Decode = Callable[[bytes, Path, str], dict[str, np.ndarray]]
-"""Makes of a record, its file, and what to call it in messages each camera's people: (person, keypoint, channel)."""
+"""Function of a record, its file, and its description for messages that returns the people of each camera.
+
+People have shape (person, keypoint, channel).
+"""
 
 PIXELS, CONFIDENCE, SIGMA, DEPTH = (0, 1), (2,), (3,), (4,)
-"""Channels of people's numbers; the last two only where a format has them."""
-_JUDGED = 500
+"""Channels of the numbers of a keypoint. Not all formats have the last two."""
+_INFERENCE_PEOPLE = 500
 
 
 @dataclass(frozen=True)
 class Record:
-    """Where a record is.
+    """Position of a record.
 
     Attributes:
-        file: which of the files.
-        start: its first byte.
-        size: its bytes.
+        file: Index of the file.
+        start: Offset of its first byte.
+        size: Number of bytes.
     """
 
     file: int
@@ -45,16 +47,16 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Cells:
-    """Who is where, in the order of the files: grown while they are looked through.
+class CellColumns:
+    """Cells in file order, collected while files are indexed. A cell is a recorded frame of a camera.
 
     Attributes:
-        record: of each cell, a camera in a frame, the numbers of its :class:`Record`.
-        frame: its frame's number.
-        camera: which of the cameras.
-        people: how many are in it.
-        time_s: when the camera took it; NaN where nobody knows.
-        tracks: of each person.
+        record: For each cell, file, start and size of its :class:`Record`.
+        frame: For each cell, the frame number.
+        camera: For each cell, the index of the camera.
+        people: For each cell, the number of people.
+        time_s: For each cell, the time, NaN if unknown.
+        tracks: For each person, the track id.
     """
 
     record: tuple["array[int]", "array[int]", "array[int]"] = field(
@@ -67,7 +69,7 @@ class Cells:
     tracks: "array[int]" = field(default_factory=lambda: array("q"))
 
     def add(self, record: Record, frame: int, camera: int, time_s: float, tracks: Sequence[int]) -> None:
-        """Add a cell."""
+        """Add a cell with one track id per person."""
         for column, number in zip(self.record, (record.file, record.start, record.size), strict=True):
             column.append(number)
         self.frame.append(frame)
@@ -82,15 +84,15 @@ class Index:
     """Cells in the order of :class:`Detections`: by frame, then view.
 
     Attributes:
-        files: that the records are in.
-        names: of the cameras.
-        record: shape (cell, 3), int64: file, first byte and bytes of each cell's record.
-        frame: shape (cell,): number of the frame.
-        camera: shape (cell,).
-        ends: shape (cell + 1,): people before each cell.
-        time_s: shape (cell,).
-        tracks: shape (person,).
-        n_keypoints: of each person; 0 where there is nobody.
+        files: Files with the records.
+        names: Names of the cameras.
+        record: Shape (cell, 3), int64: file, start and size of each cell's record.
+        frame: Shape (cell,): number of the frame.
+        camera: Shape (cell,): index of the camera.
+        ends: Shape (cell + 1,): number of people before each cell.
+        time_s: Shape (cell,): times, NaN if unknown.
+        tracks: Shape (person,): track ids.
+        n_keypoints: Number of keypoints per person, 0 without people.
     """
 
     files: tuple[Path, ...]
@@ -104,28 +106,28 @@ class Index:
     n_keypoints: int
 
 
-def index_of(path: Path, files: Sequence[Path], names: Sequence[str], cells: Cells, n_keypoints: int) -> Index:
-    """Put cells in order.
+def index_of(path: Path, files: Sequence[Path], names: Sequence[str], cells: CellColumns, n_keypoints: int) -> Index:
+    """Sort cells by frame and camera.
 
     Args:
-        path: for messages.
-        files: that the records are in.
-        names: of the cameras.
-        cells: in any order.
-        n_keypoints: of each person.
+        path: The recording, for messages.
+        files: Files with the records.
+        names: Names of the cameras.
+        cells: Cells in any order.
+        n_keypoints: Number of keypoints per person.
 
     Raises:
-        FileError: if there are none, or a camera has a frame twice.
+        FileError: If there are no cells, or a camera has a frame twice.
     """
     frame, camera, people = (np.array(column, dtype=np.int64) for column in (cells.frame, cells.camera, cells.people))
     if not len(frame):
         raise FileError(f"{path} is an empty recording: it has no frames.")
     order = np.lexsort((camera, frame))
     frame, camera = frame[order], camera[order]
-    twice = (np.diff(frame) == 0) & (np.diff(camera) == 0)
-    if twice.any():
-        at = int(np.argmax(twice))
-        raise FileError(f"{path}: camera {names[camera[at]]!r} has two records of frame {frame[at]}.")
+    repeated = (np.diff(frame) == 0) & (np.diff(camera) == 0)
+    if repeated.any():
+        at = int(np.argmax(repeated))
+        raise FileError(f"{path}: camera {names[camera[at]]!r} has two records for frame {frame[at]}.")
     first = (np.cumsum(people) - people)[order]
     people = people[order]
     ends = np.concatenate([[0], np.cumsum(people)])
@@ -137,15 +139,15 @@ def index_of(path: Path, files: Sequence[Path], names: Sequence[str], cells: Cel
     )  # fmt: skip
 
 
-class Numbers:
-    """People's numbers, in their records.
+class RecordReader:
+    """Reader of the numbers of people from their records.
 
-    Those of the range asked for last are kept: of a range of frames, positions are asked for first, then confidences.
+    The last range is cached, because positions and confidences of a range are requested one after the other.
 
     Args:
-        index: of the records.
-        decode: makes sense of one.
-        n_channels: of each keypoint.
+        index: Index of the records.
+        decode: Function that decodes a record.
+        n_channels: Number of channels per keypoint.
     """
 
     def __init__(self, index: Index, decode: Decode, n_channels: int) -> None:
@@ -154,12 +156,12 @@ class Numbers:
         self._last = 0, np.empty((0, index.n_keypoints, n_channels))
 
     def rows(self, start: int, stop: int) -> np.ndarray:
-        """Shape (row, keypoint, channel), of the people from ``start`` to before ``stop``."""
-        first, held = self._last
-        if not first <= start <= stop <= first + len(held):
-            first, held = start, self._read(start, stop)
-            self._last = first, held
-        return held[start - first : stop - first]
+        """Return people ``start`` up to but excluding ``stop``, shape (row, keypoint, channel)."""
+        first, cached = self._last
+        if not first <= start <= stop <= first + len(cached):
+            first, cached = start, self._read(start, stop)
+            self._last = first, cached
+        return cached[start - first : stop - first]
 
     def _read(self, start: int, stop: int) -> np.ndarray:
         out = np.full((stop - start, self.index.n_keypoints, self.n_channels), np.nan)
@@ -173,8 +175,8 @@ class Numbers:
         return out
 
     def _people(self, cells: Iterator[int]) -> Iterator[tuple[int, np.ndarray]]:
-        """The people of cells; of cells that follow each other in one record that is read once."""
-        index, last, found = self.index, (-1, -1), dict[str, np.ndarray]()
+        """Yield the people of cells. A record with several consecutive cells is read once."""
+        index, last, by_camera = self.index, (-1, -1), dict[str, np.ndarray]()
         with ExitStack() as opened:
             handles: dict[int, BinaryIO] = {}
             for cell in cells:
@@ -185,55 +187,55 @@ class Numbers:
                         handles[file] = opened.enter_context(path.open("rb"))
                     if (file, at) != last:
                         handles[file].seek(at)
-                        found = self._decode(handles[file].read(size), path, f"{path}, at byte {at}")
+                        by_camera = self._decode(handles[file].read(size), path, f"{path}, at byte {at}")
                         last = file, at
-                wanted = int(index.ends[cell + 1] - index.ends[cell]), index.n_keypoints, self.n_channels
-                if name not in found or found[name].shape != wanted:
-                    raise FileError(f"{path} was changed while it was read: other people are at byte {at} now.")
-                yield cell, found[name]
+                shape = int(index.ends[cell + 1] - index.ends[cell]), index.n_keypoints, self.n_channels
+                if name not in by_camera or by_camera[name].shape != shape:
+                    raise FileError(f"{path} changed while it was read: the record at byte {at} is different.")
+                yield cell, by_camera[name]
 
 
 class NumberRows(RowsByRange):
-    """Some channels of people's numbers."""
+    """Selected channels of the numbers of people."""
 
-    def __init__(self, numbers: Numbers, channels: Sequence[int]) -> None:
+    def __init__(self, numbers: RecordReader, channels: Sequence[int]) -> None:
         index = numbers.index
         depth = (len(channels),) if len(channels) > 1 else ()
         super().__init__((int(index.ends[-1]), index.n_keypoints, *depth))
         self._numbers, self._channels = numbers, list(channels)
 
     def rows(self, start: int, stop: int) -> np.ndarray:
-        """A copy: what is kept is another's too."""
+        """Return a copy of the rows, because the cache is shared between columns."""
         values = self._numbers.rows(start, stop)[..., self._channels]
         return values.reshape(stop - start, *self.shape[1:])
 
 
-def must_be_possible(values: np.ndarray, where: str) -> None:
-    """Refuse numbers that no detector can have meant, before anything is made of the recording.
+def check_numbers(values: np.ndarray, where: str) -> None:
+    """Refuse impossible numbers while a file is indexed.
 
     Args:
-        values: shape (person, keypoint, channel).
-        where: for messages.
+        values: Shape (person, keypoint, channel).
+        where: Description of the record, for messages.
 
     Raises:
-        DetectionsError: on infinities, and on standard deviations that are not positive.
+        DetectionsError: On infinite numbers, and on standard deviations that are not positive.
     """
     if np.isinf(values).any():
-        raise DetectionsError(f"{where} holds an infinite number. Missing is null: mend the file.")
+        raise DetectionsError(f"{where} contains an infinite number. Write missing numbers as null.")
     if values.shape[-1] > SIGMA[0] and (values[..., SIGMA[0]] <= 0.0).any():
-        raise DetectionsError(f"{where}: sigma_px holds a number that is not positive. Unknown is null.")
+        raise DetectionsError(f"{where}: sigma_px must be positive. Write unknown values as null.")
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is known of a recording besides its cells.
+class RecordingInfo:
+    """Properties of a recording besides its cells.
 
     Attributes:
-        skeleton: of the keypoints; None where their number tells.
-        rate_hz: frames per second, or None.
-        notes: what is worth saying.
-        channels: which there are: :data:`PIXELS` and :data:`CONFIDENCE`, and maybe :data:`SIGMA`, :data:`DEPTH`.
-        own: whether posefuse wrote the files; then frames may lie far apart.
+        skeleton: Skeleton of the keypoints, or None to infer it from their number.
+        rate_hz: Frame rate, or None.
+        notes: Notes for the user.
+        channels: Available channels: :data:`PIXELS`, :data:`CONFIDENCE`, and optionally :data:`SIGMA`, :data:`DEPTH`.
+        own: Whether posefuse wrote the files. Then frame numbers may have large gaps.
     """
 
     skeleton: Skeleton | None
@@ -243,30 +245,30 @@ class Told:
     own: bool = False
 
 
-def detections_of_lines(path: Path, index: Index, decode: Decode, n_channels: int, told: Told) -> Detections:
-    """The detections of records, whose numbers stay in their files.
+def detections_of_records(path: Path, index: Index, decode: Decode, n_channels: int, info: RecordingInfo) -> Detections:
+    """Return the detections of indexed records. Their numbers stay in the files and are read on demand.
 
     Args:
-        path: for messages.
-        index: of the records.
-        decode: makes sense of one.
-        n_channels: of what it makes.
-        told: what else is known.
+        path: The recording, for messages.
+        index: Index of the records.
+        decode: Function that decodes a record.
+        n_channels: Number of channels that it returns.
+        info: Other properties of the recording.
 
     Raises:
-        FileError: if frame numbers make no recording, or nobody was detected and nothing tells the skeleton.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If the frame numbers are not plausible, or no person was detected and no skeleton is given.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
-    numbers = line_of_frames(path, index.frame, own=told.own)
-    skeleton, said = _skeleton(path, Numbers(index, decode, n_channels), told)
+    numbers = common_frames(path, index.frame, own=info.own)
+    skeleton, notes = _skeleton(path, RecordReader(index, decode, n_channels), info)
     if not index.n_keypoints:
         index = replace(index, n_keypoints=len(skeleton))
     shape, cells = (len(numbers), len(index.names)), (np.searchsorted(numbers, index.frame), index.camera)
     recorded, people = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.int64)
     recorded[cells], people[cells] = True, np.diff(index.ends)
-    times = _times(index, numbers, recorded, told.rate_hz)
-    held = Numbers(index, decode, n_channels)
-    rows = {channel: NumberRows(held, channel) for channel in told.channels}
+    times = _times(index, numbers, recorded, info.rate_hz)
+    reader = RecordReader(index, decode, n_channels)
+    rows = {channel: NumberRows(reader, channel) for channel in info.channels}
     return Detections(
         skeleton=skeleton,
         view_names=index.names,
@@ -279,30 +281,27 @@ def detections_of_lines(path: Path, index: Index, decode: Decode, n_channels: in
         track_ids=index.tracks,
         depth=rows.get(DEPTH),
         sigma_px=rows.get(SIGMA),
-        rate_hz=told.rate_hz or rate_of_frames(times),
-        notes=(*told.notes, *said),
+        rate_hz=info.rate_hz or rate_of_frames(times),
+        notes=(*info.notes, *notes),
     )
 
 
 def _times(index: Index, numbers: np.ndarray, recorded: np.ndarray, rate_hz: float | None) -> np.ndarray:
-    """Shape (frame, view): the times of views that have some, else those of the rate."""
+    """Return times of shape (frame, view): those of the records for views that have any, otherwise from the rate."""
     times = np.where(recorded, frame_times(numbers, len(index.names), rate_hz), np.nan)
-    timed = np.unique(index.camera[np.isfinite(index.time_s)])
-    mine = np.isin(index.camera, timed)
-    times[np.searchsorted(numbers, index.frame[mine]), index.camera[mine]] = index.time_s[mine]
+    with_times = np.unique(index.camera[np.isfinite(index.time_s)])
+    cells = np.isin(index.camera, with_times)
+    times[np.searchsorted(numbers, index.frame[cells]), index.camera[cells]] = index.time_s[cells]
     return times
 
 
-def _skeleton(path: Path, numbers: Numbers, told: Told) -> tuple[Skeleton, tuple[str, ...]]:
-    count, found, said = numbers.index.n_keypoints, told.skeleton, ()
-    if found is None and count:
-        some = numbers.rows(0, min(_JUDGED, int(numbers.index.ends[-1])))[..., list(PIXELS)]
-        found, said = guess_skeleton(count, some, str(path))
-    if found is None:
-        raise FileError(f"{path}: nobody was detected in any view, so nothing tells the skeleton. Add --skeleton.")
-    if count and count != len(found):
-        raise FileError(
-            f"{path} has {count} keypoints a person, skeleton {found.name} has {len(found)}. Choose another with "
-            "--skeleton, or leave it out to have it told from the files."
-        )
-    return found, said
+def _skeleton(path: Path, numbers: RecordReader, info: RecordingInfo) -> tuple[Skeleton, tuple[str, ...]]:
+    count, skeleton, notes = numbers.index.n_keypoints, info.skeleton, ()
+    if skeleton is None and count:
+        sample = numbers.rows(0, min(_INFERENCE_PEOPLE, int(numbers.index.ends[-1])))[..., list(PIXELS)]
+        skeleton, notes = infer_skeleton(count, sample, str(path))
+    if skeleton is None:
+        raise no_skeleton(path)
+    if count and count != len(skeleton):
+        raise wrong_skeleton(path, count, skeleton)
+    return skeleton, notes

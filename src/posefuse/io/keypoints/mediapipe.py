@@ -1,17 +1,17 @@
-"""MediaPipe's landmarks as people store them: JSON or CSV, a file a camera.
+"""MediaPipe landmarks in JSON or CSV, one file per camera.
 
-JSON: a list of frames, or an object with ``frames``, and, if it says, ``width``, ``height`` (or ``image_width``,
-``image_height``) and ``fps``. A frame is ``pose_landmarks`` (or ``poseLandmarks``, ``landmarks``): the 33 of one
-person, or a list of people, or ``{"landmark": [...]}`` as protobuf's dictionaries, each landmark with ``x``, ``y``,
+JSON: a list of frames, or an object with ``frames`` and optionally ``width``, ``height`` (or ``image_width``,
+``image_height``) and ``fps``. A frame has ``pose_landmarks`` (or ``poseLandmarks``, ``landmarks``): the 33 landmarks of
+one person, or a list of people, or ``{"landmark": [...]}`` like protobuf dictionaries, each landmark with ``x``, ``y``,
 ``z``, ``visibility``; ``face_landmarks``, ``left_hand_landmarks`` and ``right_hand_landmarks`` of one person;
 ``frame`` and ``timestamp_ms``. A frame without landmarks is a frame without people.
 
-CSV: a row a frame with ``nose_x, nose_y, nose_z, nose_visibility, ...`` (any case) or ``x0, y0, z0, v0, ...`` (from 0
-or 1); or a row a landmark with ``frame``, ``landmark`` (name or number), ``x``, ``y``, ``z``, ``visibility``.
+CSV: one row per frame with ``nose_x, nose_y, nose_z, nose_visibility, ...`` (any case) or ``x0, y0, z0, v0, ...`` (from
+0 or 1); or one row per landmark with ``frame``, ``landmark`` (name or number), ``x``, ``y``, ``z``, ``visibility``.
 
-MediaPipe gives shares of the image's width and height; numbers beyond 3 are pixels already. How large the image is the
-file must say, or the user (``--image-size``). ``visibility`` is the confidence; ``z``, in widths of the image, times
-the width is the depth, as FreeMoCap keeps it.
+MediaPipe outputs fractions of the image width and height; values above 3 are pixels. The size of the image is stated by
+the file or by ``--image-size``. ``visibility`` is the confidence. ``z``, in image widths, is multiplied by the width to
+give the depth in px, like in FreeMoCap.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.mediapipe_csv import Landmarks
 from posefuse.io.keypoints.names import view_names
-from posefuse.io.keypoints.people import beginning, decode, whole
+from posefuse.io.keypoints.people import beginning, checked_integer, decode
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
@@ -37,16 +37,16 @@ _BODY, _HAND, _FACE, _FACE_WITH_IRISES = 33, 21, 468, 478
 _POSE = ("pose_landmarks", "poseLandmarks", "landmarks")
 _LEFT, _RIGHT = ("left_hand_landmarks", "leftHandLandmarks"), ("right_hand_landmarks", "rightHandLandmarks")
 _MESH = ("face_landmarks", "faceLandmarks")
-_SHARES_UP_TO = 3.0
+_MAX_FRACTION = 3.0
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds some, one level deep."""
+    """Return whether a path is a file in this format or a folder that contains some, one level deep."""
     return bool(files_of(path))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, damaged ones too: a camera must not go missing unsaid."""
+    """Return the files, including damaged ones, because a camera must not be dropped silently."""
     return all_camera_files(path, _KIND)
 
 
@@ -65,54 +65,54 @@ def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is not whole, or coordinates are shares of an image of which nobody says how large it is.
+        FileError: If a file is truncated, or coordinates are fractions of an image of unknown size.
     """
     files = files_of(path)
     request.progress.start("reading keypoints", len(files))
-    found: list[Landmarks] = []
+    cameras: list[Landmarks] = []
     for file in files:
-        found.append(mediapipe_csv.read(file) if file.suffix == ".csv" else _read_json(file))
+        cameras.append(mediapipe_csv.read(file) if file.suffix == ".csv" else _read_json(file))
         request.progress.advance(1)
     request.progress.finish()
-    skeleton = _skeleton(path, found, request)
+    skeleton = _skeleton(path, cameras, request)
     views = [_view(file, name, each, skeleton, request) for file, name, each in
-             zip(files, view_names(files), found, strict=True)]  # fmt: skip
-    rates = {each.rate_hz for each in found if each.rate_hz}
+             zip(files, view_names(files), cameras, strict=True)]  # fmt: skip
+    rates = {each.rate_hz for each in cameras if each.rate_hz}
     if len(rates) > 1:
-        raise FileError(f"{path}: the cameras have different rates ({sorted(rates)} Hz). Say which: --rate-hz.")
+        raise FileError(f"{path}: the cameras have different rates ({sorted(rates)} Hz). Choose one with --rate-hz.")
     rate = request.rate_hz or next(iter(rates), None)
     return assemble(path, views, skeleton, rate)
 
 
-def _skeleton(path: Path, found: Sequence[Landmarks], request: Request) -> Skeleton:
-    counts = {each.values.shape[1] for each in found if len(each.values)}
+def _skeleton(path: Path, cameras: Sequence[Landmarks], request: Request) -> Skeleton:
+    counts = {each.values.shape[1] for each in cameras if len(each.values)}
     count = max(counts, default=len(request.skeleton) if request.skeleton else _BODY)
-    known = {33: "mediapipe_33", 543: "mediapipe_holistic_543", 553: "mediapipe_holistic_553"}
+    by_count = {33: "mediapipe_33", 543: "mediapipe_holistic_543", 553: "mediapipe_holistic_553"}
     if request.skeleton is not None and len(request.skeleton) == count:
         return request.skeleton
-    if request.skeleton is not None or count not in known:
+    if request.skeleton is not None or count not in by_count:
         raise FileError(
-            f"{path} has {count} landmarks a person; MediaPipe's body has {_BODY}, with hands and face 543 or 553"
-            + (f", skeleton {request.skeleton.name} {len(request.skeleton)}." if request.skeleton else ".")
+            f"{path} has {count} landmarks per person. MediaPipe's body has {_BODY}, with hands and face 543 or 553"
+            + (f"; skeleton {request.skeleton.name} has {len(request.skeleton)}." if request.skeleton else ".")
         )
-    return shipped_skeleton(known[count])
+    return shipped_skeleton(by_count[count])
 
 
-def _view(file: Path, name: str, found: Landmarks, skeleton: Skeleton, request: Request) -> ViewColumns:
-    values = found.values
+def _view(file: Path, name: str, landmarks: Landmarks, skeleton: Skeleton, request: Request) -> ViewColumns:
+    values = landmarks.values
     if len(values) and values.shape[1] < len(skeleton):
         if values.shape[1] != _BODY:
-            raise FileError(f"{file} has {values.shape[1]} landmarks a person, other cameras have {len(skeleton)}.")
-        lacking = np.full((len(values), len(skeleton) - _BODY, 4), np.nan)
-        values = np.concatenate([values, lacking], axis=1)
+            raise FileError(f"{file} has {values.shape[1]} landmarks per person, other cameras have {len(skeleton)}.")
+        hands_and_face = np.full((len(values), len(skeleton) - _BODY, 4), np.nan)
+        values = np.concatenate([values, hands_and_face], axis=1)
     values = values.reshape(len(values), len(skeleton), 4)
     pixels, depth = values[..., :2], values[..., 2]
-    known = np.abs(pixels[np.isfinite(pixels)])
-    if not len(known) or np.quantile(known, 0.95) <= _SHARES_UP_TO:
-        size = found.size_px or request.image_size_px
-        if size is None and len(known):
+    finite = np.abs(pixels[np.isfinite(pixels)])
+    if not len(finite) or np.quantile(finite, 0.95) <= _MAX_FRACTION:
+        size = landmarks.size_px or request.image_size_px
+        if size is None and len(finite):
             raise FileError(
-                f"{file} gives landmarks as shares of the image and does not say how large that is. Add --image-size "
+                f"{file} has landmarks in fractions of the image size and does not state that size. Add --image-size "
                 'WIDTH HEIGHT, or "width" and "height" to the file.'
             )
         pixels, depth = pixels * np.asarray(size or (1, 1)), depth * (size or (1, 1))[0]
@@ -121,24 +121,24 @@ def _view(file: Path, name: str, found: Landmarks, skeleton: Skeleton, request: 
     keypoints[missing] = np.nan
     return ViewColumns(
         name=name,
-        recorded=found.recorded,
-        frame_of_row=found.frame_of_row,
+        recorded=landmarks.recorded,
+        frame_of_row=landmarks.frame_of_row,
         keypoints=keypoints,
         track_ids=np.full(len(values), -1, dtype=np.int64),
         depth=np.where(missing | ~np.isfinite(depth), np.nan, depth),
-        time_s=found.time_s,
+        time_s=landmarks.time_s,
     )
 
 
 def _read_json(file: Path) -> Landmarks:
     content = decode(file, dict[str, Any] | list[Any])
-    head: Mapping[str, Any] = content if isinstance(content, dict) else {}
-    frames = head.get("frames", []) if isinstance(content, dict) else content
+    header: Mapping[str, Any] = content if isinstance(content, dict) else {}
+    frames = header.get("frames", []) if isinstance(content, dict) else content
     if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
         raise FileError(f"{file}: expected a list of frames with {_POSE[0]}.")
     numbers, times, rows, of_row = [], [], [], []
     for i, frame in enumerate(frames):
-        number = whole(frame.get("frame", frame.get("frame_index", i)), "the frame", f"{file}, frame {i}")
+        number = checked_integer(frame.get("frame", frame.get("frame_index", i)), "the frame", f"{file}, frame {i}")
         numbers.append(number)
         times.append(_millis(frame.get("timestamp_ms")) * 1e-3)
         people = _people(frame, f"{file}, frame {number}")
@@ -146,43 +146,43 @@ def _read_json(file: Path) -> Landmarks:
         of_row += [number] * len(people)
     longest = max((len(row) for row in rows), default=_BODY)
     values = [np.concatenate([row, np.full((longest - len(row), 4), np.nan)]) for row in rows]
-    rate = head.get("fps")
-    found = Landmarks(
+    rate = header.get("fps")
+    landmarks = Landmarks(
         recorded=np.array(numbers, dtype=np.int64),
         frame_of_row=np.array(of_row, dtype=np.int64),
         values=np.array(values).reshape(len(values), longest, 4),
-        size_px=_size(head),
+        size_px=_size(header),
         rate_hz=float(rate) if isinstance(rate, int | float) and 0 < rate < 1e6 else None,
     )
-    return replace(found, time_s=np.array(times)) if np.isfinite(times).all() and len(times) else found
+    return replace(landmarks, time_s=np.array(times)) if np.isfinite(times).all() and len(times) else landmarks
 
 
 def _millis(value: Any) -> float:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else np.nan
 
 
-def _size(head: Mapping[str, Any]) -> tuple[int, int] | None:
+def _size(header: Mapping[str, Any]) -> tuple[int, int] | None:
     for names in (("width", "height"), ("image_width", "image_height")):
-        size = [head.get(name) for name in names]
+        size = [header.get(name) for name in names]
         if all(isinstance(n, int | float) and not isinstance(n, bool) and 0 < n < 1e6 for n in size):
             return int(size[0]), int(size[1])  # type: ignore[arg-type]
     return None
 
 
 def _people(frame: Mapping[str, Any], where: str) -> list[np.ndarray]:
-    """Landmarks of everybody in a frame, each of shape (landmark, 4)."""
-    given = _first(frame, _POSE)
-    if isinstance(given, list) and given and isinstance(given[0], list):
-        people = [_points(person, where) for person in given]
+    """Return the landmarks of each person in a frame, each of shape (landmark, 4)."""
+    bodies = _first(frame, _POSE)
+    if isinstance(bodies, list) and bodies and isinstance(bodies[0], list):
+        people = [_points(person, where) for person in bodies]
     else:
-        people = [_points(given, where)] if given else []
+        people = [_points(bodies, where)] if bodies else []
     parts = [_first(frame, names) for names in (_MESH, _LEFT, _RIGHT)]
     if any(parts) and len(people) <= 1:
         mesh, left, right = (_points(part[0] if _nested(part) else part, where) if part else None for part in parts)
         people = [_whole_body(people[0] if people else None, mesh, left, right, where)]
     for person in people:
         if len(person) not in (_BODY, 543, 553):
-            raise FileError(f"{where}: {len(person)} landmarks, expected {_BODY} of a body.")
+            raise FileError(f"{where}: expected the {_BODY} landmarks of a body, got {len(person)}.")
     return people
 
 
@@ -198,12 +198,12 @@ def _points(landmarks: Any, where: str) -> np.ndarray:
     if isinstance(landmarks, dict):
         landmarks = landmarks.get("landmark")
     if not isinstance(landmarks, list) or not all(isinstance(point, dict) for point in landmarks):
-        raise FileError(f"{where}: landmarks should be a list of x, y, z, visibility.")
+        raise FileError(f"{where}: expected landmarks as a list of x, y, z, visibility.")
     try:
         rows = [[point["x"], point["y"], point.get("z"), point.get("visibility")] for point in landmarks]
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
     except (KeyError, TypeError, ValueError, OverflowError):
-        raise FileError(f"{where}: a landmark has no x and y that are numbers.") from None
+        raise FileError(f"{where}: a landmark lacks a numeric x or y.") from None
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class _Part:
 def _whole_body(
     body: np.ndarray | None, mesh: np.ndarray | None, left: np.ndarray | None, right: np.ndarray | None, where: str
 ) -> np.ndarray:
-    """Body, face and hands in the order of the skeletons: 543 without irises, 553 with them."""
+    """Return body, face and hands in the order of the skeleton: 543 landmarks without irises, 553 with them."""
     irises = mesh is not None and len(mesh) == _FACE_WITH_IRISES
     face, hands = (_Part("face", _FACE_WITH_IRISES if irises else _FACE), _Part("hand", _HAND))
     pieces = [
@@ -232,7 +232,7 @@ def _filled(points: np.ndarray | None, part: _Part, where: str) -> np.ndarray:
     if points is None:
         return np.full((part.count, 4), np.nan)
     if len(points) != part.count:
-        raise FileError(f"{where}: {len(points)} landmarks of a {part.name}, expected {part.count}.")
+        raise FileError(f"{where}: expected {part.count} landmarks of a {part.name}, got {len(points)}.")
     return points
 
 

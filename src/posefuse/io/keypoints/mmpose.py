@@ -1,8 +1,8 @@
-"""MMPose's, RTMPose's and rtmlib's JSON, one a camera: ``instance_info`` with ``meta_info``, or its bare list.
+"""JSON of MMPose, RTMPose and rtmlib, one file per camera: ``instance_info`` with ``meta_info``, or its bare list.
 
 Each frame has ``frame_id`` (MMPose counts from 1) and ``instances`` with ``keypoints`` (x, y) and
-``keypoint_scores``; a ``track_id`` or ``instance_id`` is kept. Frames without people are there, with an empty list.
-Where ``meta_info`` names the keypoints (``keypoint_id2name``), the names tell the skeleton, else their number does.
+``keypoint_scores``; ``track_id`` or ``instance_id`` is the track. Frames without people have an empty list. If
+``meta_info`` names the keypoints (``keypoint_id2name``), the names identify the skeleton, otherwise their number does.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from typing import Any
 
 import msgspec
 
-from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, camera_files, read_views
+from posefuse.io.keypoints.camera_files import FileKind, all_camera_files, read_views, valid_camera_files
 from posefuse.io.keypoints.columns import ViewColumns
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_named
-from posefuse.io.keypoints.people import Person, beginning, decode, detections_of, joined, view_columns, whole
+from posefuse.io.keypoints.people import Person, beginning, checked_integer, decode, detections_of, joined, view_columns
 from posefuse.io.keypoints.request import Request
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton
@@ -40,12 +40,12 @@ class _File(msgspec.Struct):
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds one a camera, or folders with one each."""
-    return bool(camera_files(path, _KIND))
+    """Return whether a path is a file in this format, or a folder or folders with one per camera."""
+    return bool(valid_camera_files(path, _KIND))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, damaged ones too: a camera must not go missing unsaid."""
+    """Return the files, including damaged ones, because a camera must not be dropped silently."""
     return all_camera_files(path, _KIND)
 
 
@@ -54,21 +54,21 @@ def _is_one(file: Path) -> bool:
     return (start.startswith(b'[{"frame_id"') or b'"instance_info"' in start) and b'"instances"' in start
 
 
-def _was_meant(file: Path) -> bool:
-    """Without a frame, or with frames that something is wrong with."""
+def _is_similar(file: Path) -> bool:
+    """Return whether a file is in this format without frames, or with broken frames."""
     start = beginning(file, 200_000)
     return start == b"[]" or b'"instance_info"' in start or b'"instances"' in start
 
 
-_KIND = FileKind((".json",), _is_one, _was_meant)
+_KIND = FileKind((".json",), _is_one, _is_similar)
 
 
 def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is cut short or another, or views have different keypoints.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If a file is truncated or in another format, or views have different keypoints.
+        SkeletonError: If neither the names nor the number of keypoints identify a skeleton.
     """
     named: list[tuple[str, ...]] = []
 
@@ -84,7 +84,7 @@ def read(path: Path, request: Request) -> Detections:
 
 
 def _names(meta_info: Any) -> tuple[str, ...]:
-    """What a file calls its keypoints, in order; none where it does not say."""
+    """Return the keypoint names of a file in order, or none if it has no names."""
     names = meta_info.get("keypoint_id2name") if isinstance(meta_info, dict) else None
     if not isinstance(names, dict):
         return ()
@@ -93,7 +93,7 @@ def _names(meta_info: Any) -> tuple[str, ...]:
 
 
 def _skeleton(views: Sequence[ViewColumns], named: Sequence[tuple[str, ...]]) -> Skeleton | None:
-    """The skeleton of the names, if all files have the same and as many as keypoints."""
+    """Return the skeleton of the names if all files have the same names, one per keypoint, or None."""
     count = next((view.keypoints.shape[1] for view in views if len(view.keypoints)), 0)
     names = named[0] if named and len(named) == len(views) else ()
     if not names or set(named) != {names} or len(set(names)) != len(names) or count not in (0, len(names)):
@@ -108,12 +108,12 @@ def _view(file: Path, name: str, frames: Sequence[_Frame]) -> ViewColumns:
         for frame in frames
         for i in frame.instances
     ]
-    return view_columns(name, {whole(frame.frame_id, "frame_id", where) for frame in frames}, people, where)
+    return view_columns(name, {checked_integer(frame.frame_id, "frame_id", where) for frame in frames}, people, where)
 
 
 def _track(instance: _Instance) -> int:
-    given = [number for number in (instance.track_id, instance.instance_id) if number is not None]
-    return given[0] if given and abs(given[0]) < 2**40 else -1
+    ids = [number for number in (instance.track_id, instance.instance_id) if number is not None]
+    return ids[0] if ids and abs(ids[0]) < 2**40 else -1
 
 
 FORMAT = KeypointFormat(

@@ -1,8 +1,8 @@
-"""MVOR's people: ``openpose_kps.json``, detected, or ``camma_mvor_2018.json``, annotated by hand with shared ids.
+"""People of the MVOR data set: detections in ``openpose_kps.json``, or annotations in ``camma_mvor_2018.json``.
 
-Frames are the triplets of images that ``camma_mvor_2018.json`` lists, counted from 0; it must lie beside the other.
-Frames are 75 s apart, so that there is no rate to give. Detections are COCO's 17 keypoints; annotations have ten
-joints of their own, named in the file.
+Frames are the triplets of images listed in ``camma_mvor_2018.json``, counted from 0; that file must be beside the
+detections. Frames are 75 s apart, so there is no frame rate. Detections have COCO's 17 keypoints. Annotations have
+person ids shared by the views, and ten joints named in the file.
 """
 
 from pathlib import Path
@@ -52,7 +52,7 @@ class _Detected(msgspec.Struct):
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     return path.suffix == ".json" and path.is_file() and (_is_detected(path) or _is_data(path))
 
 
@@ -66,22 +66,22 @@ def _is_data(path: Path) -> bool:
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read all cameras, ``camera_1``, ``camera_2``, ...
+    """Read all cameras, called ``camera_1``, ``camera_2``, ...
 
     Raises:
-        FileError: if a file is cut short or another, or ``camma_mvor_2018.json`` is not beside the detections.
+        FileError: If a file is truncated or in another format, or ``camma_mvor_2018.json`` is missing.
     """
     detected = _is_detected(path)
-    beside = path.with_name(_DATA) if detected else path
-    if not beside.is_file():
-        raise FileError(f"{path} names images only by number; {_DATA} beside it says which belong together.")
-    data: _Data = decode(beside, _Data)
+    data_file = path.with_name(_DATA) if detected else path
+    if not data_file.is_file():
+        raise FileError(f"{path} identifies images only by number. {_DATA} is required beside it to group them.")
+    data: _Data = decode(data_file, _Data)
     n_views = max((len(triplet.images) for triplet in data.multiview_images), default=0)
     place = {image.id: (f, v) for f, each in enumerate(data.multiview_images) for v, image in enumerate(each.images)}
     people: list[list[Person]] = [[] for _ in range(n_views)]
-    for image, values, track in _found(path, detected, data):
+    for image, values, track in _people(path, detected, data):
         if image not in place:
-            raise FileError(f"{path}: somebody is in image {image}, which {_DATA} does not list.")
+            raise FileError(f"{path}: a person is in image {image}, which {_DATA} does not list.")
         frame, view = place[image]
         people[view].append(Person(frame, values, track))
     frames = range(len(data.multiview_images))
@@ -89,23 +89,23 @@ def read(path: Path, request: Request) -> Detections:
     return detections_of(path, views, _with_skeleton(request, detected, data))
 
 
-def _found(path: Path, detected: bool, data: _Data) -> list[tuple[int, list[list[float]], int]]:
-    """Image, x, y and confidence of each keypoint, and the person's id, of everybody."""
+def _people(path: Path, detected: bool, data: _Data) -> list[tuple[int, list[list[float]], int]]:
+    """Return image, keypoints (x, y, confidence) and person id of each person, -1 for detections."""
     if detected:
-        everybody = decode(path, list[_Detected])
-        return [(one.image_id, _triples(path, one.coco_keypoints), -1) for one in everybody]
-    found = []
+        detections = decode(path, list[_Detected])
+        return [(one.image_id, _triples(path, one.coco_keypoints), -1) for one in detections]
+    people = []
     for one in data.annotations:
         values = np.array(_triples(path, one.keypoints))
-        # Visible (2) or hidden (1) is no confidence.
+        # Visibility (2 visible, 1 hidden) is not a confidence.
         values[:, 2] = np.where(values[:, 2] == 0, 0.0, 1.0)
-        found.append((one.image_id, values.tolist(), one.person_id))
-    return found
+        people.append((one.image_id, values.tolist(), one.person_id))
+    return people
 
 
 def _triples(path: Path, numbers: list[float]) -> list[list[float]]:
     if len(numbers) % 3 or not numbers:
-        raise FileError(f"{path}: somebody has {len(numbers)} numbers, expected x, y, confidence for each keypoint.")
+        raise FileError(f"{path}: a person has {len(numbers)} numbers, expected x, y, confidence for each keypoint.")
     return np.array(numbers, dtype=np.float64).reshape(-1, 3).tolist()
 
 
@@ -115,7 +115,7 @@ def _with_skeleton(request: Request, detected: bool, data: _Data) -> Request:
     skeleton = shipped_skeleton("coco_17")
     if not detected:
         if not data.categories:
-            raise FileError(f"{_DATA} names no keypoints: it has no category.")
+            raise FileError(f"{_DATA} has no category, which names the keypoints.")
         names = data.categories[0].keypoints
         edges = [(names[a - 1], names[b - 1]) for a, b in data.categories[0].skeleton if max(a, b) <= len(names)]
         skeleton = skeleton_of("mvor", names, edges)

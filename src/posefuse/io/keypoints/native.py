@@ -1,4 +1,4 @@
-"""posefuse's own keypoint file, netCDF-4: everything :class:`Detections` holds, read by ranges."""
+"""posefuse's own keypoint file in netCDF-4. It stores all of :class:`Detections` and is read by ranges."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.request import Request, asked_of
+from posefuse.io.keypoints.request import Request, apply_request
 from posefuse.io.netcdf import (
     StoredArray,
     add_variable,
@@ -25,7 +25,7 @@ KIND = "keypoints"
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     if path.suffix != ".nc" or not path.is_file():
         return False
     try:
@@ -36,11 +36,11 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Open the file; its long arrays stay in it.
+    """Open a file. Long arrays stay in the file and are read on demand.
 
     Raises:
-        FileError: if the file is cut short or another.
-        SkeletonError: if the request names another skeleton and the file's cannot be mapped to it.
+        FileError: If the file is truncated or in another format.
+        SkeletonError: If the stored keypoints cannot be mapped to the requested skeleton.
     """
     with reading(path, "netCDF-4 file"), open_file(path, KIND) as file:
         rate = number_of(file, "rate_hz") if "rate_hz" in file.attrs else None
@@ -59,11 +59,15 @@ def read(path: Path, request: Request) -> Detections:
             rate_hz=rate,
             notes=strings(file.variables["note"]) if "note" in file.variables else (),
         )
-    return asked_of(detections, request, path)
+    return apply_request(detections, request, path)
 
 
 def write(detections: Detections, path: Path) -> None:
-    """Write detections, range by range."""
+    """Write detections, one range of frames after another.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
     rows = int(detections.offsets[-1])
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         file.attrs["posefuse_kind"] = KIND
@@ -104,7 +108,7 @@ def write(detections: Detections, path: Path) -> None:
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
-    """What of these detections the file cannot hold: nothing."""
+    """Return what of the detections is lost in the file: nothing."""
     return ()
 
 

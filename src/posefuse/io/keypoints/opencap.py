@@ -1,9 +1,9 @@
-"""OpenCap's 2D keypoints: ``Videos/<camera>/OutputPkl_<detector>/<trial>/<trial>_rotated_pp.pkl``, one a camera.
+"""OpenCap's 2D keypoints: ``Videos/<camera>/OutputPkl_<detector>/<trial>/<trial>_rotated_pp.pkl``, one per camera.
 
-A list of frames, each a list of people with ``pose_keypoints_2d``: x, y, confidence of BODY_25's keypoints, 0 0 0 where
-missing; of OpenPose, or of MMPose's keypoints put into that order. ``person_id`` is the place in the list, no identity.
-Give the folder of the cameras, or one camera's file: the other cameras' of the same trial are read with it. Pickles can
-run programs: of these only lists, dicts, texts and numbers are built, and whatever else a file asks for is refused.
+A file is a list of frames, each a list of people with ``pose_keypoints_2d``: x, y, confidence of the BODY_25 keypoints,
+0 0 0 if missing, from OpenPose or from MMPose in that order. ``person_id`` is the index in the list, not an identity.
+The input is the folder of the cameras, or the file of one camera: those of the other cameras of the trial are read,
+too. Pickles can execute code; only lists, dicts, strings and numbers are unpickled, and other content is refused.
 """
 
 from pathlib import Path
@@ -23,18 +23,18 @@ _PERSON_BYTES = 600
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds folders of cameras that have some."""
+    """Return whether a path is a file in this format, or a folder with folders of cameras that contain some."""
     return bool(trials_in(path))
 
 
 def trials_in(path: Path) -> list[Path]:
-    """The first camera's file of each trial and detector: of a file itself, or of the cameras in a folder."""
+    """Return the file of the first camera for each trial and detector, or the path itself if it is a file."""
     if path.is_file():
         return [path] if _is_one(path) else []
-    found: dict[tuple[str, str, str], Path] = {}
+    first: dict[tuple[str, str, str], Path] = {}
     for file in _ordered(path.glob(f"*/{_FOLDERS}*/*/*{_ENDING}")):
-        found.setdefault(_trial(file), file)
-    return [file for file in found.values() if _is_one(file)]
+        first.setdefault(_trial(file), file)
+    return [file for file in first.values() if _is_one(file)]
 
 
 def _is_one(file: Path) -> bool:
@@ -42,7 +42,7 @@ def _is_one(file: Path) -> bool:
 
 
 def _trial(file: Path) -> tuple[str, str, str]:
-    """Detector, trial and name: the same of all its cameras."""
+    """Return detector, trial and file name, which all cameras of a trial share."""
     return file.parents[1].name, file.parent.name, file.name
 
 
@@ -51,7 +51,7 @@ def _ordered(files: Any) -> list[Path]:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a trial, one a camera; of a folder those of all its trials."""
+    """Return the files of a trial, one per camera, or those of all trials in a folder."""
     if path.is_dir():
         return [file for trial in trials_in(path) for file in files_of(trial)]
     return _ordered(path.parents[3].glob("/".join(["*", *_trial(path)]))) if _is_one(path) else []
@@ -61,13 +61,13 @@ def read(path: Path, request: Request) -> Detections:
     """Read all cameras, named by their folders.
 
     Raises:
-        FileError: if there are several trials, or a file is cut short, another, or asks for anything but numbers.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If there is not exactly one trial, or a file is truncated, in another format, or contains objects.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     trials = trials_in(path)
     if len(trials) != 1:
         listed = "".join(f"\n  --keypoints {trial}" for trial in trials)
-        raise FileError(f"{path} has {len(trials)} trials of OpenCap's. Give a file of the one to read:{listed}")
+        raise FileError(f"{path} has {len(trials)} OpenCap trials. Give a file of the one to read:{listed}")
     files = files_of(trials[0])
     request.progress.start("reading keypoints", len(files))
     views = []
@@ -79,11 +79,11 @@ def read(path: Path, request: Request) -> Detections:
 
 
 def _view(file: Path) -> ViewColumns:
-    with reading(file, "pickle of OpenCap's keypoints"):
+    with reading(file, "pickle of OpenCap keypoints"):
         frames = load_plain(file.read_bytes())
     if not isinstance(frames, list) or not all(isinstance(frame, list) for frame in frames):
         raise FileError(f"{file}: expected a list of frames, each a list of people.")
-    # A pickle may name one person any number of times.
+    # A pickle can refer to one person any number of times.
     check_unpacked_size(file, _PERSON_BYTES * sum(map(len, frames)))
     people = [_person(file, f, one) for f, frame in enumerate(frames) for one in frame]
     return view_columns(file.parents[2].name, range(len(frames)), people, str(file))
@@ -93,8 +93,8 @@ def _person(file: Path, frame: int, person: Any) -> Person:
     values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
     if not isinstance(values, list) or not all(isinstance(value, int | float) for value in values):
         raise FileError(
-            f"{file}, frame {frame}: a person without pose_keypoints_2d, a list of numbers. Is it the detector's own "
-            f"file? OpenCap reads those that end in {_ENDING} and have OpenPose's keypoints."
+            f"{file}, frame {frame}: a person without pose_keypoints_2d, a list of numbers. Is this a raw file of the "
+            f"detector? OpenCap files end in {_ENDING} and contain OpenPose keypoints."
         )
     return Person(frame, values)
 

@@ -1,8 +1,8 @@
-"""OpenPose's JSON: a folder a camera, a file a frame, ``people[].pose_keypoints_2d`` as x, y, confidence.
+"""OpenPose JSON: one folder per camera, one file per frame, ``people[].pose_keypoints_2d`` as x, y, confidence.
 
-Hands and faces are lists of their own, see ``openpose_parts``: with BODY_25 they make openpose_137. 0, 0, 0 is a
-keypoint that was not detected. A person ``{}`` is one that Pose2Sim's association did not find in this view: where a
-folder has such, the place in the list is the person's identity. Otherwise ``person_id`` is, unless -1.
+Hands and faces are separate lists (see ``openpose_parts``); with BODY_25 they make openpose_137. 0, 0, 0 is a missing
+keypoint. A person ``{}`` was not found in this view by the association of Pose2Sim: in a folder with such people, the
+index in the list is the identity of the person. Otherwise it is ``person_id``, unless that is -1.
 """
 
 import heapq
@@ -25,17 +25,17 @@ from posefuse.io.files import natural_key
 from posefuse.io.keypoints import openpose_writing
 from posefuse.io.keypoints.columns import ViewColumns, assemble
 from posefuse.io.keypoints.format import KeypointFormat
-from posefuse.io.keypoints.infer_skeleton import guess_skeleton
+from posefuse.io.keypoints.infer_skeleton import infer_skeleton, no_skeleton, wrong_skeleton
 from posefuse.io.keypoints.openpose_parts import (
     BODY,
     N_BODY,
     N_WHOLE,
     WHOLE,
     PartRows,
+    describe_person,
     has_parts,
-    joined,
+    join_parts,
     missing_parts,
-    said_of,
 )
 from posefuse.io.keypoints.people import beginning
 from posefuse.io.keypoints.pose2sim_config import find_settings
@@ -59,26 +59,26 @@ class _Frame(msgspec.Struct):
 
 _decoder = msgspec.json.Decoder(_Frame)
 _NUMBER = re.compile(r"(\d{1,12})\D*$")
-_TOLD_FILES = 100
-_LOOKED_AT = 3
+_PROGRESS_FILES = 100
+_INSPECTED = 3
 
 
 def matches(path: Path) -> bool:
-    """Whether the folder holds OpenPose files, of one camera or of one camera a folder."""
+    """Return whether a folder contains OpenPose files of one camera, or one folder of them per camera."""
     if not path.is_dir():
         return False
     return any(b'"people"' in start for start in first_bytes(path))
 
 
 def first_bytes(path: Path) -> Iterator[bytes]:
-    """How the first files of the first cameras begin: of one that is damaged the others tell what it should be."""
-    for folder in camera_folders(path)[:_LOOKED_AT]:
-        for name in heapq.nsmallest(_LOOKED_AT, frame_names(folder)):
+    """Yield the first bytes of the first files of the first cameras. Several, because some may be damaged."""
+    for folder in camera_folders(path)[:_INSPECTED]:
+        for name in heapq.nsmallest(_INSPECTED, frame_names(folder)):
             yield beginning(folder / name)
 
 
 def camera_folders(path: Path) -> list[Path]:
-    """The folders of the cameras, in the order that counts; the folder itself if it is a camera's."""
+    """Return the folders of the cameras in natural order, or the folder itself if it is that of one camera."""
     with os.scandir(path) as entries:
         inside = [path / entry.name for entry in entries if entry.is_dir() and _has_frames(path / entry.name)]
     if inside:
@@ -94,9 +94,9 @@ def _has_frames(folder: Path) -> bool:
 
 
 def frame_names(folder: Path) -> list[str]:
-    """The names of a camera's JSON files; a folder of results, which holds other JSON files, has none.
+    """Return the names of the JSON files of a camera. A result folder, which contains other JSON files, has none.
 
-    A look at each file by itself, or a path object for it, would take as long as reading it.
+    Checking each file separately, or creating a path object for it, would take as long as reading it.
     """
     if (folder / "reconstruction.nc").exists():
         return []
@@ -105,16 +105,16 @@ def frame_names(folder: Path) -> list[str]:
 
 
 def frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a camera, in the order that counts."""
+    """Return the JSON files of a camera in natural order."""
     return [folder / name for name in sorted(frame_names(folder), key=natural_key)]
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read all cameras.
+    """Read all cameras. ``Config.toml`` of Pose2Sim provides the rate and skeleton if the request does not.
 
     Raises:
-        FileError: if a file is cut short, is not OpenPose's, or its name has no frame number.
-        SkeletonError: if the number of keypoints does not tell the skeleton.
+        FileError: If a file is truncated, is not from OpenPose, or its name has no frame number.
+        SkeletonError: If the number of keypoints does not identify a skeleton.
     """
     folders = camera_folders(path)
     settings = find_settings(path)
@@ -122,21 +122,18 @@ def read(path: Path, request: Request) -> Detections:
     request.progress.start("reading keypoints", sum(map(len, files.values())))
     read_views = [_read_view(folder, files[folder], request) for folder in folders]
     request.progress.finish()
-    asked = request.skeleton or settings.skeleton
-    people_lists, notes = _with_parts(read_views, asked)
+    requested = request.skeleton or settings.skeleton
+    people_lists, notes = _with_parts(read_views, requested)
     views = _with_track_ids(people_lists)
     n_keypoints = _common_length(path, views)
-    skeleton = asked
+    skeleton = requested
     if skeleton is None and n_keypoints:
-        skeleton, said = _told(n_keypoints, views, str(path))
-        notes = (*said, *notes)
+        skeleton, inference_notes = _inferred(n_keypoints, views, str(path))
+        notes = (*inference_notes, *notes)
     if skeleton is None:
-        raise FileError(f"{path}: nobody was detected in any view, so nothing tells the skeleton. Add --skeleton.")
+        raise no_skeleton(path)
     if n_keypoints and n_keypoints != len(skeleton):
-        raise FileError(
-            f"{path} has {n_keypoints} keypoints a person, skeleton {skeleton.name} has {len(skeleton)}. "
-            "Choose another with --skeleton, or leave it out to have it told from the files."
-        )
+        raise wrong_skeleton(path, n_keypoints, skeleton)
     views = [view if len(view.keypoints) else _without_people(view, len(skeleton)) for view in views]
     if request.rate_hz is None and settings.rate_hz is not None:
         notes = (*notes, f"Frame rate {settings.rate_hz:g} Hz read from Config.toml.")
@@ -145,7 +142,14 @@ def read(path: Path, request: Request) -> Detections:
 
 @dataclass(frozen=True)
 class _PeopleList:
-    """One camera's people; identities not settled yet: by ``place`` in the list if any list has an empty person."""
+    """The people of one camera before identities are resolved.
+
+    Attributes:
+        view: The people, with ``person_id`` as track ids.
+        place: Index of each person in the list of its file.
+        has_empty: Whether a list contains an empty person, so that ``place`` is the identity.
+        parts: Hands and faces.
+    """
 
     view: ViewColumns
     place: np.ndarray
@@ -153,25 +157,27 @@ class _PeopleList:
     parts: PartRows
 
 
-def _with_parts(people_lists: list[_PeopleList], asked: Skeleton | None) -> tuple[list[_PeopleList], tuple[str, ...]]:
-    """The people with hands and faces, where the files have them and the skeleton has room; and what is to be said."""
-    there = any(people.parts.any for people in people_lists)
-    body, told = _body_of(people_lists) if there and asked is None else (None, ())
-    if not (has_parts(asked) if asked is not None else body == BODY):
-        left = "The hands and faces in these files are left out: the body's keypoints are read. --skeleton openpose_137"
-        return people_lists, (f"{left} reads them with BODY_25.",) if there else ()
+def _with_parts(
+    people_lists: list[_PeopleList], requested: Skeleton | None
+) -> tuple[list[_PeopleList], tuple[str, ...]]:
+    """Return the people with hands and faces if the files and the skeleton have them, and notes."""
+    has_any = any(people.parts.any for people in people_lists)
+    body, inference_notes = _body_of(people_lists) if has_any and requested is None else (None, ())
+    if not (has_parts(requested) if requested is not None else body == BODY):
+        note = "Hands and faces in these files are not read. Use --skeleton openpose_137 to read them with BODY_25."
+        return people_lists, (note,) if has_any else ()
     n_people = sum(len(people.view.keypoints) for people in people_lists)
-    lacking = missing_parts([people.parts for people in people_lists], n_people) if n_people else ()
-    return [replace(people, view=_whole(people)) for people in people_lists], (*told, *lacking)
+    missing = missing_parts([people.parts for people in people_lists], n_people) if n_people else ()
+    return [replace(people, view=_whole(people)) for people in people_lists], (*inference_notes, *missing)
 
 
 def _body_of(people_lists: list[_PeopleList]) -> tuple[str | None, tuple[str, ...]]:
-    """Which body of 25 keypoints this is, and what is said of the choice; None of another size."""
-    seen = [each.view.keypoints[..., :2] for each in people_lists if len(each.view.keypoints)]
-    if {people.shape[1] for people in seen} != {N_BODY}:
+    """Return the name of the body skeleton with 25 keypoints, or None for another size, and notes."""
+    detected = [each.view.keypoints[..., :2] for each in people_lists if len(each.view.keypoints)]
+    if {people.shape[1] for people in detected} != {N_BODY}:
         return None, ()
-    found, notes = guess_skeleton(N_BODY, np.concatenate(seen), "The body in these files")
-    return found.name, notes
+    skeleton, notes = infer_skeleton(N_BODY, np.concatenate(detected), "The body in these files")
+    return skeleton.name, notes
 
 
 def _whole(people: _PeopleList) -> ViewColumns:
@@ -180,16 +186,16 @@ def _whole(people: _PeopleList) -> ViewColumns:
         return people.view
     if len(body) and body.shape[1] != N_BODY:
         raise FileError(
-            f"{people.view.name} has {body.shape[1]} keypoints of a body, skeleton {WHOLE} has {N_BODY}. Choose "
-            "another with --skeleton, or leave it out to have it told from the files."
+            f"{people.view.name} has {body.shape[1]} body keypoints, skeleton {WHOLE} has {N_BODY}. Choose another "
+            "with --skeleton, or omit it to infer the skeleton from the files."
         )
-    keypoints = joined(body.reshape(-1, N_BODY, 3), people.parts)
-    return replace(people.view, keypoints=_without_blanks(keypoints))
+    keypoints = join_parts(body.reshape(-1, N_BODY, 3), people.parts)
+    return replace(people.view, keypoints=_without_missing(keypoints))
 
 
-def _told(n_keypoints: int, views: list[ViewColumns], path: str) -> tuple[Skeleton, tuple[str, ...]]:
+def _inferred(n_keypoints: int, views: list[ViewColumns], path: str) -> tuple[Skeleton, tuple[str, ...]]:
     people = np.concatenate([view.keypoints[..., :2] for view in views if len(view.keypoints)])
-    return guess_skeleton(n_keypoints, people, path)
+    return infer_skeleton(n_keypoints, people, path)
 
 
 def _with_track_ids(people_lists: list[_PeopleList]) -> list[ViewColumns]:
@@ -198,7 +204,7 @@ def _with_track_ids(people_lists: list[_PeopleList]) -> list[ViewColumns]:
 
 
 def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
-    # All numbers of a view in one flat array: as lists of Python's floats they would take four times the memory.
+    # All numbers of a view in one flat array: lists of Python floats would take four times the memory.
     numbers, people, parts = array("d"), _Rows([], [], [], []), PartRows()
     numbered = sorted((_frame_number(folder, name), name) for name in names)
     for before, after in pairwise(numbered):
@@ -215,11 +221,11 @@ def _read_view(folder: Path, names: list[str], request: Request) -> _PeopleList:
                 length = _length(person, where)
                 numbers.extend(person.pose_keypoints_2d)
                 parts.add(len(people.frames), _parts_of(person), where)
-                given = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
-                people.add(frame, place, given, length)
-            if done % _TOLD_FILES == 0:
-                request.progress.advance(_TOLD_FILES)
-    request.progress.advance(len(numbered) % _TOLD_FILES)
+                person_id = person.person_id if isinstance(person.person_id, int) else (person.person_id or [-1])[0]
+                people.add(frame, place, person_id, length)
+            if done % _PROGRESS_FILES == 0:
+                request.progress.advance(_PROGRESS_FILES)
+    request.progress.advance(len(numbered) % _PROGRESS_FILES)
     return _PeopleList(
         _columns(folder, np.array([frame for frame, _ in numbered], dtype=np.int64), people, numbers),
         np.array(people.places, dtype=np.int64),
@@ -232,7 +238,7 @@ def _length(person: _Person, where: tuple[Path, str, int]) -> int:
     n_numbers = len(person.pose_keypoints_2d)
     if n_numbers % 3:
         raise FileError(
-            f"{said_of(where)}: pose_keypoints_2d holds {n_numbers} numbers, expected x, y, confidence for each "
+            f"{describe_person(where)}: pose_keypoints_2d has {n_numbers} numbers, expected x, y, confidence for each "
             "keypoint."
         )
     return n_numbers // 3
@@ -244,39 +250,39 @@ def _parts_of(person: _Person) -> tuple[list[float], list[float], list[float]]:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Of one person after another: frame, place in its list, ``person_id``, number of keypoints."""
+    """Frame, index in the list, ``person_id`` and number of keypoints of each person."""
 
     frames: list[int]
     places: list[int]
-    given: list[int]
+    person_ids: list[int]
     lengths: list[int]
 
-    def add(self, frame: int, place: int, given: int, length: int) -> None:
+    def add(self, frame: int, place: int, person_id: int, length: int) -> None:
         self.frames.append(frame)
         self.places.append(place)
-        self.given.append(given)
+        self.person_ids.append(person_id)
         self.lengths.append(length)
 
 
 def _columns(folder: Path, recorded: np.ndarray, people: _Rows, numbers: "array[float]") -> ViewColumns:
     if len(set(people.lengths)) > 1:
-        usual = Counter(people.lengths).most_common(1)[0][0]
-        odd = next(i for i, length in enumerate(people.lengths) if length != usual)
+        common = Counter(people.lengths).most_common(1)[0][0]
+        other = next(i for i, length in enumerate(people.lengths) if length != common)
         raise FileError(
-            f"{folder}, frame {people.frames[odd]}: person {people.places[odd]} has {people.lengths[odd]} keypoints, "
-            f"the others have {usual}; one recording has one skeleton. Was the file cut short?"
+            f"{folder}, frame {people.frames[other]}: person {people.places[other]} has {people.lengths[other]} "
+            f"keypoints, others have {common}. All people must have the same keypoints. Is the file truncated?"
         )
     keypoints = np.array(numbers, dtype=np.float64).reshape(len(people.frames), next(iter(people.lengths), 0), 3)
     return ViewColumns(
         name=folder.name,
         recorded=recorded,
         frame_of_row=np.array(people.frames, dtype=np.int64),
-        keypoints=_without_blanks(keypoints),
-        track_ids=np.array(people.given, dtype=np.int64),
+        keypoints=_without_missing(keypoints),
+        track_ids=np.array(people.person_ids, dtype=np.int64),
     )
 
 
-def _without_blanks(keypoints: np.ndarray) -> np.ndarray:
+def _without_missing(keypoints: np.ndarray) -> np.ndarray:
     missing = (keypoints[..., 2] == 0) | ((keypoints[..., 0] == 0) & (keypoints[..., 1] == 0))
     keypoints[missing] = np.nan
     return keypoints
@@ -289,11 +295,13 @@ def _decode(folder: Path, name: str, data: bytes) -> _Frame:
     except msgspec.ValidationError as error:
         raise FileError(f"{file} is not an OpenPose file: {error}.") from None
     except msgspec.DecodeError as error:
-        # Some programs write NaN, which is not JSON but is clear enough.
+        # Some programs write NaN, which is not valid JSON but unambiguous.
         try:
             return msgspec.convert(json.loads(data), _Frame)
         except (json.JSONDecodeError, UnicodeDecodeError):
-            raise FileError(f"{file} is not whole JSON ({len(data)} bytes): {error}. Is the file truncated?") from None
+            raise FileError(
+                f"{file} is not complete JSON ({len(data)} bytes): {error}. Is the file truncated?"
+            ) from None
         except msgspec.ValidationError as invalid:
             raise FileError(f"{file} is not an OpenPose file: {invalid}.") from None
 
@@ -301,7 +309,9 @@ def _decode(folder: Path, name: str, data: bytes) -> _Frame:
 def _frame_number(folder: Path, name: str) -> int:
     match = _NUMBER.search(name.removesuffix(".json").removesuffix("_keypoints"))
     if match is None:
-        raise FileError(f"{folder / name}: no frame number in the name, such as in camera_000000000012_keypoints.json.")
+        raise FileError(
+            f"{folder / name}: expected a frame number in the name, as in camera_000000000012_keypoints.json."
+        )
     return int(match.group(1))
 
 
@@ -309,22 +319,28 @@ def _common_length(path: Path, views: list[ViewColumns]) -> int:
     lengths = {view.keypoints.shape[1]: view.name for view in views if len(view.keypoints)}
     if len(lengths) > 1:
         parts = ", ".join(f"{name}: {n}" for n, name in sorted(lengths.items()))
-        raise FileError(f"{path}: views have different numbers of keypoints ({parts}); one recording has one skeleton.")
+        raise FileError(
+            f"{path}: views have different numbers of keypoints ({parts}). All must have the same skeleton."
+        )
     return next(iter(lengths), 0)
 
 
 def _without_people(view: ViewColumns, n_keypoints: int) -> ViewColumns:
-    nobody = np.empty(0, dtype=np.int64)
-    return ViewColumns(view.name, view.recorded, nobody, np.empty((0, n_keypoints, 3)), nobody)
+    empty = np.empty(0, dtype=np.int64)
+    return ViewColumns(view.name, view.recorded, empty, np.empty((0, n_keypoints, 3)), empty)
 
 
 def write(detections: Detections, path: Path) -> None:
-    """Write a folder a camera; see ``openpose_writing``."""
+    """Write one folder per camera. See ``openpose_writing``.
+
+    Raises:
+        FileError: If the folder contains other files, or a name or frame number cannot be written.
+    """
     openpose_writing.write(detections, path)
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
-    """What of these detections the files cannot hold."""
+    """Return what of the detections is lost in the files."""
     return openpose_writing.lost(detections)
 
 

@@ -1,7 +1,7 @@
-"""Where OpenPose's files keep hands and faces: in lists of their own, joined to the body's as skeleton openpose_137.
+"""Hands and faces of OpenPose files: separate lists, joined to the body as skeleton openpose_137.
 
-``hand_left_keypoints_2d`` and ``hand_right_keypoints_2d`` have 21 keypoints each, ``face_keypoints_2d`` 70. They are
-empty where OpenPose did not look for them, and 0 0 0 where it did not find one. With BODY_25 they are 137 keypoints.
+``hand_left_keypoints_2d`` and ``hand_right_keypoints_2d`` have 21 keypoints each, ``face_keypoints_2d`` 70. The lists
+are empty if the detection of hands or faces was off, and 0 0 0 for missing keypoints. With BODY_25 there are 137.
 """
 
 from array import array
@@ -19,14 +19,14 @@ BODY = "body_25"
 
 
 @dataclass(frozen=True)
-class Part:
-    """A list of keypoints beside the body's.
+class KeypointList:
+    """A list of keypoints in addition to that of the body.
 
     Attributes:
-        key: what the files call it.
-        name: of the part, for messages.
-        start: place of its first keypoint in the skeleton.
-        stop: of the one after its last.
+        key: Key of the list in the files.
+        name: Name for messages, plural.
+        start: Index of its first keypoint in the skeleton.
+        stop: Index after its last keypoint.
     """
 
     key: str
@@ -38,101 +38,101 @@ class Part:
         return self.stop - self.start
 
 
-PARTS = (
-    Part("hand_left_keypoints_2d", "left hands", 25, 46),
-    Part("hand_right_keypoints_2d", "right hands", 46, 67),
-    Part("face_keypoints_2d", "faces", 67, 137),
+HAND_AND_FACE_LISTS = (
+    KeypointList("hand_left_keypoints_2d", "left hands", 25, 46),
+    KeypointList("hand_right_keypoints_2d", "right hands", 46, 67),
+    KeypointList("face_keypoints_2d", "faces", 67, 137),
 )
-N_BODY, N_WHOLE = PARTS[0].start, PARTS[-1].stop
+N_BODY, N_WHOLE = HAND_AND_FACE_LISTS[0].start, HAND_AND_FACE_LISTS[-1].stop
 
 
 def has_parts(skeleton: Skeleton) -> bool:
-    """Whether a skeleton's keypoints are OpenPose's body, hands and face, in this order."""
+    """Return whether a skeleton consists of OpenPose's body, hands and face in this order."""
     return len(skeleton) == N_WHOLE and skeleton.keypoints == shipped_skeleton(WHOLE).keypoints
 
 
 def lists_of(skeleton: Skeleton, values: np.ndarray) -> dict[str, list[float]]:
-    """A person's lists as OpenPose's files have them: all in the body's, or hands and face in their own.
+    """Return the lists of a person in an OpenPose file: only the body, or body, hands and face.
 
     Args:
-        skeleton: of the keypoints.
-        values: shape (keypoint, 3): x, y, confidence; 0 0 0 where missing.
+        skeleton: Skeleton of the keypoints.
+        values: Shape (keypoint, 3): x, y, confidence, 0 0 0 where missing.
     """
     if not has_parts(skeleton):
         return {"pose_keypoints_2d": values.ravel().tolist()}
-    parts = {part.key: values[part.start : part.stop].ravel().tolist() for part in PARTS}
+    parts = {part.key: values[part.start : part.stop].ravel().tolist() for part in HAND_AND_FACE_LISTS}
     return {"pose_keypoints_2d": values[:N_BODY].ravel().tolist(), **parts}
 
 
-def said_of(where: tuple[Path, str, int]) -> str:
-    """A person's place, in words: made only where something is wrong with one of millions."""
+def describe_person(where: tuple[Path, str, int]) -> str:
+    """Return the file and index of a person for a message. Called only on errors, as there may be millions."""
     folder, name, place = where
     return f"{folder / name}, person {place}"
 
 
 @dataclass(frozen=True)
 class PartRows:
-    """The parts of one view's people, as they are read.
+    """Hands and faces of the people of one view, collected while reading.
 
     Attributes:
-        numbers: of each of :data:`PARTS` x, y, confidence of one person after another, who has it.
-        rows: of each part, the people's places among the view's people.
+        numbers: For each of :data:`HAND_AND_FACE_LISTS`, x, y, confidence of the people who have the list.
+        rows: For each of these lists, the rows of those people among the people of the view.
     """
 
-    numbers: tuple["array[float]", ...] = field(default_factory=lambda: tuple(array("d") for _ in PARTS))
-    rows: tuple[list[int], ...] = field(default_factory=lambda: tuple([] for _ in PARTS))
+    numbers: tuple["array[float]", ...] = field(default_factory=lambda: tuple(array("d") for _ in HAND_AND_FACE_LISTS))
+    rows: tuple[list[int], ...] = field(default_factory=lambda: tuple([] for _ in HAND_AND_FACE_LISTS))
 
     def add(self, row: int, values: Sequence[Sequence[float]], where: tuple[Path, str, int]) -> None:
-        """Add a person's parts, those that are not empty.
+        """Add the hands and face of a person. Empty lists are skipped.
 
         Args:
-            row: the person's place among the view's people.
-            values: of each of :data:`PARTS`.
-            where: folder, file, and place in the file.
+            row: Row of the person among the people of the view.
+            values: Numbers of each of :data:`HAND_AND_FACE_LISTS`.
+            where: Folder, file, and index in the file.
 
         Raises:
-            FileError: if a part has another number of keypoints.
+            FileError: If a list has the wrong number of keypoints.
         """
-        for i, (part, given) in enumerate(zip(PARTS, values, strict=True)):
-            if not given:
+        for i, (part, numbers) in enumerate(zip(HAND_AND_FACE_LISTS, values, strict=True)):
+            if not numbers:
                 continue
-            if len(given) != 3 * len(part):
+            if len(numbers) != 3 * len(part):
                 raise FileError(
-                    f"{said_of(where)}: {part.key} holds {len(given)} numbers, expected x, y, confidence for each of "
-                    f"{len(part)} keypoints."
+                    f"{describe_person(where)}: {part.key} has {len(numbers)} numbers, expected x, y, confidence for "
+                    f"each of {len(part)} keypoints."
                 )
-            self.numbers[i].extend(given)
+            self.numbers[i].extend(numbers)
             self.rows[i].append(row)
 
     @property
     def any(self) -> bool:
-        """Whether somebody has a part."""
+        """Whether any person has a hand or face."""
         return any(self.rows)
 
 
-def joined(body: np.ndarray, parts: PartRows) -> np.ndarray:
-    """The whole people: shape (row, 137, 3), NaN where something is missing.
+def join_parts(body: np.ndarray, parts: PartRows) -> np.ndarray:
+    """Return people with body, hands and face, shape (row, 137, 3), NaN where missing.
 
     Args:
-        body: shape (row, 25, 3).
-        parts: of the same people.
+        body: Shape (row, 25, 3).
+        parts: Hands and faces of the same people.
     """
     whole = np.full((len(body), N_WHOLE, 3), np.nan)
     whole[:, :N_BODY] = body
-    for part, numbers, rows in zip(PARTS, parts.numbers, parts.rows, strict=True):
+    for part, numbers, rows in zip(HAND_AND_FACE_LISTS, parts.numbers, parts.rows, strict=True):
         whole[rows, part.start : part.stop] = np.array(numbers, dtype=np.float64).reshape(len(rows), len(part), 3)
     return whole
 
 
 def missing_parts(views: Sequence[PartRows], n_people: int) -> tuple[str, ...]:
-    """What is said of parts that some people in the files have and others have not."""
-    said = []
-    for i, part in enumerate(PARTS):
-        there = sum(len(view.rows[i]) for view in views)
-        if there == 0:
-            said.append(f"no {part.name}")
-        elif there < n_people:
-            said.append(f"{part.name} of {there} of {n_people} detected people")
-    if not said:
+    """Return a note on hands and faces that only some or none of the people have."""
+    available = []
+    for i, part in enumerate(HAND_AND_FACE_LISTS):
+        count = sum(len(view.rows[i]) for view in views)
+        if count == 0:
+            available.append(f"no {part.name}")
+        elif count < n_people:
+            available.append(f"{part.name} of {count} of {n_people} detected people")
+    if not available:
         return ()
-    return (f"These files have {', '.join(said)}: the other keypoints of {WHOLE} are missing.",)
+    return (f"These files have {', '.join(available)}. The other keypoints of {WHOLE} are missing.",)

@@ -1,4 +1,4 @@
-"""Writing OpenPose's JSON: a folder a camera, a file a frame; what :mod:`posefuse.io.keypoints.openpose` reads."""
+"""Writer of OpenPose JSON: one folder per camera, one file per frame."""
 
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,14 @@ _ABOUT = "2D keypoints in OpenPose's layout, written by posefuse convert.\n"
 
 
 def write(detections: Detections, path: Path) -> None:
-    """Write a folder a view, a file for each frame that it recorded, range by range.
+    """Write one folder per view with one file per recorded frame.
 
     Raises:
-        FileError: if the folder holds other files, a view's name cannot be a folder's, or a frame number is negative.
+        FileError: If the folder contains other files, the name of a view is not a valid folder name, or a frame number
+            is negative.
     """
     if len(detections.frame_numbers) and detections.frame_numbers[0] < 0:
-        raise FileError(f"OpenPose's files are numbered from 0; the recording begins at {detections.frame_numbers[0]}.")
+        raise FileError(f"OpenPose files are numbered from 0; the recording starts at {detections.frame_numbers[0]}.")
     names = [checked_file_name(name) for name in detections.view_names]
     with replacing_folder(path, marker=_MARKER, owned=(_MARKER, "*/*_keypoints.json")) as staging:
         (staging / _MARKER).write_text(_ABOUT, "utf-8")
@@ -39,11 +40,11 @@ def write(detections: Detections, path: Path) -> None:
 def _frame(detections: Detections, frame: int, view: int) -> dict[str, Any]:
     start, stop = detections.offsets[frame * detections.n_views + view :][:2]
     pixels = np.asarray(detections.keypoints_px)[start:stop]
-    trust = np.asarray(detections.confidence)[start:stop]
+    confidence = np.asarray(detections.confidence)[start:stop]
     missing = np.asarray(np.isnan(pixels).any(axis=-1))
-    # A detection without a confidence is one all the same.
-    trust = np.where(np.isnan(trust), 1.0, trust)
-    values = np.where(missing[..., None], 0.0, np.concatenate([pixels, trust[..., None]], axis=-1))
+    # A confidence of 0 would mark a detection without a confidence as missing.
+    confidence = np.where(np.isnan(confidence), 1.0, confidence)
+    values = np.where(missing[..., None], 0.0, np.concatenate([pixels, confidence[..., None]], axis=-1))
     tracks = np.asarray(detections.track_ids)[start:stop].tolist()
     skeleton = detections.skeleton
     people = [{"person_id": [track], **lists_of(skeleton, rows)} for track, rows in zip(tracks, values, strict=True)]
@@ -51,34 +52,34 @@ def _frame(detections: Detections, frame: int, view: int) -> dict[str, Any]:
 
 
 def lost(detections: Detections) -> tuple[str, ...]:
-    """What of these detections the files cannot hold."""
-    told = ["times and the frame rate", *_unnamed(detections.skeleton)]
+    """Return what of the detections is lost in the files."""
+    losses = ["times and the frame rate", *_lost_names(detections.skeleton)]
     for name, what in (("depth", "depths"), ("sigma_px", "standard deviations")):
         if getattr(detections, name) is not None:
-            told.append(what)
-    unsaid, zero = _odd_confidences(detections)
-    if unsaid:
-        told.append("that detections have no confidence: it is written as 1")
+            losses.append(what)
+    missing, zero = _special_confidences(detections)
+    if missing:
+        losses.append("missing confidences, which are written as 1")
     if zero:
-        told.append("detections with a confidence of 0, which is how OpenPose says missing")
-    return tuple(told)
+        losses.append("detections with confidence 0, which OpenPose uses for missing keypoints")
+    return tuple(losses)
 
 
-def _unnamed(skeleton: Skeleton) -> tuple[str, ...]:
-    """What is said of a skeleton that the number of its keypoints does not tell."""
-    alike = [name for name in shipped_skeletons() if len(shipped_skeleton(name)) == len(skeleton)]
-    if alike == [skeleton.name] and shipped_skeleton(skeleton.name) == skeleton:
+def _lost_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return what is lost of a skeleton that its number of keypoints does not identify."""
+    same_length = [name for name in shipped_skeletons() if len(shipped_skeleton(name)) == len(skeleton)]
+    if same_length == [skeleton.name] and shipped_skeleton(skeleton.name) == skeleton:
         return ()
-    given = skeleton.name if skeleton.name in alike else "its TOML file"
-    return (f"what the keypoints are called: to read them again, --skeleton {given}",)
+    option = skeleton.name if skeleton.name in same_length else "and its TOML file"
+    return (f"the names of the keypoints; read the files with --skeleton {option}",)
 
 
-def _odd_confidences(detections: Detections) -> tuple[bool, bool]:
-    """Whether there are detections without a confidence, and with one of 0."""
-    unsaid = zero = False
+def _special_confidences(detections: Detections) -> tuple[bool, bool]:
+    """Return whether there are detections without a confidence, and with confidence 0."""
+    missing = zero = False
     for chunk in detections.chunks():
-        seen = np.isfinite(np.asarray(chunk.keypoints_px)[..., 0])
-        trust = np.asarray(chunk.confidence)
-        unsaid |= bool(np.any(np.isnan(trust) & seen))
-        zero |= bool(np.any((trust == 0.0) & seen))
-    return unsaid, zero
+        detected = np.isfinite(np.asarray(chunk.keypoints_px)[..., 0])
+        confidence = np.asarray(chunk.confidence)
+        missing |= bool(np.any(np.isnan(confidence) & detected))
+        zero |= bool(np.any((confidence == 0.0) & detected))
+    return missing, zero

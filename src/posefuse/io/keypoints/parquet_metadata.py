@@ -1,4 +1,4 @@
-"""What posefuse's parquet files say of themselves: skeleton, views, rate, notes; JSON in the metadata of the schema."""
+"""Metadata in posefuse's parquet files: skeleton, views, rate and notes as JSON in the metadata of the schema."""
 
 import json
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ _VERSION = 1
 
 
 @dataclass(frozen=True)
-class About:
-    """Of the recording that a table is of, or is a camera of.
+class RecordingMetadata:
+    """Metadata of the recording to which a table belongs.
 
     Attributes:
-        skeleton: of the keypoints.
-        views: their names, in order.
-        rate_hz: or None.
-        notes: what a reader found worth saying.
+        skeleton: Skeleton of the keypoints.
+        views: Names of the views, in order.
+        rate_hz: Frame rate, or None.
+        notes: Notes for the user.
     """
 
     skeleton: Skeleton
@@ -32,38 +32,39 @@ class About:
 
 
 def metadata_of(detections: Detections) -> dict[bytes, bytes]:
-    """Metadata that say what detections are of."""
-    about = {
+    """Return the metadata to store with detections."""
+    content = {
         "version": _VERSION,
         "skeleton": skeleton_text(detections.skeleton),
         "views": detections.view_names,
         "rate_hz": detections.rate_hz,
         "notes": detections.notes,
     }
-    return {_KEY: json.dumps(about).encode()}
+    return {_KEY: json.dumps(content).encode()}
 
 
-def about_of(path: Path, metadata: Mapping[bytes, bytes] | None) -> About | None:
-    """What metadata say; None of a table that another program wrote.
+def read_metadata(path: Path, metadata: Mapping[bytes, bytes] | None) -> RecordingMetadata | None:
+    """Return the metadata that posefuse stored in a table, or None if another program wrote the table.
 
     Raises:
-        FileError: if another version of posefuse wrote them.
+        FileError: If another version of posefuse wrote the metadata.
     """
     if metadata is None or _KEY not in metadata:
         return None
-    said = json.loads(metadata[_KEY])
-    if said.get("version") != _VERSION:
-        raise FileError(f"{path} was written by another version of posefuse (layout {said.get('version')}).")
-    rate = said["rate_hz"]
-    views, notes = tuple(map(str, said["views"])), tuple(map(str, said["notes"]))
-    return About(skeleton_from_text(said["skeleton"]), views, None if rate is None else float(rate), notes)
+    content = json.loads(metadata[_KEY])
+    if content.get("version") != _VERSION:
+        raise FileError(f"{path} was written by another version of posefuse (layout {content.get('version')}).")
+    rate = content["rate_hz"]
+    views, notes = tuple(map(str, content["views"])), tuple(map(str, content["notes"]))
+    skeleton = skeleton_from_text(content["skeleton"])
+    return RecordingMetadata(skeleton, views, None if rate is None else float(rate), notes)
 
 
 def column_names(path: Path) -> list[str]:
-    """The columns of a file; none of one that cannot be read."""
+    """Return the column names of a file, or none if it cannot be read."""
     import pyarrow.parquet as pq
 
     try:
         return list(pq.ParquetFile(path).schema_arrow.names)
-    except Exception:  # a broken file raises whatever its bytes lead to
+    except Exception:  # a broken file can raise any exception
         return []

@@ -1,4 +1,4 @@
-"""The settings that Pose2Sim keeps beside keypoints, in Config.toml: frame rate and pose model."""
+"""Settings of Pose2Sim beside keypoints, in ``Config.toml``: frame rate and pose model."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,14 +22,25 @@ _MODELS = {
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """What Config.toml says; None where it says nothing."""
+    """Settings of a trial.
+
+    Attributes:
+        rate_hz: Frame rate, or None if it is not set.
+        skeleton: Skeleton of the pose model, or None if it is not set or unknown.
+    """
 
     rate_hz: float | None
     skeleton: Skeleton | None
 
 
 def find_settings(folder: Path) -> TrialSettings:
-    """Settings of the trial a folder belongs to; as in Pose2Sim, a level without one inherits from the level above."""
+    """Return the settings of the trial to which a folder belongs.
+
+    As in Pose2Sim, a level without a setting inherits it from the level above, up to three levels.
+
+    Raises:
+        FileError: If a ``Config.toml`` is not valid TOML.
+    """
     rate: float | None = None
     skeleton: Skeleton | None = None
     for level in (folder, *list(folder.resolve().parents)[:3]):

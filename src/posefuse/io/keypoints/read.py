@@ -1,4 +1,4 @@
-"""Read any 2D keypoints."""
+"""Reading of 2D keypoints in any format."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,29 +11,29 @@ from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.frame_rates import find_frame_rate
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.keypoints.request import Request
-from posefuse.io.keypoints.timing import on_one_line
+from posefuse.io.keypoints.timing import with_common_frames
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 
 def find_format(path: Path) -> KeypointFormat | None:
-    """The format that a file or folder of keypoints is in, or None where it is none."""
+    """Return the keypoint format of a file or folder, or None if it is in none."""
     return next((form for form in KEYPOINTS if form.matches(path)), None)
 
 
 def read_keypoints(path: Path, request: Request) -> Detections:
-    """Read keypoints, whatever their format, their views put together by time where times are known.
+    """Read keypoints in any format and align their views by time if times are available.
 
     Raises:
-        FileError: if there is nothing there, or no reader knows it.
-        PosefuseError: what the format's reader raises, and what times that do not fit do.
+        FileError: If the path does not exist or is in no known format.
+        PosefuseError: Any error of the reader, or if timestamps do not match the views.
     """
     must_exist(path, "keypoints")
     form = find_format(path)
     if form is None:
-        known = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
-        raise FileError(f"{path} holds no keypoints in a known format. Known: {known}.")
-    return on_one_line(_with_stated_rate(form.read(path, request), path, request), request)
+        formats = choices(f"{form.name} ({form.files})" for form in KEYPOINTS)
+        raise FileError(f"{path} contains no keypoints in a known format. Formats: {formats}.")
+    return with_common_frames(_with_stated_rate(form.read(path, request), path, request), request)
 
 
 def _with_stated_rate(detections: Detections, path: Path, request: Request) -> Detections:
@@ -54,19 +54,20 @@ def has_times(detections: Detections) -> bool:
 
 
 def read_detections(path: str | Path, skeleton: str | Path | Skeleton | None = None) -> Detections:
-    """Read 2D keypoints, whatever their format.
+    """Read 2D keypoints in any format.
 
     Args:
-        path: a file or folder.
-        skeleton: what the keypoints are: a shipped name, the path of a skeleton's TOML file, or a skeleton. By default
-            what the files say, or their number allows.
+        path: File or folder.
+        skeleton: Skeleton of the keypoints: a shipped name, the path of a TOML file, or a skeleton. Default: the one
+            stated by the files, or inferred from the number of keypoints.
 
     Returns:
-        The detections. Where the files give no frame rate, times are NaN: see ``Detections.with_rate``.
+        The detections, in px. If neither the files nor files beside them state a frame rate, times are NaN: see
+        ``Detections.with_rate``.
 
     Raises:
-        FileError: if there is nothing there, no reader knows it, or a file is broken.
-        SkeletonError: if the keypoints do not fit the skeleton, or do not tell which it is.
-        DetectionsError: if the keypoints cannot be.
+        FileError: If the path does not exist, is in no known format, or a file is broken.
+        SkeletonError: If the keypoints do not match the skeleton, or the skeleton cannot be inferred.
+        DetectionsError: If the keypoints are invalid.
     """
     return read_keypoints(Path(path), Request(None if skeleton is None else find_skeleton(skeleton)))

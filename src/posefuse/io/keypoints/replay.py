@@ -1,16 +1,16 @@
-"""Replays, ``*.jsonl``: a line a frame, in it each camera's detections; frames and cameras that show nobody stay.
+"""Replays, ``*.jsonl``: one line per frame with the detections of each camera. Frames without people are kept.
 
-The first line says what the recording is; every other line is a frame::
+The first line describes the recording. Every other line is a frame::
 
     {"replay": 1, "skeleton": {...} or "coco_17", "cameras": ["left", "right"], "rate_hz": 30.0, "notes": []}
     {"frame": 0, "cameras": {"left": {"time_s": 0.0, "detections": [
         {"track": 4, "keypoints": [[512.5, 300.25, 0.9], null, ...]}]}, "right": {"time_s": 0.0, "detections": []}}}
 
-A keypoint is ``[x, y]`` or ``[x, y, confidence]`` in px, ``null`` where it was not detected; ``null`` for a confidence
-that the detector did not give. A camera that is not in a line did not record the frame. ``sigma_px`` and ``depth`` of a
-detection are lists of a number a keypoint. Without a first line cameras are those that are there, sorted, and the
-number of keypoints tells the skeleton. The specification names this file and says that it holds typed detections by
-frame and camera; the names of its fields are ours.
+A keypoint is ``[x, y]`` or ``[x, y, confidence]`` in px, or ``null`` if it was not detected; an unknown confidence is
+``null``. A camera that is absent from a line did not record the frame. ``sigma_px`` and ``depth`` of a detection are
+lists with one number per keypoint. Without the first line, the cameras are sorted by name and the skeleton is inferred
+from the number of keypoints. The specification requires a file with typed detections by frame and camera; the field
+names are defined here.
 """
 
 import json
@@ -30,15 +30,15 @@ from posefuse.io.keypoints.lines import (
     DEPTH,
     PIXELS,
     SIGMA,
-    Cells,
+    CellColumns,
     Record,
-    Told,
-    detections_of_lines,
+    RecordingInfo,
+    check_numbers,
+    detections_of_records,
     index_of,
-    must_be_possible,
 )
-from posefuse.io.keypoints.people import whole
-from posefuse.io.keypoints.request import Request, asked_of
+from posefuse.io.keypoints.people import checked_integer
+from posefuse.io.keypoints.request import Request, apply_request
 from posefuse.io.netcdf import skeleton_from_text, skeleton_text
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import Skeleton, shipped_skeleton
@@ -66,7 +66,7 @@ class _Frame(msgspec.Struct):
     cameras: dict[str, _Camera]
 
 
-class _Head(msgspec.Struct):
+class _Header(msgspec.Struct):
     replay: int
     cameras: list[str]
     skeleton: Any = None
@@ -75,11 +75,11 @@ class _Head(msgspec.Struct):
 
 
 _read_frame = msgspec.json.Decoder(_Frame)
-_read_head = msgspec.json.Decoder(_Head)
+_read_header = msgspec.json.Decoder(_Header)
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     if path.suffix != ".jsonl" or not path.is_file():
         return False
     with path.open("rb") as lines:
@@ -88,126 +88,127 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Look through all frames; their numbers stay in the file.
+    """Index all frames. Their numbers stay in the file and are read on demand.
 
     Raises:
-        FileError: if a line is not whole, is none of a replay's, or people have different numbers of keypoints.
-        SkeletonError: if neither the file nor the number of keypoints tells the skeleton.
-        DetectionsError: if a number cannot be.
+        FileError: If a line is incomplete or not part of a replay, or people have different numbers of keypoints.
+        SkeletonError: If neither the file nor the number of keypoints identifies a skeleton.
+        DetectionsError: If a number is impossible.
     """
     with path.open("rb") as lines:
-        head = _head(path, lines.readline())
+        header = _header(path, lines.readline())
         lines.seek(0)
-        found = _look_through(path, lines, head, request)
-    names = head.cameras if head is not None else sorted(found.names)
-    unknown = sorted(set(found.names) - set(names))
+        content = _index_lines(path, lines, header, request)
+    names = header.cameras if header is not None else sorted(content.names)
+    unknown = sorted(set(content.names) - set(names))
     if unknown:
         raise FileError(f"{path} has detections of {choices(unknown)}, but its first line names {choices(names)}.")
-    places = np.array([names.index(name) for name in found.names], dtype=np.int64)
-    cells = replace(found.cells, camera=array("q", places[np.array(found.cells.camera, dtype=np.int64)]))
-    index = index_of(path, (path,), names, cells, found.n_keypoints)
-    channels = (PIXELS, CONFIDENCE, *([SIGMA] if found.sigma else []), *([DEPTH] if found.depth else []))
-    if head is None:
-        told = Told(request.skeleton, request.rate_hz, channels=channels)
-        return detections_of_lines(path, index, _people_of, _CHANNELS, told)
-    told = Told(_skeleton(path, head.skeleton) or request.skeleton, head.rate_hz, tuple(head.notes), channels, own=True)
-    return asked_of(detections_of_lines(path, index, _people_of, _CHANNELS, told), request, path)
+    views = np.array([names.index(name) for name in content.names], dtype=np.int64)
+    cells = replace(content.cells, camera=array("q", views[np.array(content.cells.camera, dtype=np.int64)]))
+    index = index_of(path, (path,), names, cells, content.n_keypoints)
+    channels = (PIXELS, CONFIDENCE, *([SIGMA] if content.sigma else []), *([DEPTH] if content.depth else []))
+    if header is None:
+        info = RecordingInfo(request.skeleton, request.rate_hz, channels=channels)
+        return detections_of_records(path, index, _people_of, _CHANNELS, info)
+    skeleton = _skeleton(path, header.skeleton) or request.skeleton
+    info = RecordingInfo(skeleton, header.rate_hz, tuple(header.notes), channels, own=True)
+    return apply_request(detections_of_records(path, index, _people_of, _CHANNELS, info), request, path)
 
 
-def _head(path: Path, line: bytes) -> _Head | None:
-    """The first line, if it is no frame."""
+def _header(path: Path, line: bytes) -> _Header | None:
+    """Return the description in the first line, or None if the first line is a frame."""
     if b'"replay"' not in line:
         return None
     try:
-        head = _read_head.decode(line)
+        header = _read_header.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{path}, line 1 does not say what the replay is: {error}. Is the file truncated?") from None
-    if head.replay != _VERSION:
-        raise FileError(f"{path} is a replay of layout {head.replay}; this version of posefuse reads {_VERSION}.")
-    return head
+        raise FileError(f"{path}, line 1 is not a valid header of a replay: {error}. Is the file truncated?") from None
+    if header.replay != _VERSION:
+        raise FileError(f"{path} is a replay of version {header.replay}; this version of posefuse reads {_VERSION}.")
+    return header
 
 
-def _skeleton(path: Path, said: Any) -> Skeleton | None:
-    if said is None or isinstance(said, str):
-        return None if said is None else shipped_skeleton(said)
+def _skeleton(path: Path, content: Any) -> Skeleton | None:
+    if content is None or isinstance(content, str):
+        return None if content is None else shipped_skeleton(content)
     try:
-        return skeleton_from_text(json.dumps(said))
+        return skeleton_from_text(json.dumps(content))
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise FileError(f"{path}, line 1: the skeleton is none: {error!r}.") from None
+        raise FileError(f"{path}, line 1: the skeleton is invalid: {error!r}.") from None
 
 
 @dataclass
-class _Found:
-    """What a look through the lines finds, line by line.
+class _Content:
+    """Index of the lines, collected line by line.
 
     Attributes:
-        names: of the cameras, in the order in which they come.
-        cells: whose cameras are places in ``names``.
-        n_keypoints: of each person; 0 where there is nobody.
-        sigma: whether somebody has standard deviations.
-        depth: whether somebody has depths.
+        names: Names of the cameras, in order of first occurrence.
+        cells: Cells, whose cameras are indices into ``names``.
+        n_keypoints: Number of keypoints per person, 0 without people.
+        sigma: Whether any person has standard deviations.
+        depth: Whether any person has depths.
     """
 
     names: list[str] = field(default_factory=list)
-    cells: Cells = field(default_factory=Cells)
+    cells: CellColumns = field(default_factory=CellColumns)
     n_keypoints: int = 0
     sigma: bool = False
     depth: bool = False
 
 
-def _look_through(path: Path, lines: BinaryIO, head: _Head | None, request: Request) -> _Found:
-    # How many lines there are nobody knows before they are read: what is told is how many bytes.
+def _index_lines(path: Path, lines: BinaryIO, header: _Header | None, request: Request) -> _Content:
+    # The number of lines is not known in advance, so progress counts bytes.
     request.progress.start("reading keypoints", path.stat().st_size)
-    found, seen, at, n_frames = _Found(), set[int](), 0, 0
+    content, frames, at, n_frames = _Content(), set[int](), 0, 0
     for number, line in enumerate(lines, start=1):
         start, at = at, at + len(line)
         request.progress.advance(len(line))
-        if (head is not None and number == 1) or not line.strip():
+        if (header is not None and number == 1) or not line.strip():
             continue
         where = f"{path}, line {number}"
         frame = _decoded(line, where)
-        seen.add(whole(frame.frame, "frame", where))
+        frames.add(checked_integer(frame.frame, "the frame", where))
         n_frames += 1
-        _note(found, frame, Record(0, start, len(line)), where)
+        _add_frame(content, frame, Record(0, start, len(line)), where)
     request.progress.finish()
     if not n_frames:
         raise FileError(f"{path} is an empty recording: it has no frames.")
-    if len(seen) < n_frames:
-        raise FileError(f"{path} has {n_frames - len(seen)} frames more than once.")
-    return found
+    if len(frames) < n_frames:
+        raise FileError(f"{path} has {n_frames - len(frames)} frames more than once.")
+    return content
 
 
 def _decoded(line: bytes, where: str) -> _Frame:
     try:
         return _read_frame.decode(line)
     except msgspec.ValidationError as error:
-        raise FileError(f"{where} is no frame of a replay: {error}.") from None
+        raise FileError(f"{where} is not a frame of a replay: {error}.") from None
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{where} is not whole JSON: {error}. Is the file truncated?") from None
+        raise FileError(f"{where} is not complete JSON: {error}. Is the file truncated?") from None
 
 
-def _note(found: _Found, frame: _Frame, record: Record, where: str) -> None:
-    """Note who is in a frame."""
+def _add_frame(content: _Content, frame: _Frame, record: Record, where: str) -> None:
+    """Add the cells of a frame to the index."""
     for name, camera in frame.cameras.items():
         people = _rows(camera, f"{where}, camera {name!r}")
         if len(people):
-            found.n_keypoints = found.n_keypoints or people.shape[1]
-            if people.shape[1] != found.n_keypoints:
+            content.n_keypoints = content.n_keypoints or people.shape[1]
+            if people.shape[1] != content.n_keypoints:
                 raise FileError(
                     f"{where}, camera {name!r}: people have {people.shape[1]} keypoints, others have "
-                    f"{found.n_keypoints}; one recording has one skeleton."
+                    f"{content.n_keypoints}. All must have the same skeleton."
                 )
-        found.sigma |= any(person.sigma_px is not None for person in camera.detections)
-        found.depth |= any(person.depth is not None for person in camera.detections)
-        if name not in found.names:
-            found.names.append(name)
+        content.sigma |= any(person.sigma_px is not None for person in camera.detections)
+        content.depth |= any(person.depth is not None for person in camera.detections)
+        if name not in content.names:
+            content.names.append(name)
         time_s = np.nan if camera.time_s is None else camera.time_s
-        tracks = [whole(person.track, "track", where) for person in camera.detections]
-        found.cells.add(record, frame.frame, found.names.index(name), time_s, tracks)
+        tracks = [checked_integer(person.track, "the track", where) for person in camera.detections]
+        content.cells.add(record, frame.frame, content.names.index(name), time_s, tracks)
 
 
 def _people_of(line: bytes, _: Path, where: str) -> dict[str, np.ndarray]:
-    """Of each camera in a line shape (person, keypoint, 5): x, y, confidence, standard deviation, depth."""
+    """Return the people of each camera, shape (person, keypoint, 5): x, y, confidence, standard deviation, depth."""
     cameras = _decoded(line, where).cameras
     return {name: _rows(camera, f"{where}, camera {name!r}") for name, camera in cameras.items()}
 
@@ -216,21 +217,22 @@ def _rows(camera: _Camera, where: str) -> np.ndarray:
     rows = [_row(person, where) for person in camera.detections]
     lengths = sorted({len(row) for row in rows})
     if len(lengths) > 1:
-        raise FileError(f"{where}: people have {lengths} keypoints; one recording has one skeleton.")
+        raise FileError(f"{where}: people have {lengths} keypoints. All must have the same skeleton.")
     people = np.array(rows).reshape(len(rows), lengths[0] if lengths else 0, _CHANNELS)
-    must_be_possible(people, where)
+    check_numbers(people, where)
     people[np.isnan(people[..., :2]).any(axis=-1), :2] = np.nan
     return people
 
 
 def _row(person: _Detection, where: str) -> np.ndarray:
-    """Shape (keypoint, 5): x, y, confidence, standard deviation, depth."""
+    """Return the keypoints of a person, shape (keypoint, 5): x, y, confidence, standard deviation, depth."""
     row = np.full((len(person.keypoints), _CHANNELS), np.nan)
     filled = [_MISSING if keypoint is None else keypoint for keypoint in person.keypoints]
     lengths = set(map(len, filled))
     if not lengths <= {2, 3}:
-        odd = max(lengths - {2, 3})
-        raise FileError(f"{where}: a keypoint is [x, y] or [x, y, confidence], got {odd} numbers.")
+        raise FileError(
+            f"{where}: expected keypoints [x, y] or [x, y, confidence], got {max(lengths - {2, 3})} numbers."
+        )
     if len(lengths) > 1:
         filled = [[*values, None][:3] for values in filled]
     if filled:
@@ -238,15 +240,19 @@ def _row(person: _Detection, where: str) -> np.ndarray:
     for column, numbers in ((SIGMA[0], person.sigma_px), (DEPTH[0], person.depth)):
         if numbers is not None:
             if len(numbers) != len(row):
-                raise FileError(f"{where}: {len(numbers)} numbers for {len(row)} keypoints.")
+                raise FileError(f"{where}: expected one number for each of {len(row)} keypoints, got {len(numbers)}.")
             row[:, column] = numbers
     return row
 
 
 def write(detections: Detections, path: Path) -> None:
-    """Write a replay, range by range."""
+    """Write a replay, one range of frames after another.
+
+    Raises:
+        FileError: If the file cannot be written.
+    """
     encoder = msgspec.json.Encoder()
-    head = _Head(
+    header = _Header(
         replay=_VERSION,
         cameras=list(detections.view_names),
         skeleton=json.loads(skeleton_text(detections.skeleton)),
@@ -254,7 +260,7 @@ def write(detections: Detections, path: Path) -> None:
         notes=list(detections.notes),
     )
     with replacing(path) as temporary, temporary.open("wb") as file:
-        file.write(encoder.encode(head) + b"\n")
+        file.write(encoder.encode(header) + b"\n")
         for chunk in detections.chunks():
             for f in range(chunk.n_frames):
                 file.write(encoder.encode(_frame_of(chunk, f)) + b"\n")
@@ -273,9 +279,9 @@ def _frame_of(detections: Detections, f: int) -> dict[str, Any]:
 
 
 def _detection(detections: Detections, row: int) -> dict[str, Any]:
-    # NaN is encoded as null.
-    pixels, trust = np.asarray(detections.keypoints_px)[row], np.asarray(detections.confidence)[row]
-    values = np.concatenate([pixels, trust[:, None]], axis=1)
+    # The encoder writes NaN as null.
+    pixels, confidence = np.asarray(detections.keypoints_px)[row], np.asarray(detections.confidence)[row]
+    values = np.concatenate([pixels, confidence[:, None]], axis=1)
     person = {
         "track": int(np.asarray(detections.track_ids)[row]),
         "keypoints": [None if np.isnan(keypoint).all() else keypoint.tolist() for keypoint in values],
@@ -287,7 +293,7 @@ def _detection(detections: Detections, row: int) -> dict[str, Any]:
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
-    """What of these detections the file cannot hold: nothing."""
+    """Return what of the detections is lost in the file: nothing."""
     return ()
 
 

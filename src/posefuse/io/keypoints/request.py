@@ -1,4 +1,4 @@
-"""What a reader of keypoints is told besides the path."""
+"""Options for reading keypoint files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,18 +14,18 @@ from posefuse.skeleton.skeletons import Skeleton, find_skeleton
 
 @dataclass(frozen=True)
 class Request:
-    """What the user said about keypoint files.
+    """How to read keypoint files.
 
     Attributes:
-        skeleton: what the keypoints are, or None to tell from the files.
-        rate_hz: frames per second, or None to tell from the files.
-        third_channel: what the third number of an array is, or None if nobody said.
-        progress: told how far the reading is.
-        image_size_px: width and height of the images, or None if nobody said.
-        timestamps: when views took their frames, or None to tell from the files and rates.
-        nearby: the same, found beside the files: it counts where neither the files nor the user say times or a rate.
-        view_rates_hz: frames per second by view, of views that began together.
-        reference_view: the view whose frames the others are put to, or None for the slowest.
+        skeleton: Skeleton of the keypoints, or None to infer it from the files.
+        rate_hz: Frame rate, or None to read it from the files.
+        third_channel: Meaning of the third number per keypoint of an array, or None if it is not stated.
+        progress: Receives the progress of reading.
+        image_size_px: Width and height of the images, or None if they are not stated.
+        timestamps: Timestamps of the views, or None to use those of the files or the rates.
+        nearby: Timestamps found beside the files. They are used if neither the files nor the user give times or a rate.
+        view_rates_hz: Frame rates by view, for views that started together.
+        reference_view: View to whose frames the others are matched, or None for the slowest.
     """
 
     skeleton: Skeleton | None = None
@@ -46,7 +46,11 @@ class Request:
         timestamps: Timestamps | None = None,
         nearby: Timestamps | None = None,
     ) -> "Request":
-        """The request that options make."""
+        """Return the request for options.
+
+        Raises:
+            SkeletonError: If the skeleton of the options does not exist.
+        """
         skeleton = None if options.skeleton is None else find_skeleton(options.skeleton)
         size = (options.image_size[0], options.image_size[1]) if options.image_size else None
         return cls(
@@ -55,17 +59,22 @@ class Request:
         )  # fmt: skip
 
 
-def asked_of(detections: Detections, request: Request, path: Path) -> Detections:
-    """What a request makes of detections whose file says everything: another skeleton's keypoints, another rate.
+def apply_request(detections: Detections, request: Request, path: Path) -> Detections:
+    """Convert detections of a self-describing file to the skeleton and rate of a request.
+
+    Args:
+        detections: Detections as stored.
+        request: Requested skeleton and rate. Either may be None.
+        path: The file, for notes.
 
     Raises:
-        SkeletonError: if the keypoints cannot be mapped to the skeleton.
+        SkeletonError: If the keypoints cannot be mapped to the skeleton.
     """
     if request.skeleton is not None and request.skeleton.keypoints != detections.skeleton.keypoints:
-        held = set(detections.skeleton.sources_of(request.skeleton))
-        lacking = [name for name in request.skeleton.keypoints if name not in held]
+        available = set(detections.skeleton.sources_of(request.skeleton))
+        missing = [name for name in request.skeleton.keypoints if name not in available]
         detections = detections.to_skeleton(request.skeleton)
-        if lacking:
-            note = f"{path.name} has nothing for {choices(lacking)} of skeleton {request.skeleton.name}."
+        if missing:
+            note = f"{path.name} has no keypoints for {choices(missing)} of skeleton {request.skeleton.name}."
             detections = replace(detections, notes=(*detections.notes, note))
     return detections if request.rate_hz is None else detections.with_rate(request.rate_hz)

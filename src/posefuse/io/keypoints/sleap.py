@@ -1,8 +1,8 @@
-"""SLEAP's analysis files: ``*.h5`` with ``tracks`` (track, 2, node, frame), one a camera, any number of animals.
+"""SLEAP analysis files: ``*.h5`` with ``tracks`` (track, 2, node, frame), one per camera, any number of animals.
 
-Files of sleap-io name the axes in an attribute ``dims`` (JSON), and may have them in another order. Pixels; NaN is
-missing; ``point_scores`` are the confidences. Views are named by the folders the files are in, or by what differs
-between the files' names. The files say no frame rate.
+Files of sleap-io name the axes in an attribute ``dims`` (JSON), possibly in another order. Positions are in pixels; NaN
+is missing; ``point_scores`` are the confidences. Views are named by the folders of the files, or by the part in which
+the file names differ. The files have no frame rate.
 """
 
 import json
@@ -24,20 +24,20 @@ from posefuse.skeleton.skeletons import Skeleton
 
 
 def matches(path: Path) -> bool:
-    """Whether a file is one, or a folder holds some, one level deep."""
+    """Return whether a path is a file in this format or a folder that contains some, one level deep."""
     return any(_is_one(file) for file in files_of(path))
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files, in the order of their names; broken ones too, for a camera must not go missing unsaid."""
+    """Return the files in natural order, including broken ones, because a camera must not be dropped silently."""
     if not path.is_dir():
         return [file for file in files_at(path) if file.suffix == ".h5" and _is_one(file) is not False]
-    found = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file) is not False]
-    return sorted(found, key=lambda file: natural_key(file.relative_to(path).as_posix()))
+    files = [file for pattern in ("*.h5", "*/*.h5") for file in path.glob(pattern) if _is_one(file) is not False]
+    return sorted(files, key=lambda file: natural_key(file.relative_to(path).as_posix()))
 
 
 def _is_one(file: Path) -> bool | None:
-    """Whether the file is one; None of a file that cannot be opened."""
+    """Return whether a file is in this format, or None if it cannot be opened."""
     try:
         with h5py.File(file) as content:
             return "tracks" in content and "node_names" in content
@@ -49,24 +49,22 @@ def read(path: Path, request: Request) -> Detections:
     """Read all cameras.
 
     Raises:
-        FileError: if a file is broken, or the cameras have different nodes.
+        FileError: If a file is broken, or the cameras have different nodes.
     """
     files = files_of(path)
     for file in files:
         if _is_one(file) is None:
-            raise FileError(
-                f"{file} is no HDF5 file that can be read ({file.stat().st_size} bytes). Is the file truncated?"
-            )
+            raise FileError(f"{file} is not a readable HDF5 file ({file.stat().st_size} bytes). Is the file truncated?")
     skeleton, views = request.skeleton, []
     for file, name in zip(files, view_names(files), strict=True):
         with open_hdf5(file, "analysis file") as content:
-            found = _skeleton(content)
+            file_skeleton = _skeleton(content)
             if skeleton is None:
-                skeleton = found
-            elif len(found) != len(skeleton) or (request.skeleton is None and found != skeleton):
+                skeleton = file_skeleton
+            elif len(file_skeleton) != len(skeleton) or (request.skeleton is None and file_skeleton != skeleton):
                 raise FileError(
-                    f"{file} has the nodes {choices(found.keypoints)}, expected {choices(skeleton.keypoints)}: one "
-                    "recording has one skeleton."
+                    f"{file} has the nodes {choices(file_skeleton.keypoints)}, expected "
+                    f"{choices(skeleton.keypoints)}. All must have the same skeleton."
                 )
             views.append(_view(file, name, content))
     assert skeleton is not None
@@ -88,7 +86,7 @@ def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
         scores = _in_order(content["point_scores"], ("track", "node", "frame"))
     missing = np.asarray(np.isnan(pixels).any(axis=-1))
     values = np.where(missing[..., None], np.nan, np.concatenate([pixels, scores[..., None]], axis=-1))
-    # A person corrected by hand has a score of 0, or none: the detector says nothing then.
+    # Manually corrected instances have a score of 0 or none: there is no confidence of the detector.
     values[..., 2] = np.where(values[..., 2] > 0.0, values[..., 2], np.nan)
     frame, track = np.nonzero(~missing.all(axis=-1))
     return ViewColumns(
@@ -100,17 +98,17 @@ def _view(file: Path, name: str, content: h5py.File) -> ViewColumns:
     )
 
 
-def _in_order(data: Any, usual: tuple[str, ...]) -> np.ndarray:
-    """Numbers with the axes frame, track, node and xy, those that there are.
+def _in_order(data: Any, default_axes: tuple[str, ...]) -> np.ndarray:
+    """Return an array with its axes in the order frame, track, node, xy.
 
     Args:
-        data: of the file.
-        usual: order of its axes, where the file does not say.
+        data: Data set of the file.
+        default_axes: Order of its axes if the file does not state it.
     """
-    said = data.attrs.get("dims")
-    axes = tuple(json.loads(said)) if said is not None else usual
+    dims = data.attrs.get("dims")
+    axes = tuple(json.loads(dims)) if dims is not None else default_axes
     values = np.asarray(data, dtype=np.float64)
-    return values.transpose([axes.index(axis) for axis in ("frame", "track", "node", "xy") if axis in usual])
+    return values.transpose([axes.index(axis) for axis in ("frame", "track", "node", "xy") if axis in default_axes])
 
 
 FORMAT = KeypointFormat(

@@ -1,8 +1,8 @@
-"""posefuse's tidy tables of 2D keypoints, CSV and parquet; ``tidy_columns`` has the columns.
+"""Tidy tables of 2D keypoints in CSV and parquet. ``tidy_columns`` documents the columns.
 
-CSV is text that any program reads: names of keypoints are in it, bones are not, and where the names are not those of a
-shipped skeleton they make one of their own. Parquet written here also holds the skeleton, the order of the views, the
-rate and the notes (as JSON in the schema's metadata, ``posefuse``), and is then read by ranges of frames.
+CSV contains the names of keypoints but no bones; names that are not those of a shipped skeleton make a new one. Parquet
+written by posefuse also contains the skeleton, the order of the views, the rate and the notes (as JSON in the metadata
+``posefuse`` of the schema), and is read by ranges of frames.
 """
 
 from collections.abc import Callable
@@ -14,22 +14,22 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import reading, replacing
 from posefuse.io.keypoints import tidy_parquet
-from posefuse.io.keypoints.columns import far_apart
+from posefuse.io.keypoints.columns import is_sparse
 from posefuse.io.keypoints.format import KeypointFormat
 from posefuse.io.keypoints.names import skeleton_named
 from posefuse.io.keypoints.parquet_metadata import column_names
 from posefuse.io.keypoints.request import Request
-from posefuse.io.keypoints.tidy_columns import NEEDED, detections_of_table, table_of
+from posefuse.io.keypoints.tidy_columns import REQUIRED_COLUMNS, detections_of_table, table_of
 from posefuse.model.detections import Detections
 
 
 def matches(path: Path) -> bool:
-    """Whether the file is one."""
+    """Return whether a file is in this format."""
     if not path.is_file():
         return False
     if path.suffix == ".parquet":
-        return set(NEEDED) <= set(column_names(path))
-    return path.suffix == ".csv" and set(NEEDED) <= set(_header(path))
+        return set(REQUIRED_COLUMNS) <= set(column_names(path))
+    return path.suffix == ".csv" and set(REQUIRED_COLUMNS) <= set(_header(path))
 
 
 def _header(path: Path) -> list[str]:
@@ -38,10 +38,10 @@ def _header(path: Path) -> list[str]:
 
 
 def read(path: Path, request: Request) -> Detections:
-    """Read the table; one in parquet that posefuse wrote stays in its file.
+    """Read a table. The arrays of parquet files written by posefuse stay in the file and are read on demand.
 
     Raises:
-        FileError: if the file is cut short, or a column holds something else than it should.
+        FileError: If the file is truncated, or a column has invalid content.
     """
     if path.suffix == ".parquet":
         return tidy_parquet.read(path, request)
@@ -52,26 +52,26 @@ def _read_csv(path: Path) -> Any:
     import pyarrow as pa
     from pyarrow import csv
 
-    # Nothing but an empty cell is missing: a camera may be called NA.
+    # Only empty cells are missing: a camera may be called NA.
     kinds = {"camera": pa.string(), "keypoint": pa.string()}
     options = csv.ConvertOptions(column_types=kinds, strings_can_be_null=True, null_values=[""])
     parse = csv.ParseOptions(newlines_in_values=True)
     with reading(path, "CSV table of keypoints"):
         table = csv.read_csv(path, parse_options=parse, convert_options=options)
         if len(set(table.column_names)) != len(table.column_names):
-            raise FileError(f"{path} has two columns of one name.")
+            raise FileError(f"{path} has two columns with the same name.")
         return table
 
 
 def write(detections: Detections, path: Path) -> None:
-    """Write a table, range by range; the kind by the name's ending, ``.csv`` or ``.parquet``.
+    """Write a table, one range of frames after another. The name must end in ``.csv`` or ``.parquet``.
 
     Raises:
-        FileError: if the name ends otherwise.
+        FileError: If the name has another ending, or the file cannot be written.
     """
     writers: dict[str, Callable[[Detections, Path], None]] = {".csv": _write_csv, ".parquet": tidy_parquet.write}
     if path.suffix not in writers:
-        raise FileError(f"A tidy table's name ends in .csv or .parquet, got {path.name}.")
+        raise FileError(f"The name of a tidy table must end in .csv or .parquet, got {path.name}.")
     with replacing(path) as temporary:
         writers[path.suffix](detections, temporary)
 
@@ -88,22 +88,22 @@ def _write_csv(detections: Detections, path: Path) -> None:
 
 
 def lost(detections: Detections, path: Path) -> tuple[str, ...]:
-    """What of these detections the file cannot hold."""
+    """Return what of the detections is lost in the file."""
     if path.suffix == ".parquet":
         return ()
-    told = []
+    losses = []
     if skeleton_named("tidy", detections.skeleton.keypoints) != detections.skeleton:
-        told.append("a skeleton of one's own: its bones, sides and tree")
+        losses.append("the bones, sides and tree of a custom skeleton")
     if tuple(sorted(detections.view_names)) != detections.view_names:
-        told.append("the order of the views: they are read by name")
-    silent = detections.n_views - int(np.any(detections.recorded, axis=0).sum())
-    if silent:
-        told.append("views without any frame")
-    if detections.n_frames and far_apart(detections.frame_numbers):
-        told.append("frames as far apart as these so that they can be read again: parquet can")
+        losses.append("the order of the views, which are sorted by name when read")
+    without_frames = detections.n_views - int(np.any(detections.recorded, axis=0).sum())
+    if without_frames:
+        losses.append("views without any frame")
+    if detections.n_frames and is_sparse(detections.frame_numbers):
+        losses.append("frame numbers with such large gaps, which are not read again; parquet keeps them")
     if detections.notes:
-        told.append("what was noted when the detections were read")
-    return tuple(told)
+        losses.append("the notes of the detections")
+    return tuple(losses)
 
 
 FORMAT = KeypointFormat(

@@ -29,12 +29,12 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     """Write one person.
 
     Raises:
-        ResultError: if there is no frame, nearly every row would be empty, or the
+        ResultError: if there are no frames, nearly all rows would be empty, or the
             result comes from a single camera.
     """
     if result.unit != "m":
         raise ResultError(
-            f"Anipose's CSV has 3D coordinates; this result is in {result.unit} (image plane of a single camera)."
+            f"Anipose CSV files have 3D coordinates; this result is in {result.unit} (image plane of a single camera)."
         )
     rows, _ = rows_of(result, "anipose")
     csv.write_plain(_tables(result, result.person_ids.index(person), layer, rows), path)
@@ -84,20 +84,20 @@ def read(path: Path) -> StoredPoints:
     """Read a file of Anipose or posefuse; the person is named after the file.
 
     Raises:
-        FileError: if it is not such a file, or truncated.
+        FileError: if it is not such a file, or is truncated.
     """
-    must_exist(path, "3D CSV of Anipose")
+    must_exist(path, "Anipose 3D CSV file")
     names = tables.header(path)
     keypoints = [
         name[:-2] for name in names if name.endswith("_x") and {f"{name[:-2]}_y", f"{name[:-2]}_z"} <= {*names}
     ]
     if not keypoints or "fnum" not in names:
         raise FileError(
-            f"{path} is not a 3D CSV of Anipose: it lacks <bodypart>_x, _y, _z or fnum; its columns are "
+            f"{path} is not an Anipose 3D CSV file: it lacks <bodypart>_x, _y, _z or fnum; its columns are "
             f"{choices(names)}."
         )
     table = tables.read_csv(path, dict.fromkeys(names, pa.float64()))
-    with reading(path, "3D CSV of Anipose"):
+    with reading(path, "Anipose 3D CSV file"):
         return _points(path, table, tuple(keypoints))
 
 

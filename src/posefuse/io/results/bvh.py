@@ -52,14 +52,14 @@ def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progres
     """Write one clip; see :func:`write`."""
     check_presence(clip)
     rate, presence, figure = export_rate(result, "BVH"), clip.presence, clip.figure
-    places, _ = regular_rows(result)
-    rows = int(places[presence.last] - places[presence.first]) + 1
+    row_indices, _ = regular_rows(result)
+    rows = int(row_indices[presence.last] - row_indices[presence.first]) + 1
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write("HIERARCHY\n")
         file.writelines(_hierarchy(figure))
         file.write(f"MOTION\nFrames: {rows}\nFrame Time: {1.0 / rate:.10g}\n")
-        moving = motions(clip.body, result, progress, f"writing {path.name}")
-        for values in _rows(result, figure, moving, places - places[presence.first]):
+        motion_ranges = motions(clip.body, result, progress, f"writing {path.name}")
+        for values in _rows(result, figure, motion_ranges, row_indices - row_indices[presence.first]):
             file.write(_text(values))
     notes = list(limitation_notes(result, clip, _GAP_HANDLING))
     if presence.first > 0:
@@ -93,47 +93,49 @@ def _three(values: np.ndarray) -> str:
     return " ".join(f"{value:.6f}" for value in values + 0.0)
 
 
-def _rows(result: Reconstruction, figure: Figure, moving: Iterable[Motion], places: np.ndarray) -> Iterator[np.ndarray]:
+def _rows(
+    result: Reconstruction, figure: Figure, motion_ranges: Iterable[Motion], row_indices: np.ndarray
+) -> Iterator[np.ndarray]:
     """Yield blocks of rows of shape (row, 3 + 3 joint); rows without a frame repeat the previous one."""
     order = _order(figure)
     before = np.tile(np.eye(3), (len(order), 1, 1))
     angles = np.zeros((len(order), 3))
     last: np.ndarray | None = None
     done = 0
-    for motion in moving:
-        some = np.flatnonzero(motion.there)
+    for motion in motion_ranges:
+        present = np.flatnonzero(motion.there)
         start, done = done, done + motion.n_frames
-        if not len(some):
+        if not len(present):
             continue
         root, turns = to_file_axes(result, motion)
-        turns = hold_unknown(turns[some], before)
+        turns = hold_unknown(turns[present], before)
         before = turns[-1]
         unwound = _unwrap_angles(_euler_zxy(turns[:, order]), angles)
         angles = unwound[-1]
-        values = np.concatenate([_CM * root[some], np.degrees(unwound).reshape(len(some), -1)], axis=1)
-        yield from _repeat_rows(values, places[start + some], last)
-        last = np.append(values[-1], places[start + some[-1]])
+        values = np.concatenate([_CM * root[present], np.degrees(unwound).reshape(len(present), -1)], axis=1)
+        yield from _repeat_rows(values, row_indices[start + present], last)
+        last = np.append(values[-1], row_indices[start + present[-1]])
 
 
-def _repeat_rows(values: np.ndarray, places: np.ndarray, last: np.ndarray | None) -> Iterator[np.ndarray]:
+def _repeat_rows(values: np.ndarray, row_indices: np.ndarray, last: np.ndarray | None) -> Iterator[np.ndarray]:
     """Yield each row repeated up to the next one; ``last`` is the previous row, followed by its index."""
     if last is not None:
-        values, places = np.concatenate([last[None, :-1], values]), np.append(int(last[-1]), places)
-        times = np.diff(places, append=places[-1] + 1)
+        values, row_indices = np.concatenate([last[None, :-1], values]), np.append(int(last[-1]), row_indices)
+        times = np.diff(row_indices, append=row_indices[-1] + 1)
         times[0] -= 1
     else:
-        times = np.diff(places, append=places[-1] + 1)
+        times = np.diff(row_indices, append=row_indices[-1] + 1)
     yield np.repeat(values, times, axis=0)
 
 
 def _order(figure: Figure) -> list[int]:
     """Return the joints in the order of the file: depth first."""
     out: list[int] = []
-    waiting = [0]
-    while waiting:
-        j = waiting.pop()
+    pending = [0]
+    while pending:
+        j = pending.pop()
         out.append(j)
-        waiting.extend(reversed(figure.children(j)))
+        pending.extend(reversed(figure.children(j)))
     return out
 
 

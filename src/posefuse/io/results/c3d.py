@@ -53,29 +53,29 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         raise ResultError(
             f"A C3D file is in mm; this result is in {result.unit} (image plane of a single camera). Use TRC."
         )
-    places, n_rows = regular_rows(result)
+    row_indices, n_rows = regular_rows(result)
     index, names = result.person_ids.index(person), result.skeleton.keypoints
     views = np.zeros(len(names))
     with replacing(path) as temporary:
-        _head(result, layer, rate, n_rows).write(str(temporary))
+        _header(result, layer, rate, n_rows).write(str(temporary))
         with temporary.open("r+b") as file:
-            found = _parameters(file.read())
-            start = _BLOCK * (found["POINT", "DATA_START"].integer - 1)
-            _fit_head(file, found, n_rows, start + 16 * len(names) * n_rows)
+            parameters = _parameters(file.read())
+            start = _BLOCK * (parameters["POINT", "DATA_START"].integer - 1)
+            _correct_header(file, parameters, n_rows, start + 16 * len(names) * n_rows)
             file.seek(start)
             done, row = 0, 0
             for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
-                rows = places[done : done + part.n_frames]
+                rows = row_indices[done : done + part.n_frames]
                 block = np.tile(_MISSING, (int(rows[-1]) + 1 - row, len(names), 1))
-                block[rows - row], used = _words(part.layers[layer], index)
+                block[rows - row], used = _points_as_stored(part.layers[layer], index)
                 file.write(block.tobytes())
                 views += used.sum(axis=0)
                 done, row = done + part.n_frames, int(rows[-1]) + 1
             file.write(bytes(_BLOCK - file.tell() % _BLOCK))
-            _put_means(file, found, views / max(result.n_frames, 1))
+            _write_means(file, parameters, views / max(result.n_frames, 1))
 
 
-def _head(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) -> ezc3d.c3d:
+def _header(result: Reconstruction, layer: LayerName, rate: float, n_rows: int) -> ezc3d.c3d:
     """Return the file's header and parameters with a single row of missing points."""
     names = result.skeleton.keypoints
     content = ezc3d.c3d()
@@ -110,7 +110,7 @@ class _Parameter:
 def _parameters(content: bytes) -> dict[tuple[str, str], _Parameter]:
     """Return the parameters of a file written by ezc3d, by group and name."""
     groups: dict[int, str] = {}
-    found: dict[tuple[int, str], _Parameter] = {}
+    by_group: dict[tuple[int, str], _Parameter] = {}
     at = _BLOCK + 4
     while True:
         length, group = struct.unpack_from("bb", content, at)
@@ -124,12 +124,12 @@ def _parameters(content: bytes) -> dict[tuple[str, str], _Parameter]:
         else:
             axes = content[at + 5 + length]
             offset = at + 6 + length + axes
-            found[group, name] = _Parameter(offset, int.from_bytes(content[offset : offset + 2], "little"))
+            by_group[group, name] = _Parameter(offset, int.from_bytes(content[offset : offset + 2], "little"))
         at += 2 + length + step
-    return {(groups[group], name): each for (group, name), each in found.items()}
+    return {(groups[group], name): each for (group, name), each in by_group.items()}
 
 
-def _fit_head(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], n_rows: int, stop: int) -> None:
+def _correct_header(file: BinaryIO, parameters: Mapping[tuple[str, str], _Parameter], n_rows: int, stop: int) -> None:
     """Set the number of rows, whose data end before byte ``stop``, and copy POINT:SCALE to the header.
 
     ezc3d leaves -1 in the header, and strict readers compare the two.
@@ -138,17 +138,17 @@ def _fit_head(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], n_row
     last = min(first + n_rows - 1, _FRAMES_OF_HEADER)
     _write_at(file, 8, struct.pack("<H", last))
     _write_at(file, 12, struct.pack("<f", -_RESIDUAL_STEP_MM))
-    _write_at(file, found["POINT", "FRAMES"].offset, struct.pack("<H", min(n_rows, _FRAMES_OF_HEADER)))
+    _write_at(file, parameters["POINT", "FRAMES"].offset, struct.pack("<H", min(n_rows, _FRAMES_OF_HEADER)))
     # Like ezc3d, end the file with zeros up to the next block, even if the data end at a block boundary.
     after = stop // _BLOCK + 2
-    _write_at(file, found["ROTATION", "DATA_START"].offset, struct.pack("<H", after % 65536))
+    _write_at(file, parameters["ROTATION", "DATA_START"].offset, struct.pack("<H", after % 65536))
 
 
-def _put_means(file: BinaryIO, found: Mapping[tuple[str, str], _Parameter], means: np.ndarray) -> None:
+def _write_means(file: BinaryIO, parameters: Mapping[tuple[str, str], _Parameter], means: np.ndarray) -> None:
     for part, start in enumerate(range(0, len(means), _LONGEST_AXIS), 1):
         name = _MEAN_VIEWS if part == 1 else f"{_MEAN_VIEWS}{part}"
-        some = means[start : start + _LONGEST_AXIS].astype("<f4")
-        _write_at(file, found["POSEFUSE", name].offset, some.tobytes())
+        block = means[start : start + _LONGEST_AXIS].astype("<f4")
+        _write_at(file, parameters["POSEFUSE", name].offset, block.tobytes())
 
 
 def _read_at(file: BinaryIO, offset: int, size: int) -> bytes:
@@ -161,7 +161,7 @@ def _write_at(file: BinaryIO, offset: int, content: bytes) -> None:
     file.write(content)
 
 
-def _words(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _points_as_stored(layer: Layer, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Return a person's points as in the file, and the number of views used, shape (frame, keypoint).
 
     The points have shape (frame, keypoint, 4), float32: x, y, z in mm, and a number whose high byte has the camera
@@ -214,7 +214,7 @@ FORMAT = ResultFormat(
     files="<person>.c3d",
     conventions=(
         "mm, world axes (X_SCREEN, Y_SCREEN state the up axis); missing is residual -1; camera "
-        "bits for up to 7 views; files of other programs are read, too"
+        "bits for up to 7 views; files of other programs can be read"
     ),
     lacks="status, reprojection errors, covariances between the axes",
     endings=(".c3d",),

@@ -4,9 +4,9 @@ Layout after the C3D user guide (C3D.org): a header of 512 bytes, parameters in 
 four numbers per point (x, y, z, and a word with camera bits in its high byte and the residual in its low byte; negative
 if the point is missing) and the analog samples. Numbers are integers or floats in the byte order of Intel, DEC or MIPS.
 
-ezc3d, which writes C3D files, is not used for reading: it rejects files of MIPS processors and finds no frames in some
-files with analog channels, see tests/unit/io/test_c3d_reading.py. This reader checks every size against that of the
-file.
+ezc3d, which writes C3D files, is not used for reading: it rejects files of MIPS processors and reads no frames from
+some files with analog channels, see tests/unit/io/test_c3d_reading.py. This reader checks every size against that of
+the file.
 """
 
 import math
@@ -37,7 +37,7 @@ _Parameters = Mapping[tuple[str, str], np.ndarray | list[str]]
 
 
 @dataclass(frozen=True)
-class Points:
+class C3dContent:
     """The points of a C3D file.
 
     Attributes:
@@ -46,7 +46,7 @@ class Points:
         rate_hz: frames per second.
         points: shape (frame, point, 3), in ``unit`` and the file's axes; NaN if missing.
         residual: shape (frame, point), in the file's unit, -1 where missing.
-        cameras: shape (frame, point, 7), bool: which of the first seven cameras saw it.
+        cameras: shape (frame, point, 7), bool: which of the first seven cameras were used for the point.
         unit: ``m``, to which cm and mm are converted; empty if unknown.
         up: up axis stated by the file, or None.
         layer: layer written by posefuse; empty for files of other programs.
@@ -77,64 +77,64 @@ def matches(path: Path) -> bool:
     return len(start) == 2 and start[1] == _KEY
 
 
-def read(path: Path) -> Points:
+def read(path: Path) -> C3dContent:
     """Read a C3D file of any program.
 
     Raises:
-        FileError: if it is truncated or does not conform to the format.
+        FileError: if the file is truncated or does not conform to the format.
     """
     with reading(path, "C3D file"):
         return _read(path, path.read_bytes())
 
 
 def read_points(path: Path) -> StoredPoints:
-    """Read the points of a C3D file of any program as one person named after the file; in the file's axes.
+    """Read the points of a C3D file of any program as one person named after the file, in the file's axes.
 
     The number of views comes from the camera bits if posefuse wrote the file for up to seven cameras.
 
     Raises:
-        FileError: if it is truncated or does not conform to the format.
+        FileError: if the file is truncated or does not conform to the format.
     """
-    found = read(path)
-    counted = 0 < len(found.view_names) <= _CAMERA_BITS
+    content = read(path)
+    counted = 0 < len(content.view_names) <= _CAMERA_BITS
     return StoredPoints(
-        keypoints=found.names,
+        keypoints=content.names,
         person_ids=(path.stem,),
-        frame_numbers=found.first + np.arange(len(found.points)),
-        time_s=found.time_s,
-        points_m=found.points[:, None],
-        unit=found.unit,
-        layer=found.layer,
-        rate_hz=found.rate_hz,
-        n_views=found.cameras.sum(axis=-1)[:, None] if counted else None,
+        frame_numbers=content.first + np.arange(len(content.points)),
+        time_s=content.time_s,
+        points_m=content.points[:, None],
+        unit=content.unit,
+        layer=content.layer,
+        rate_hz=content.rate_hz,
+        n_views=content.cameras.sum(axis=-1)[:, None] if counted else None,
     )
 
 
-def _read(path: Path, data: bytes) -> Points:
+def _read(path: Path, data: bytes) -> C3dContent:
     if len(data) < _BLOCK or data[1] != _KEY:
         raise FileError(f"{path} is not a C3D file: its second byte should be 0x50.")
     start = (data[0] - 1) * _BLOCK
     processor = data[start + 3]
     if processor not in (_INTEL, _DEC, _MIPS):
-        raise FileError(f"{path}: a C3D file of processor {processor}; expected 84 (Intel), 85 (DEC) or 86 (MIPS).")
-    known = _parameters(data[start + 4 :], processor)
+        raise FileError(f"{path}: unknown processor {processor}; expected 84 (Intel), 85 (DEC) or 86 (MIPS).")
+    parameters = _parameters(data[start + 4 :], processor)
     head = np.frombuffer(data[:_BLOCK], _order(processor) + "u2")
-    rate = _number(known, ("POINT", "RATE")) or float(_floats(data[20:24], processor)[0])
+    rate = _number(parameters, ("POINT", "RATE")) or float(_floats(data[20:24], processor)[0])
     if not (math.isfinite(rate) and rate > 0):
         raise FileError(f"{path}: POINT:RATE should be positive, got {rate}.")
-    first, n_frames = _frames(known, head)
-    n_points, n_analogue = int(head[1]), int(head[2])
-    scale = _number(known, ("POINT", "SCALE")) or float(_floats(data[12:16], processor)[0])
-    values = _values(path, data, head, processor, scale, (n_frames, n_points, n_analogue))
+    first, n_frames = _frames(parameters, head)
+    n_points, n_analog = int(head[1]), int(head[2])
+    scale = _number(parameters, ("POINT", "SCALE")) or float(_floats(data[12:16], processor)[0])
+    values = _values(path, data, head, processor, scale, (n_frames, n_points, n_analog))
     word = np.nan_to_num(values[..., 3], nan=-1.0, posinf=-1.0, neginf=-1.0)
     missing = (word < 0) | ~np.isfinite(values[..., :3]).all(axis=-1)
     bits = np.where(missing, 0.0, np.clip(word, 0.0, 32767.0)).astype(np.int64)
-    unit = _text(known, ("POINT", "UNITS")).strip().lower()
+    unit = _text(parameters, ("POINT", "UNITS")).strip().lower()
     points = values[..., :3] * _METERS_PER_UNIT.get(unit, 1.0)
-    y_screen = _text(known, ("POINT", "Y_SCREEN")).strip().lower().removeprefix("+")
-    layer = _text(known, ("POSEFUSE", "LAYER")).strip()
-    return Points(
-        names=_names(known, n_points),
+    y_screen = _text(parameters, ("POINT", "Y_SCREEN")).strip().lower().removeprefix("+")
+    layer = _text(parameters, ("POSEFUSE", "LAYER")).strip()
+    return C3dContent(
+        names=_names(parameters, n_points),
         first=first,
         rate_hz=rate,
         points=np.where(missing[..., None], np.nan, points),
@@ -143,7 +143,7 @@ def _read(path: Path, data: bytes) -> Points:
         unit="m" if unit in _METERS_PER_UNIT else "",
         up=next((axis for axis in UP_AXES if axis == y_screen), None),
         layer=layer if layer in LAYERS else "",
-        view_names=tuple(_texts(known, ("POSEFUSE", "VIEWS"))),
+        view_names=tuple(_texts(parameters, ("POSEFUSE", "VIEWS"))),
     )
 
 
@@ -160,10 +160,10 @@ def _floats(content: bytes, processor: int) -> np.ndarray:
     return np.ascontiguousarray(swapped).view("<f4").ravel().astype(np.float64) / 4.0
 
 
-def _frames(known: _Parameters, head: np.ndarray) -> tuple[int, int]:
+def _frames(parameters: _Parameters, head: np.ndarray) -> tuple[int, int]:
     """Return the number of the first frame, from 0, and of frames; TRIAL's fields override the 16-bit header."""
     first, last = int(head[3]), int(head[4])
-    fields = [known.get(("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END")]
+    fields = [parameters.get(("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END")]
     if all(isinstance(field, np.ndarray) and field.size == 2 for field in fields):
         first, last = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in fields)  # type: ignore[misc]
     return max(first - 1, 0), max(last - first + 1, 0)
@@ -173,9 +173,9 @@ def _values(
     path: Path, data: bytes, head: np.ndarray, processor: int, scale: float, counts: tuple[int, int, int]
 ) -> np.ndarray:
     """Return x, y, z in the file's unit and the word of residual and cameras, shape (frame, point, 4)."""
-    n_frames, n_points, n_analogue = counts
+    n_frames, n_points, n_analog = counts
     start, width = (int(head[8]) - 1) * _BLOCK, 4 if scale < 0 else 2
-    each = 4 * n_points + n_analogue
+    each = 4 * n_points + n_analog
     n_bytes = n_frames * each * width
     if start < _BLOCK or start + n_bytes > len(data):
         raise FileError(
@@ -185,8 +185,8 @@ def _values(
     content = data[start : start + n_bytes]
     if scale < 0:
         return _floats(content, processor).reshape(n_frames, each)[:, : 4 * n_points].reshape(n_frames, n_points, 4)
-    whole = np.frombuffer(content, _order(processor) + "i2").reshape(n_frames, each)[:, : 4 * n_points]
-    values = whole.reshape(n_frames, n_points, 4).astype(np.float64)
+    integers = np.frombuffer(content, _order(processor) + "i2").reshape(n_frames, each)[:, : 4 * n_points]
+    values = integers.reshape(n_frames, n_points, 4).astype(np.float64)
     values[..., :3] *= scale
     return values
 
@@ -194,13 +194,13 @@ def _values(
 def _parameters(data: bytes, processor: int) -> dict[tuple[str, str], np.ndarray | list[str]]:
     """Return the parameters by group name and parameter name."""
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, np.ndarray | list[str]]] = []
+    numbered: list[tuple[int, str, np.ndarray | list[str]]] = []
     for number, name, content in _records(data, processor):
         if number < 0:
             groups[-number] = name
         else:
-            found.append((number, name, _parameter(content, processor)))
-    return {(groups[number], name): value for number, name, value in found if number in groups}
+            numbered.append((number, name, _parameter(content, processor)))
+    return {(groups[number], name): value for number, name, value in numbered if number in groups}
 
 
 def _records(data: bytes, processor: int) -> Iterator[tuple[int, str, bytes]]:
@@ -221,7 +221,7 @@ def _records(data: bytes, processor: int) -> Iterator[tuple[int, str, bytes]]:
 
 
 def _parameter(content: bytes, processor: int) -> np.ndarray | list[str]:
-    """Return numbers in the order of the file, or texts."""
+    """Return numbers in the order of the file, or strings."""
     kind, n_axes = struct.unpack_from("bB", content, 0)
     axes = list(content[2 : 2 + n_axes])
     size, values = math.prod(axes), content[2 + n_axes :]
@@ -237,25 +237,25 @@ def _parameter(content: bytes, processor: int) -> np.ndarray | list[str]:
     return np.frombuffer(values, "i1" if kind == _BYTE else _order(processor) + "i2")
 
 
-def _number(known: _Parameters, name: tuple[str, str]) -> float:
+def _number(parameters: _Parameters, name: tuple[str, str]) -> float:
     """Return the first number of a parameter; 0 if there is none."""
-    values = known.get(name)
+    values = parameters.get(name)
     return float(values[0]) if isinstance(values, np.ndarray) and values.size else 0.0
 
 
-def _texts(known: _Parameters, name: tuple[str, str]) -> list[str]:
-    """Return the texts of a parameter and its continuations."""
+def _texts(parameters: _Parameters, name: tuple[str, str]) -> list[str]:
+    """Return the strings of a parameter and its continuations."""
     group, first = name
-    parts: list[Any] = [known.get((group, first if i == 1 else f"{first}{i}")) for i in range(1, _MAX_PARTS)]
+    parts: list[Any] = [parameters.get((group, first if i == 1 else f"{first}{i}")) for i in range(1, _MAX_PARTS)]
     return [text for part in parts if isinstance(part, list) for text in part]
 
 
-def _text(known: _Parameters, name: tuple[str, str]) -> str:
-    return next(iter(_texts(known, name)), "")
+def _text(parameters: _Parameters, name: tuple[str, str]) -> str:
+    return next(iter(_texts(parameters, name)), "")
 
 
-def _names(known: _Parameters, n_points: int) -> tuple[str, ...]:
+def _names(parameters: _Parameters, n_points: int) -> tuple[str, ...]:
     """Return the labels; points without one are called ``point_<number>``."""
-    labels = _texts(known, ("POINT", "LABELS"))[:n_points]
+    labels = _texts(parameters, ("POINT", "LABELS"))[:n_points]
     labels += [""] * (n_points - len(labels))
     return tuple(label.strip() or f"point_{i}" for i, label in enumerate(labels))

@@ -15,10 +15,10 @@ from posefuse.model.reconstruction import Reconstruction
 from posefuse.progress import Progress, Silent, report_ranges
 
 if TYPE_CHECKING:
-    from posefuse.biomechanics.animation_figures import Body
+    from posefuse.biomechanics.animation_figures import AnimatedFigure
 
 BODY_TO_Y_UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""From forward, left, up to x left, y up, z forward, the axes of glTF."""
+"""Rotation from body axes (x forward, y left, z up) to the axes of glTF (x left, y up, z forward)."""
 _NOTABLE_DEVIATION_M = 0.001
 _MAX_LISTED_GAPS = 5
 
@@ -64,7 +64,7 @@ class Clip:
         presence: frames in which the person is present.
     """
 
-    body: "Body"
+    body: "AnimatedFigure"
     presence: Presence
 
     @property
@@ -79,9 +79,9 @@ def clip_of(result: Reconstruction, person: str) -> Clip:
     Raises:
         ResultError: if there is no fitted model, or no such person.
     """
-    from posefuse.biomechanics.animation_figures import body_of  # compiled kernels: imported on first use
+    from posefuse.biomechanics.animation_figures import figure_of_person  # compiled kernels: imported on first use
 
-    body = body_of(result, person)
+    body = figure_of_person(result, person)
     return Clip(body, presence_of(body.figure, motions(body, result)))
 
 
@@ -96,24 +96,26 @@ def check_presence(clip: Clip) -> None:
 
 
 def presence_of(figure: Figure, motions: Iterable[Motion]) -> Presence:
-    """Return when a person is present, from all ranges of frames."""
-    there, off_m = [np.zeros(0, dtype=bool)], 0.0
+    """Return the frames in which a person is present, from the motion in all ranges of frames."""
+    present, deviation_m = [np.zeros(0, dtype=bool)], 0.0
     unknown = np.zeros(len(figure.joints), dtype=bool)
     for motion in motions:
-        there.append(motion.there)
-        off_m = max(off_m, float(motion.off_m[motion.there].max(initial=0.0)))
+        present.append(motion.there)
+        deviation_m = max(deviation_m, float(motion.off_m[motion.there].max(initial=0.0)))
         unknown |= ~np.isfinite(motion.turns[motion.there]).all(axis=(0, 2, 3))
     held = tuple(joint.name for joint, some in zip(figure.joints, unknown, strict=True) if some)
-    return Presence(np.concatenate(there), off_m, held)
+    return Presence(np.concatenate(present), deviation_m, held)
 
 
-def motions(body: "Body", result: Reconstruction, progress: Progress | None = None, what: str = "") -> Iterator[Motion]:
-    """The motion of a figure in consecutive ranges of frames."""
-    from posefuse.biomechanics.animation_figures import motion_of  # compiled kernels: imported on first use
+def motions(
+    body: "AnimatedFigure", result: Reconstruction, progress: Progress | None = None, what: str = ""
+) -> Iterator[Motion]:
+    """Yield the motion of an animation skeleton in consecutive ranges of frames."""
+    from posefuse.biomechanics.animation_figures import animate  # compiled kernels: imported on first use
 
     spans = ranges(result.n_frames, CHUNK_FRAMES)
-    found = (motion_of(body, result, start, stop) for start, stop in spans)
-    return report_ranges(found, result.n_frames, what, progress or Silent())
+    motion_ranges = (animate(body, result, start, stop) for start, stop in spans)
+    return report_ranges(motion_ranges, result.n_frames, what, progress or Silent())
 
 
 def to_file_axes(result: Reconstruction, motion: Motion) -> tuple[np.ndarray, np.ndarray]:

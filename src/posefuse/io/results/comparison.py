@@ -26,11 +26,11 @@ COLUMNS: dict[str, Callable[[MethodNumbers], float | str | None]] = {
 def write(comparison: Comparison, path: Path) -> None:
     """Write the columns for which at least one method has a value."""
     cells = {name: [_cell(value(row)) for row in comparison.methods] for name, value in COLUMNS.items()}
-    kept = {name: column for name, column in cells.items() if any(column)}
+    nonempty = {name: column for name, column in cells.items() if any(column)}
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(kept)
-        writer.writerows(zip(*kept.values(), strict=True))
+        writer.writerow(nonempty)
+        writer.writerows(zip(*nonempty.values(), strict=True))
 
 
 def _cell(value: float | str | None) -> str:

@@ -24,8 +24,8 @@ FILE_NAMES: dict[LayerName, str] = {"measured": "keypoints.csv", "solved": "solv
 EVENTS, ANGLES = "events.csv", "angles.csv"
 
 Angles = Callable[[Reconstruction], tuple[Sequence[str], np.ndarray, np.ndarray]]
-"""From a range of frames to names of joint angles; the angles, shape (frame, person, angle), degrees, NaN where
-unknown; and their standard deviations, likewise."""
+"""Function that returns, for a range of frames, the names of the joint angles; the angles in degrees, shape (frame,
+person, angle), NaN where unknown; and their standard deviations, in the same form."""
 
 _STATUS = np.array([next((s.label for s in PointStatus if s == code), "") for code in range(256)], dtype=object)
 _SOURCE = np.array([next((s.label for s in Source if s == code), "") for code in range(256)], dtype=object)
@@ -50,7 +50,7 @@ def columns(unit: str) -> tuple[str, ...]:
 
 
 def write(parts: Iterable[Reconstruction], path: Path, layer: LayerName) -> None:
-    """Write one layer of consecutive ranges of frames of one reconstruction, each as it comes."""
+    """Write one layer of consecutive ranges of frames of one reconstruction, one range at a time."""
     _write_tables((table_of(part, layer) for part in parts), path)
 
 
@@ -99,7 +99,7 @@ def _columns_table(columns: Mapping[str, np.ndarray]) -> pa.Table:
 def _write_tables(tables: Iterable[pa.Table], path: Path) -> None:
     layout = csv.WriteOptions(quoting_style="needed", quoting_header="needed")
     with replacing(path) as temporary, ExitStack() as open_file:
-        writer: Any = None  # pyarrow's stubs know no constructor of CSVWriter
+        writer: Any = None  # pyarrow's type stubs declare no constructor of CSVWriter
         for table in tables:
             if writer is None:
                 writer = csv.CSVWriter(temporary, table.schema, write_options=layout)
@@ -113,7 +113,7 @@ def table_of(part: Reconstruction, name: LayerName) -> pa.Table:
     points = np.asarray(layer.points_m[:]).reshape(-1, 3)
     deviations = layer.sd_m.reshape(-1, 3)
     data = [
-        *_whose(part, part.skeleton.keypoints),
+        *_key_columns(part, part.skeleton.keypoints),
         *(_number(points[:, axis]) for axis in range(3)),
         *(_number(deviations[:, axis]) for axis in range(3)),
         pa.array(layer.n_views.ravel()),
@@ -126,11 +126,11 @@ def table_of(part: Reconstruction, name: LayerName) -> pa.Table:
 
 def _angles_table(part: Reconstruction, names: Sequence[str], degrees: np.ndarray, sds: np.ndarray) -> pa.Table:
     layer = np.full(degrees.size, "solved" if part.poses is None else "model", dtype=object)
-    data = [*_whose(part, names), _number(degrees), _number(sds), _text(layer)]
+    data = [*_key_columns(part, names), _number(degrees), _number(sds), _text(layer)]
     return pa.table(data, names=["frame", "time_s", "person", "angle", "degrees", "sd_degrees", "layer"])
 
 
-def _whose(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:
+def _key_columns(part: Reconstruction, names: Sequence[str]) -> list[pa.Array]:
     """Return the first four columns; names vary fastest, then people, then frames."""
     people, each = len(part.person_ids), len(names)
     return [
@@ -155,10 +155,10 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a layer; the name of the layer follows from the file name, if at all.
+    """Read a layer; the name of the layer is derived from the file name, if possible.
 
     Raises:
-        FileError: if it is not such a table, or truncated.
+        FileError: if it is not such a table, or is truncated.
     """
     names = tables.header(must_exist(path, "table of points"))
     tidy.unit_of(names, path)

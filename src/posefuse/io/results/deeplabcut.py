@@ -1,8 +1,8 @@
 """DeepLabCut's 3D tables, h5 (pandas, ``df_with_missing``) or CSV: columns x, y, z per body part, one row per frame.
 
-Header rows: scorer (``posefuse_<layer>``), (individuals, where there are several,) bodyparts, coords. Meters. The
-index is the frame's number; numbers without a frame are rows without points. The h5 file has the group ``posefuse``
-too, see :mod:`posefuse.io.results.hdf5`; the CSV has nothing beside the points.
+Header rows: scorer (``posefuse_<layer>``), individuals (only if there are several), bodyparts, coords. Lengths are in
+meters. The index is the frame number; missing frame numbers are rows without points. The h5 file also has the group
+``posefuse``, see :mod:`posefuse.io.results.hdf5`; the CSV contains only the points.
 """
 
 import csv as text_csv
@@ -31,15 +31,15 @@ _SCORER = "posefuse_"
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    """Write one layer of all people, as CSV where the path ends in .csv.
+    """Write one layer of all people, as CSV if the path ends in .csv.
 
     Raises:
-        ResultError: if there are no frames, or almost all rows would be empty.
+        ResultError: if there are no frames, or nearly all rows would be empty.
     """
-    places, n_rows = rows_of(result, "deeplabcut")
+    row_indices, n_rows = rows_of(result, "deeplabcut")
     levels, columns = _columns(result, layer)
     index = result.frame_numbers[0] + np.arange(n_rows)
-    rows = (block.reshape(len(block), -1) for block in blocks(result.layers[layer].points_m, places))
+    rows = (block.reshape(len(block), -1) for block in blocks(result.layers[layer].points_m, row_indices))
     with replacing(path) as temporary:
         if path.suffix.lower() == ".csv":
             _write_csv(temporary, levels, columns, index, rows)
@@ -90,27 +90,29 @@ def read(path: Path) -> StoredPoints:
     """Read a file of DeepLabCut or posefuse. A single individual without a name is named after the file.
 
     Raises:
-        FileError: if it is not such a file, or truncated.
+        FileError: if it is not such a file, or is truncated.
     """
-    must_exist(path, "3D table of DeepLabCut's")
+    must_exist(path, "3D table of DeepLabCut")
     if path.suffix.lower() == ".csv":
         with reading(path, "CSV file"):
             return _points(path, _read_csv(path))
-    with open_hdf5(path, "HDF5 table of DeepLabCut's") as file:
+    with open_hdf5(path, "HDF5 table of DeepLabCut") as file:
         frame = read_frame(file[KEY])  # type: ignore[arg-type]
-        found = _points(path, frame)
-        return hdf5.read_group(file, path, found.points_m) if hdf5.GROUP in file else found
+        points = _points(path, frame)
+        return hdf5.read_group(file, path, points.points_m) if hdf5.GROUP in file else points
 
 
 def _points(path: Path, frame: Frame) -> StoredPoints:
-    named = [column[-3:] if len(column) == len(_MANY) else ("", *column[-2:]) for column in frame.columns]
-    people = tuple(dict.fromkeys(person for person, _, _ in named))
-    parts = tuple(dict.fromkeys(part for _, part, _ in named))
-    wanted = [(person, part, axis) for person in people for part in parts for axis in "xyz"]
-    place = {column: i for i, column in enumerate(named)}
-    if sorted(place) != sorted(wanted) or len(named) != len(wanted) or frame.values.shape[1] != len(named):
-        raise FileError(f"{path}: expected the columns x, y and z of every body part (and individual), each once.")
-    points = frame.values[:, [place[column] for column in wanted]].reshape(-1, len(people), len(parts), 3)
+    names = [column[-3:] if len(column) == len(_MANY) else ("", *column[-2:]) for column in frame.columns]
+    people = tuple(dict.fromkeys(person for person, _, _ in names))
+    parts = tuple(dict.fromkeys(part for _, part, _ in names))
+    expected = [(person, part, axis) for person in people for part in parts for axis in "xyz"]
+    position = {column: i for i, column in enumerate(names)}
+    if sorted(position) != sorted(expected) or len(names) != len(expected) or frame.values.shape[1] != len(names):
+        raise FileError(
+            f"{path}: expected each of the columns x, y and z exactly once for every body part (and individual)."
+        )
+    points = frame.values[:, [position[column] for column in expected]].reshape(-1, len(people), len(parts), 3)
     scorer = frame.columns[0][0]
     layer = next((name for name in LAYERS if scorer == f"{_SCORER}{name}"), "")
     return StoredPoints(
@@ -130,9 +132,9 @@ def _header_of(path: Path) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         (levels for levels in (_ONE, _MANY) if tuple(row[0] for row in rows if row)[: len(levels)] == levels), ()
     )
     if not levels:
-        raise FileError(f"{path} is not a table of DeepLabCut's: its first rows should be {' '.join(_ONE)}.")
-    named = [row[1:] for row in rows[: len(levels)]]
-    return levels, list(zip(*named, strict=True))
+        raise FileError(f"{path} is not a DeepLabCut table: its first rows should be {' '.join(_ONE)}.")
+    names = [row[1:] for row in rows[: len(levels)]]
+    return levels, list(zip(*names, strict=True))
 
 
 def _read_csv(path: Path) -> Frame:

@@ -1,4 +1,4 @@
-"""Write the animation skeletons of all people beside a result."""
+"""Write the animation skeletons of all people into the folder of a result."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Findings of the recording check as JSON text, as a result file stores them."""
+"""Findings of the recording check as JSON text, as stored in a result file."""
 
 import json
 import math
@@ -28,5 +28,9 @@ def _record(finding: Finding) -> dict[str, Any]:
 
 def _finding(record: dict[str, Any]) -> Finding:
     frames = None if record["frames"] is None else tuple(record["frames"])
-    changed = {"kind": FindingKind(record["kind"]), "cameras": tuple(record["cameras"]), "frames": frames}
-    return Finding(**(record | changed | {name: math.nan for name in _MAYBE_NAN if record[name] is None}))
+    restored: dict[str, Any] = {
+        "kind": FindingKind(record["kind"]),
+        "cameras": tuple(record["cameras"]),
+        "frames": frames,
+    }
+    return Finding(**(record | restored | {name: math.nan for name in _MAYBE_NAN if record[name] is None}))

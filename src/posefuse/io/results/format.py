@@ -19,22 +19,22 @@ ResultWriter = Callable[[Reconstruction, Sequence[str], Path, LayerName], list[s
 class ResultFormat(Format):
     """One format of 3D results. See :class:`posefuse.io.formats.Format` for the other attributes.
 
-    A format has at most one of the four writers; a writer's notes are sentences about what the file does not hold.
+    A format has at most one of the four writers; its notes are sentences about what the file does not hold.
 
     Attributes:
-        matches: Return whether a path is in this format, or None if it is not read as points.
-        read: Read one layer of 3D points, or None if the format is not read as points.
-        read_result: Read a whole reconstruction, or None if the format does not hold one.
+        matches: Return whether a path is in this format; None if the format cannot be read as points.
+        read: Read one layer of 3D points; None if the format cannot be read as points.
+        read_result: Read a whole reconstruction; None if the format does not hold one.
         write_layer: Write one layer of all people to a file.
         write_person: Write one layer of one person to a file.
         write_figure: Write the articulated body of one person to a file. Returns notes.
-        write_result: Write the people of a result, with everything the format has a place for. Returns notes.
+        write_result: Write the people of a result, with every field that the format can hold. Returns notes.
         holds_every_layer: Whether a file holds all layers.
-        holds_measured_layer: Whether a file of another layer holds the measured layer beside it.
+        holds_measured_layer: Whether a file of another layer also holds the measured layer.
         is_folder: Whether a result is a folder.
         name_words: Words of a file name that select this format among those with the same ending. Without any,
             the ending alone selects it.
-        lacks: Fields of a layer for which the format has no place. Empty if it holds all of them.
+        lacks: Fields of a layer that the format cannot hold. Empty if it holds all of them.
         complete_endings: Endings of files for which ``lacks`` does not apply.
         additional_name: Name of the file or folder that ``--also`` writes into the folder of a result. Empty if
             ``--also`` does not offer the format.

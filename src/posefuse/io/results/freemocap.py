@@ -1,14 +1,16 @@
-"""FreeMoCap's arrays: a folder ``output_data`` with its names and shapes; one person; millimeters, as FreeMoCap's.
+"""FreeMoCap arrays: one folder per person with FreeMoCap's file names and array shapes; lengths in mm.
 
-``raw_data/<tracker>_3dData_numFrames_numTrackedPoints_spatialXYZ.npy`` (frame, keypoint, 3) is the layer ``measured``
-where there is one; ``..._reprojectionError.npy`` (frame, keypoint) and, by camera, (camera, frame, keypoint) are its
-errors; ``<tracker>_skeleton_3d.npy`` is the layer asked for, and of MediaPipe's skeletons it is cut into
-``<tracker>_body_3d_xyz``, ``_right_hand_``, ``_left_hand_`` and ``_face_``, ``.npy`` and ``.csv``. The tracker is
-``mediapipe``, ``rtmpose`` (COCO-WholeBody) or the skeleton's name. Rows are frames without gaps from the first one on.
+All files are in ``output_data``. ``raw_data/<tracker>_3dData_numFrames_numTrackedPoints_spatialXYZ.npy`` (frame,
+keypoint, 3) is the layer ``measured`` if the result has it, otherwise the requested layer;
+``..._reprojectionError.npy`` has its errors, (frame, keypoint) and, by camera, (camera, frame, keypoint).
+``<tracker>_skeleton_3d.npy`` is the requested layer. For MediaPipe skeletons, it is also split into
+``<tracker>_body_3d_xyz``, ``_right_hand_``, ``_left_hand_`` and ``_face_``, each as ``.npy`` and ``.csv``. The tracker
+is ``mediapipe``, ``rtmpose`` (COCO-WholeBody) or the skeleton's name. There is one row per frame number, without gaps,
+starting with the first frame.
 
-Beside that, in ``output_data/posefuse``: ``covariance_m2.npy``, ``status.npy``, ``source.npy``, ``view_status.npy``,
-``view_error_px.npy``, ``reprojection_error_px.npy`` of the layer asked for, ``frame_number.npy``, ``time_s.npy``; and
-``posefuse.json``, which names everything.
+``output_data/posefuse`` has the fields for which FreeMoCap has no file: ``covariance_m2.npy``, ``status.npy``,
+``source.npy``, ``view_status.npy``, ``view_error_px.npy`` and ``reprojection_error_px.npy`` of the requested layer, and
+``frame_number.npy`` and ``time_s.npy``. ``output_data/posefuse.json`` describes the arrays.
 """
 
 import json
@@ -32,9 +34,9 @@ from posefuse.model.stored_points import StoredPoints
 
 MM_PER_M = 1000.0
 HEAD = "posefuse.json"
-_OURS = "posefuse"
+_EXTRA = "posefuse"
 _FOLDER = "output_data"
-_OWNED = (f"{_FOLDER}/{HEAD}", f"{_FOLDER}/{_OURS}/*.npy", f"{_FOLDER}/raw_data/*_3dData_*.npy", f"{_FOLDER}/*_3d*")
+_OWNED = (f"{_FOLDER}/{HEAD}", f"{_FOLDER}/{_EXTRA}/*.npy", f"{_FOLDER}/raw_data/*_3dData_*.npy", f"{_FOLDER}/*_3d*")
 _DATA = "3dData_numFrames_numTrackedPoints"
 _BY_CAMERA = "3dData_numCams_numFrames_numTrackedPoints"
 _TRACKERS = {"coco_wholebody_133": "rtmpose"}
@@ -45,13 +47,13 @@ _ABSENT = {"status": -1, "source": 0, "view_status": -1}
 
 @dataclass(frozen=True)
 class Array:
-    """An array that is written by ranges of frames.
+    """An array that is written block by block.
 
     Attributes:
-        name: its file's, under ``output_data``, without the ending.
-        shape: of the whole.
-        dtype: of its numbers.
-        rows: gives its consecutive parts, which flattened and joined are the whole.
+        name: path of the file, relative to ``output_data``, without the ending.
+        shape: shape of the whole array.
+        dtype: type of the elements.
+        rows: function that yields consecutive blocks; flattened and concatenated, they are the whole array.
     """
 
     name: str
@@ -61,7 +63,7 @@ class Array:
 
 
 def tracker_of(skeleton: str) -> str:
-    """What FreeMoCap would call who tracked such a skeleton."""
+    """Return the name of the tracker in FreeMoCap's file names for a skeleton."""
     if skeleton.startswith("mediapipe"):
         return "mediapipe"
     return _TRACKERS.get(skeleton) or safe_names([skeleton])[0]
@@ -75,20 +77,20 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
         FileError: if the folder holds something else.
     """
     arrays = arrays_of(result, person, layer)
-    places, _ = rows_of(result, "freemocap")
+    row_indices, _ = rows_of(result, "freemocap")
     with replacing_folder(path, f"{_FOLDER}/{HEAD}", _OWNED) as staging:
         for array in arrays:
             _write_array(staging / _FOLDER / f"{array.name}.npy", array)
         points = result.layers[layer].points_m
         for part, titles, columns in parts_of(result.skeleton.keypoints, result.skeleton.name):
             name = f"{tracker_of(result.skeleton.name)}_{part}_3d_xyz.csv"
-            picked = _points(points, result.person_ids.index(person), columns)
+            selected = _points_mm(points, result.person_ids.index(person), columns)
             tables = (
                 {f"{title}_{axis}": block[:, k, i] for k, title in enumerate(titles) for i, axis in enumerate("xyz")}
-                for block in blocks(picked, places)
+                for block in blocks(selected, row_indices)
             )
             csv.write_plain(tables, staging / _FOLDER / name)
-        (staging / _FOLDER / HEAD).write_text(head_of(result, person, layer), "utf-8")
+        (staging / _FOLDER / HEAD).write_text(description_of(result, person, layer), "utf-8")
 
 
 def _write_array(path: Path, array: Array) -> None:
@@ -98,20 +100,20 @@ def _write_array(path: Path, array: Array) -> None:
 
 
 def write_npy(file: object, array: Array) -> None:
-    """Write an array as a .npy file's bytes."""
-    described = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
-    np.lib.format.write_array_header_1_0(file, described)  # type: ignore[arg-type]
+    """Write an array to a binary file in .npy format, block by block."""
+    header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
+    np.lib.format.write_array_header_1_0(file, header)  # type: ignore[arg-type]
     for block in array.rows():
         file.write(np.ascontiguousarray(block).tobytes())  # type: ignore[attr-defined]
 
 
-def head_of(result: Reconstruction, person: str, layer: LayerName) -> str:
-    """What the arrays are, as JSON."""
-    said = {
+def description_of(result: Reconstruction, person: str, layer: LayerName) -> str:
+    """Return the JSON text that describes the arrays."""
+    description = {
         "version": 1,
         "person": person,
         "layer": layer,
-        "raw_layer": _raw(result, layer),
+        "raw_layer": _raw_layer(result, layer),
         "tracker": tracker_of(result.skeleton.name),
         "skeleton": result.skeleton.name,
         "keypoints": result.skeleton.keypoints,
@@ -122,33 +124,33 @@ def head_of(result: Reconstruction, person: str, layer: LayerName) -> str:
         "source": {code.name.lower(): code.value for code in Source},
         "view_status": {code.label: code.value for code in ViewStatus},
     }
-    return json.dumps(said, indent=1)
+    return json.dumps(description, indent=1)
 
 
-def _raw(result: Reconstruction, layer: LayerName) -> LayerName:
+def _raw_layer(result: Reconstruction, layer: LayerName) -> LayerName:
     return "measured" if "measured" in result.layers else layer
 
 
 def parts_of(keypoints: tuple[str, ...], skeleton: str) -> list[tuple[str, list[str], list[int]]]:
-    """FreeMoCap's parts of a skeleton: name, names of its points in CSV, and places of its keypoints."""
-    everything = list(range(len(keypoints)))
+    """Return the parts into which FreeMoCap splits a skeleton: part, column titles in CSV, and keypoint indices."""
+    all_indices = list(range(len(keypoints)))
     if not skeleton.startswith("mediapipe") or len(keypoints) < _BODY:
-        return [("body", [f"body_{name}" for name in keypoints], everything)]
-    body, rest = everything[:_BODY], everything[_BODY:]
-    found = [("body", [f"body_{keypoints[i]}" for i in body], body)]
+        return [("body", [f"body_{name}" for name in keypoints], all_indices)]
+    body, rest = all_indices[:_BODY], all_indices[_BODY:]
+    parts = [("body", [f"body_{keypoints[i]}" for i in body], body)]
     for side in ("right", "left"):
         start = keypoints.index(f"{side}_hand_root") if f"{side}_hand_root" in keypoints else None
         if start is not None:
-            hand = everything[start : start + _HAND]
+            hand = all_indices[start : start + _HAND]
             rest = [i for i in rest if i not in hand]
-            found.append((f"{side}_hand", [f"{side}_hand_{i:04d}" for i in range(len(hand))], hand))
+            parts.append((f"{side}_hand", [f"{side}_hand_{i:04d}" for i in range(len(hand))], hand))
     if rest:
-        found.append(("face", [f"face_{i:04d}" for i in range(len(rest))], rest))
-    return found
+        parts.append(("face", [f"face_{i:04d}" for i in range(len(rest))], rest))
+    return parts
 
 
-class _Picked:
-    """An array of one person of some keypoints, read by ranges."""
+class _Selection:
+    """The values of one person and of selected keypoints, scaled; read by ranges of frames."""
 
     def __init__(self, source: ArraySource, person: int, columns: list[int] | None, scale: float) -> None:
         self._source, self._person, self._columns, self._scale = source, person, columns, scale
@@ -162,53 +164,55 @@ class _Picked:
         return values if self._scale == 1.0 else values * self._scale
 
 
-def _points(source: ArraySource, person: int, columns: list[int] | None = None) -> ArraySource:
-    return _Picked(source, person, columns, MM_PER_M)
+def _points_mm(source: ArraySource, person: int, columns: list[int] | None = None) -> ArraySource:
+    return _Selection(source, person, columns, MM_PER_M)
 
 
 def arrays_of(result: Reconstruction, person: str, layer: LayerName) -> list[Array]:
-    """All arrays of one person.
+    """Return all arrays of one person.
 
     Raises:
         ResultError: if there are no frames, or the result comes from a single camera.
     """
     if result.unit != "m":
         raise ResultError(
-            f"FreeMoCap's arrays are in mm; this result is in {result.unit} (image plane of a single camera)."
+            f"FreeMoCap arrays are in mm; this result is in {result.unit} (image plane of a single camera)."
         )
-    places, n_rows = rows_of(result, "freemocap")
+    row_indices, n_rows = rows_of(result, "freemocap")
     index, tracker = result.person_ids.index(person), tracker_of(result.skeleton.name)
-    raw, asked = result.layers[_raw(result, layer)], result.layers[layer]
+    raw, requested = result.layers[_raw_layer(result, layer)], result.layers[layer]
 
     def rows(name: str, source: ArraySource, missing: float = np.nan) -> Array:
         shape = (n_rows, *source.shape[1:])
-        return Array(name, shape, np.dtype(source.dtype), lambda: blocks(source, places, missing))
+        return Array(name, shape, np.dtype(source.dtype), lambda: blocks(source, row_indices, missing))
 
     def of_person(source: ArraySource) -> ArraySource:
-        return _Picked(source, index, None, 1.0)
+        return _Selection(source, index, None, 1.0)
 
-    found = [
-        rows(f"raw_data/{tracker}_{_DATA}_spatialXYZ", _points(raw.points_m, index)),
+    arrays = [
+        rows(f"raw_data/{tracker}_{_DATA}_spatialXYZ", _points_mm(raw.points_m, index)),
         rows(f"raw_data/{tracker}_{_DATA}_reprojectionError", of_person(raw.reprojection_error_px)),
-        _by_camera(f"raw_data/{tracker}_{_BY_CAMERA}_reprojectionError", of_person(raw.view_error_px), places, n_rows),
-        rows(f"{tracker}_skeleton_3d", _points(asked.points_m, index)),
+        _by_camera(
+            f"raw_data/{tracker}_{_BY_CAMERA}_reprojectionError", of_person(raw.view_error_px), row_indices, n_rows
+        ),
+        rows(f"{tracker}_skeleton_3d", _points_mm(requested.points_m, index)),
     ]
     for part, _, columns in parts_of(result.skeleton.keypoints, result.skeleton.name):
-        found.append(rows(f"{tracker}_{part}_3d_xyz", _points(asked.points_m, index, columns)))
+        arrays.append(rows(f"{tracker}_{part}_3d_xyz", _points_mm(requested.points_m, index, columns)))
     for name in _FIELDS:
-        found.append(rows(f"{_OURS}/{name}", of_person(getattr(asked, name)), _ABSENT.get(name, np.nan)))
+        arrays.append(rows(f"{_EXTRA}/{name}", of_person(getattr(requested, name)), _ABSENT.get(name, np.nan)))
     for name, values in (("frame_number", result.frame_numbers), ("time_s", result.time_s)):
-        found.append(Array(f"{_OURS}/{name}", values.shape, values.dtype, lambda values=values: iter([values])))
-    return found
+        arrays.append(Array(f"{_EXTRA}/{name}", values.shape, values.dtype, lambda values=values: iter([values])))
+    return arrays
 
 
-def _by_camera(name: str, source: ArraySource, places: np.ndarray, n_rows: int) -> Array:
-    """Camera by camera, as FreeMoCap's axes are: the frames are read once for each."""
+def _by_camera(name: str, source: ArraySource, row_indices: np.ndarray, n_rows: int) -> Array:
+    """Return an array with FreeMoCap's order of axes, camera first; the frames are read once per camera."""
     keypoints, views = source.shape[1:]
 
     def rows() -> Iterator[np.ndarray]:
         for view in range(views):
-            yield from (block[..., view].astype(np.float64) for block in blocks(source, places))
+            yield from (block[..., view].astype(np.float64) for block in blocks(source, row_indices))
 
     return Array(name, (views, n_rows, keypoints), np.dtype(np.float64), rows)
 
@@ -219,12 +223,12 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a folder that we wrote.
+    """Read a folder that posefuse wrote.
 
     Raises:
-        FileError: if it is none, or an array is broken.
+        FileError: if it is not such a folder, or an array is corrupt.
     """
-    head_file = must_exist(path / _FOLDER / HEAD, "FreeMoCap arrays of posefuse's")
+    head_file = must_exist(path / _FOLDER / HEAD, "FreeMoCap arrays written by posefuse")
 
     def array(name: str) -> np.ndarray:
         file = must_exist(path / _FOLDER / f"{name}.npy", "array")
@@ -235,29 +239,36 @@ def read(path: Path) -> StoredPoints:
 
 
 def points_of(path: Path, head: str, array: Callable[[str], np.ndarray]) -> StoredPoints:
-    """The layer asked for, of the arrays by name.
+    """Return the requested layer from its description and arrays.
+
+    Args:
+        path: path of the description, for error messages.
+        head: JSON text that describes the arrays.
+        array: function that returns an array by name.
 
     Raises:
-        FileError: if an array is not there, or they do not fit each other.
+        FileError: if an array is missing, or the arrays are inconsistent.
     """
-    with reading(path, "head of FreeMoCap arrays"):
-        said = json.loads(head)
-        frame_numbers = array(f"{_OURS}/frame_number")
-        places = frame_numbers - frame_numbers[:1]
-        values = {name: array(f"{_OURS}/{name}")[places][:, None] for name in _FIELDS}
-        points = array(f"{said['tracker']}_skeleton_3d")
-        if len(places) == 0 or places[-1] + 1 != len(points):
-            raise FileError(f"{path}: {len(points)} rows of points do not fit {len(frame_numbers)} frame numbers.")
+    with reading(path, "description of FreeMoCap arrays"):
+        description = json.loads(head)
+        frame_numbers = array(f"{_EXTRA}/frame_number")
+        row_indices = frame_numbers - frame_numbers[:1]
+        values = {name: array(f"{_EXTRA}/{name}")[row_indices][:, None] for name in _FIELDS}
+        points = array(f"{description['tracker']}_skeleton_3d")
+        if len(row_indices) == 0 or row_indices[-1] + 1 != len(points):
+            raise FileError(
+                f"{path}: {len(points)} rows of points are inconsistent with {len(frame_numbers)} frame numbers."
+            )
         return StoredPoints(
-            keypoints=tuple(said["keypoints"]),
-            person_ids=(said["person"],),
+            keypoints=tuple(description["keypoints"]),
+            person_ids=(description["person"],),
             frame_numbers=frame_numbers,
-            time_s=array(f"{_OURS}/time_s"),
-            points_m=points[places][:, None] / MM_PER_M,
+            time_s=array(f"{_EXTRA}/time_s"),
+            points_m=points[row_indices][:, None] / MM_PER_M,
             unit="m",
-            layer=said["layer"],
-            rate_hz=said["rate_hz"],
-            view_names=tuple(said["cameras"]),
+            layer=description["layer"],
+            rate_hz=description["rate_hz"],
+            view_names=tuple(description["cameras"]),
             **values,
         )
 

@@ -79,7 +79,7 @@ def write_clip(result: Reconstruction, clip: Clip, path: Path, progress: Progres
                 _fill_motion(content, numbers, 0, result, clip, motions(clip.body, result, progress, what))
                 _write_text(temporary, document, numbers)
         else:
-            start = _begin_binary(temporary, document, content.size)
+            start = _write_binary_header(temporary, document, content.size)
             _fill(content, temporary, start)
             _fill_motion(content, temporary, start, result, clip, motions(clip.body, result, progress, what))
     return list(limitation_notes(result, clip, _GAP_HANDLING))
@@ -192,15 +192,15 @@ def _primitive(content: _Content, sticks: Sticks, material: int) -> dict[str, An
 
 
 def _animation(content: _Content, figure: Figure, presence: Presence, times: np.ndarray) -> dict[str, Any]:
-    shown = _visibility_keys(presence, times)
+    visibility = _visibility_keys(presence, times)
     paths: list[tuple[int, str, int, int, str]] = []
-    if shown is not None:
-        seconds, scales = shown
+    if visibility is not None:
+        seconds, scales = visibility
         paths.append((0, "scale", content.add(seconds, bounds=True), content.add(scales), "STEP"))
     keys = content.add(times[presence.present].astype(np.float32), bounds=True)
-    count, real = int(presence.present.sum()), np.dtype(np.float32)
-    paths.append((0, "translation", keys, content.reserve((count, 3), real), "LINEAR"))
-    paths += [(j, "rotation", keys, content.reserve((count, 4), real), "LINEAR") for j in figure.turning]
+    count, float32 = int(presence.present.sum()), np.dtype(np.float32)
+    paths.append((0, "translation", keys, content.reserve((count, 3), float32), "LINEAR"))
+    paths += [(j, "rotation", keys, content.reserve((count, 4), float32), "LINEAR") for j in figure.turning]
     return {
         "name": figure.person,
         "channels": [
@@ -220,7 +220,7 @@ def _visibility_keys(presence: Presence, times: np.ndarray) -> tuple[np.ndarray,
     return times[changes].astype(np.float32), scales
 
 
-def _begin_binary(path: Path, document: dict[str, Any], size: int) -> int:
+def _write_binary_header(path: Path, document: dict[str, Any], size: int) -> int:
     """Write a glb up to its data, and return the offset of the data."""
     text = _json(document)
     text += b" " * (-len(text) % 4)
@@ -236,21 +236,21 @@ def _json(document: dict[str, Any]) -> bytes:
 
 
 def _fill(content: _Content, path: Path, start: int) -> None:
-    """Write the known values, and reserve space for the others."""
+    """Write the values that do not depend on the motion, and reserve space for the others."""
     with path.open("r+b" if path.exists() else "w+b") as file:
         file.truncate(start + content.size)
         for block in content.blocks:
             if block.values is not None:
-                _put(file, start + block.start, block.values)
+                _write_at(file, start + block.start, block.values)
 
 
-def _put(file: BinaryIO, at: int, values: np.ndarray) -> None:
+def _write_at(file: BinaryIO, at: int, values: np.ndarray) -> None:
     file.seek(at)
     file.write(np.ascontiguousarray(values).tobytes())
 
 
 def _fill_motion(
-    content: _Content, path: Path, start: int, result: Reconstruction, clip: Clip, moving: Iterable[Motion]
+    content: _Content, path: Path, start: int, result: Reconstruction, clip: Clip, motion_ranges: Iterable[Motion]
 ) -> None:
     """Write translations and rotations, a range of frames at a time."""
     translation, *rotations = (block for block in content.blocks if block.values is None)
@@ -259,7 +259,7 @@ def _fill_motion(
     before = np.tile([0.0, 0.0, 0.0, 1.0], (len(turning), 1))
     done = 0
     with path.open("r+b") as file:
-        for motion in moving:
+        for motion in motion_ranges:
             there = motion.there
             if not there.any():
                 continue
@@ -268,9 +268,9 @@ def _fill_motion(
             before_turns = turns[-1]
             quaternions = _quaternions(turns[:, turning], before)
             before = quaternions[-1]
-            _put(file, start + translation.start + 12 * done, root[there].astype(np.float32))
+            _write_at(file, start + translation.start + 12 * done, root[there].astype(np.float32))
             for j, block in enumerate(rotations):
-                _put(file, start + block.start + 16 * done, quaternions[:, j].astype(np.float32))
+                _write_at(file, start + block.start + 16 * done, quaternions[:, j].astype(np.float32))
             done += len(quaternions)
 
 

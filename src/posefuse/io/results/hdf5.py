@@ -1,9 +1,9 @@
-"""The group ``posefuse`` of HDF5 files: fields for which the format itself has no place.
+"""The group ``posefuse`` of HDF5 files, with the fields that the format itself cannot hold.
 
 Attributes ``layer``, ``unit``, ``rate_hz``; names ``keypoints``, ``people``, ``views`` and ``edges`` (edge, 2);
 ``frame_number`` and ``time_s`` (frame); ``covariance`` (frame, person, keypoint, 6: xx xy xz yy yz zz), ``status``,
-``source``, ``reprojection_error_px`` (frame, person, keypoint), ``view_status``, ``view_error_px`` (..., view). Codes
-explain themselves by ``flag_values`` and ``flag_meanings``. Programs that do not know the group pass it by.
+``source``, ``reprojection_error_px`` (frame, person, keypoint), ``view_status``, ``view_error_px`` (..., view). The
+attributes ``flag_values`` and ``flag_meanings`` list the codes. Other programs ignore the group.
 """
 
 from enum import IntEnum
@@ -54,25 +54,25 @@ def write_group(file: h5py.File, result: Reconstruction, name: LayerName) -> Non
 
 
 def add_names(group: h5py.Group, key: str, names: tuple[str, ...]) -> None:
-    """Write a list of texts."""
+    """Write a list of strings."""
     group.create_dataset(key, data=np.array(names, dtype=object), dtype=h5py.string_dtype())
 
 
 def add_rows(group: h5py.Group, key: str, source: ArraySource) -> h5py.Dataset:
-    """Write an array by ranges of its first axis, compressed."""
+    """Write an array by ranges of its first axis, with compression, and return the dataset."""
     shape = tuple(source.shape)
-    packed: dict[str, Any] = {}
+    layout: dict[str, Any] = {}
     if all(shape):
         chunks = (min(CHUNK_FRAMES, shape[0]), *shape[1:])
-        packed = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
-    data = group.create_dataset(key, shape, source.dtype, **packed)
+        layout = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    data = group.create_dataset(key, shape, source.dtype, **layout)
     for start, stop in ranges(shape[0], CHUNK_FRAMES):
         data[start:stop] = np.asarray(source[start:stop])
     return data
 
 
 def read_names(group: h5py.Group, key: str) -> tuple[str, ...]:
-    """Read a list of texts."""
+    """Read a list of strings."""
     return tuple(each.decode() if isinstance(each, bytes) else str(each) for each in np.asarray(group[key]).tolist())
 
 
@@ -89,10 +89,10 @@ def read_group(file: h5py.File, path: Path, points: np.ndarray) -> StoredPoints:
     """
     group: Any = file[GROUP]
     frame_numbers = np.asarray(group["frame_number"])
-    places = frame_numbers - frame_numbers[:1]
-    if len(frame_numbers) == 0 or (np.diff(places) <= 0).any() or places[-1] + 1 != len(points):
+    row_indices = frame_numbers - frame_numbers[:1]
+    if len(frame_numbers) == 0 or (np.diff(row_indices) <= 0).any() or row_indices[-1] + 1 != len(points):
         raise FileError(
-            f"{path}: {len(points)} rows do not fit the {len(frame_numbers)} frames of its group {GROUP!r}."
+            f"{path}: {len(points)} rows are inconsistent with the {len(frame_numbers)} frames of its group {GROUP!r}."
         )
     _check_codes(group, path)
     return StoredPoints(
@@ -100,7 +100,7 @@ def read_group(file: h5py.File, path: Path, points: np.ndarray) -> StoredPoints:
         person_ids=read_names(group, "people"),
         frame_numbers=frame_numbers,
         time_s=np.asarray(group["time_s"]),
-        points_m=points[places],
+        points_m=points[row_indices],
         unit=str(group.attrs["unit"]),
         layer=str(group.attrs["layer"]),
         rate_hz=float(group.attrs["rate_hz"]) if "rate_hz" in group.attrs else None,
@@ -111,7 +111,7 @@ def read_group(file: h5py.File, path: Path, points: np.ndarray) -> StoredPoints:
 
 def _check_codes(group: Any, path: Path) -> None:
     for key, (_, codes) in _FIELDS.items():
-        found = set() if codes is None else set(np.unique(np.asarray(group[key])).tolist())
-        unknown = sorted(found - {code.value for code in codes or ()})
+        present = set() if codes is None else set(np.unique(np.asarray(group[key])).tolist())
+        unknown = sorted(present - {code.value for code in codes or ()})
         if unknown:
-            raise FileError(f"{path}: {GROUP}/{key} holds codes that nobody knows: {choices(unknown)}.")
+            raise FileError(f"{path}: {GROUP}/{key} contains unknown codes: {choices(unknown)}.")

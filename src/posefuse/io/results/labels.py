@@ -21,16 +21,18 @@ STATUSES, SOURCES, VIEW_STATUSES = _labels(PointStatus), _labels(Source), _label
 
 
 def codes_of(words: np.ndarray, labels: np.ndarray, path: Path) -> np.ndarray:
-    """Return the codes of labels, int8; an empty text gives -1, or 0 if that is the code without a label.
+    """Return the codes of labels, int8; an empty string gives -1, or 0 if that is the code without a label.
 
     Raises:
-        FileError: if a text is not a label.
+        FileError: if a string is not a label.
     """
     known = {label: code for code, label in enumerate(labels) if label}
     known[""] = 0 if not labels[0] else -1
-    found, places = np.unique(words.astype(str), return_inverse=True)
-    for word in found:
+    distinct, inverse = np.unique(words.astype(str), return_inverse=True)
+    for word in distinct:
         if word not in known:
-            raise FileError(f"{path}: {word!r} is none of the words {choices([word for word in known if word], 20)}.")
-    codes = np.array([known[word] for word in found.tolist()], dtype=np.int8)
-    return codes[places].reshape(words.shape)
+            raise FileError(
+                f"{path}: unknown label {word!r}; expected one of {choices([word for word in known if word], 20)}."
+            )
+    codes = np.array([known[word] for word in distinct.tolist()], dtype=np.int8)
+    return codes[inverse].reshape(words.shape)

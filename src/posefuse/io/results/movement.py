@@ -1,9 +1,10 @@
-"""netCDF that the package ``movement`` opens: ``position`` (time, space, keypoint, individual) and ``confidence``.
+"""netCDF for the package ``movement``: ``position`` (time, space, keypoint, individual) and ``confidence``.
 
-Names of dimensions as movement has them since 0.17 (keypoint, individual); earlier ones are plural, see the docs.
-Meters, world axes. ``time`` is in seconds, or in frame numbers where times are unknown. A result has no confidence:
-``confidence`` is there, for movement asks for it, and NaN. Beside: ``status``, ``source`` (codes explain themselves),
-``reprojection_error``, ``n_views``, ``covariance`` (.., covariance_entry), ``view_status``, ``view_error`` (.., view).
+Dimensions are named as in movement since 0.17 (keypoint, individual); earlier versions use plural names, see the docs.
+Lengths are in meters, in world axes. ``time`` is in seconds, or in frame numbers if times are unknown. Results have no
+confidence; ``confidence`` is NaN, because movement requires the variable. Additional variables: ``status``, ``source``
+(their attributes list the codes), ``reprojection_error``, ``n_views``, ``covariance`` (.., covariance_entry),
+``view_status``, ``view_error`` (.., view).
 """
 
 from enum import IntEnum
@@ -41,33 +42,33 @@ _VARIABLES: dict[str, tuple[str, tuple[str, ...], str, type[IntEnum] | None]] = 
 
 def write(result: Reconstruction, path: Path, layer: LayerName, progress: Progress | None = None) -> None:
     """Write one layer of all people."""
-    timed = bool(np.isfinite(result.time_s).all())
+    has_times = bool(np.isfinite(result.time_s).all())
     parts = report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent())
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
-        _write_head(file, result, layer, timed)
+        _write_head(file, result, layer, has_times)
         start = 0
         for part in parts:
             stop = start + part.n_frames
             file.resize_dimension("time", stop)
-            file.variables["time"][start:stop] = part.time_s if timed else part.frame_numbers
+            file.variables["time"][start:stop] = part.time_s if has_times else part.frame_numbers
             file.variables["frame_number"][start:stop] = part.frame_numbers
             shape = part.n_frames, len(part.skeleton), len(part.person_ids)
-            # A scalar would be written number by number.
+            # Assigning a scalar would write element by element.
             file.variables["confidence"][start:stop] = np.full(shape, np.nan)
             for attribute, (name, axes, *_) in _VARIABLES.items():
-                file.variables[name][start:stop] = _turned(part.layers[layer], attribute, len(axes))
+                file.variables[name][start:stop] = _transposed(part.layers[layer], attribute, len(axes))
             start = stop
 
 
-def _turned(layer: Layer, attribute: str, axes: int) -> np.ndarray:
+def _transposed(layer: Layer, attribute: str, axes: int) -> np.ndarray:
     """Convert (frame, person, keypoint, ...) to movement's order of axes."""
     values = np.asarray(getattr(layer, attribute)[:])
     return values.transpose(0, 2, 1) if axes == 3 else values.transpose(0, 3, 2, 1)
 
 
-def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, timed: bool) -> None:
+def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, has_times: bool) -> None:
     file.attrs.update({"ds_type": _TYPE, "source_software": "posefuse", "source_file": result.rig.source})
-    file.attrs.update({"time_unit": "seconds" if timed else "frames", "layer": layer, "unit": result.unit})
+    file.attrs.update({"time_unit": "seconds" if has_times else "frames", "layer": layer, "unit": result.unit})
     if result.rate_hz is not None:
         file.attrs["fps"] = float(result.rate_hz)
     names = {
@@ -78,7 +79,7 @@ def _write_head(file: h5netcdf.File, result: Reconstruction, layer: LayerName, t
         "covariance_entry": COVARIANCE_ENTRIES,
     }
     file.dimensions = {"time": None, **{axis: len(values) for axis, values in names.items()}}
-    add_variable(file, "time", ("time",), dtype="f8" if timed else "i8")
+    add_variable(file, "time", ("time",), dtype="f8" if has_times else "i8")
     add_variable(file, "frame_number", ("time",), dtype="i8")
     for axis, values in names.items():
         add_variable(file, axis, (axis,), np.array(values, dtype=object))
@@ -109,11 +110,11 @@ def read(path: Path) -> StoredPoints:
     """Read a file of movement, with either naming of dimensions, or of posefuse.
 
     Raises:
-        FileError: if it is no such file, broken, or of poses in 2D.
+        FileError: if it is not such a file, is corrupt, or contains 2D poses.
     """
-    must_exist(path, "netCDF file of movement's")
-    # Past the netCDF library, which looks at every variable of the file before it opens one.
-    with open_hdf5(path, "netCDF file of movement's") as file:
+    must_exist(path, "netCDF file of movement")
+    # Read with h5py, because the netCDF library inspects every variable before it opens one.
+    with open_hdf5(path, "netCDF file of movement") as file:
         variable: Any = file["position"]
         plural = "keypoints" in file
         keypoint, individual = ("keypoints", "individuals") if plural else _POINTS
@@ -130,34 +131,34 @@ def read(path: Path) -> StoredPoints:
             layer=_text(file, "layer"),
             rate_hz=None if fps is None else float(np.ravel(fps)[0]),
             **_times(file),
-            **_more(file),
+            **_additional_fields(file),
         )
 
 
 def _text(file: h5py.File, name: str) -> str:
-    found: Any = file.attrs.get(name, "")
-    return found.decode() if isinstance(found, bytes) else str(found)
+    text: Any = file.attrs.get(name, "")
+    return text.decode() if isinstance(text, bytes) else str(text)
 
 
 def _times(file: h5py.File) -> dict[str, np.ndarray]:
     time = np.asarray(file["time"])
-    timed = _text(file, "time_unit") == "seconds"
+    has_times = _text(file, "time_unit") == "seconds"
     numbers = np.asarray(file["frame_number"]) if "frame_number" in file else None
     if numbers is None:
-        numbers = np.arange(len(time)) if timed else time.astype(np.int64)
-    return {"frame_numbers": numbers, "time_s": time if timed else np.full(len(time), np.nan)}
+        numbers = np.arange(len(time)) if has_times else time.astype(np.int64)
+    return {"frame_numbers": numbers, "time_s": time if has_times else np.full(len(time), np.nan)}
 
 
-def _more(file: h5py.File) -> dict[str, Any]:
+def _additional_fields(file: h5py.File) -> dict[str, Any]:
     """Return the fields that posefuse adds to movement's."""
     if _text(file, "source_software") != "posefuse":
         return {}
-    found: dict[str, Any] = {"view_names": strings(file["view"])}
+    additional: dict[str, Any] = {"view_names": strings(file["view"])}
     for attribute, (name, axes, *_) in _VARIABLES.items():
         values = np.asarray(file[name])
-        found[attribute] = values.transpose(0, 2, 1) if len(axes) == 3 else values.transpose(0, 3, 2, 1)
-    del found["points_m"]
-    return found
+        additional[attribute] = values.transpose(0, 2, 1) if len(axes) == 3 else values.transpose(0, 3, 2, 1)
+    del additional["points_m"]
+    return additional
 
 
 FORMAT = ResultFormat(

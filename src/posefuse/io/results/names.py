@@ -14,17 +14,17 @@ def safe_names(names: Sequence[str]) -> tuple[str, ...]:
     The file names differ even if case and the encoding of accents are ignored. Safe names are unchanged unless an
     earlier name already uses them.
     """
-    taken: set[str] = set()
-    found = []
+    used: set[str] = set()
+    file_names = []
     for name in names:
         stem = _safe(name)
         candidate, number = stem, 1
-        while _told_apart(candidate) in taken:
+        while _canonical(candidate) in used:
             number += 1
             candidate = f"{stem}_{number}"
-        taken.add(_told_apart(candidate))
-        found.append(candidate)
-    return tuple(found)
+        used.add(_canonical(candidate))
+        file_names.append(candidate)
+    return tuple(file_names)
 
 
 def _safe(name: str) -> str:
@@ -33,6 +33,6 @@ def _safe(name: str) -> str:
     return f"_{clean}" if not clean or DEVICE_NAMES.fullmatch(clean) else clean
 
 
-def _told_apart(name: str) -> str:
-    """Return the part of a name that every file system distinguishes."""
+def _canonical(name: str) -> str:
+    """Return a form of a name that is equal for names that some file system cannot distinguish."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

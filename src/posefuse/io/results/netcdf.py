@@ -1,12 +1,13 @@
-"""``reconstruction.nc``: everything a :class:`Reconstruction` holds, as netCDF-4 that xarray opens.
+"""``reconstruction.nc``: all fields of a :class:`Reconstruction`, as netCDF-4 that xarray opens.
 
-Dimensions: time, individual, keypoint, space, view, chain. Each layer's variables carry its name: ``measured_position``
-(time, individual, keypoint, space) in meters, ``measured_covariance``, ``measured_status``, ... Codes explain
-themselves by ``flag_values`` and ``flag_meanings``. Options (TOML), provenance, skeleton and alignment (JSON) are
-attributes. Of fitted bodies there are ``pose_turn`` (time, individual, pose_segment, row, column), ``pose_direction``
-(time, individual, pose_bone, space), ``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and
-``pose_nis_dof`` (time, individual), ``pose_shape`` and ``pose_shape_sd`` (individual, pose_length); what happened to
-people is in ``event_frame``, ``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
+Dimensions: time, individual, keypoint, space, view, chain. The names of a layer's variables start with that of the
+layer: ``measured_position`` (time, individual, keypoint, space) in meters, ``measured_covariance``,
+``measured_status``, ... The attributes ``flag_values`` and ``flag_meanings`` of a variable list its codes. Options
+(TOML), provenance, skeleton and alignment (JSON) are attributes of the file. The articulated fit is in ``pose_turn``
+(time, individual, pose_segment, row, column), ``pose_direction`` (time, individual, pose_bone, space),
+``pose_angle_sd`` (time, individual, pose_angle) in degrees, ``pose_nis`` and ``pose_nis_dof`` (time, individual), and
+``pose_shape`` and ``pose_shape_sd`` (individual, pose_length). Events of tracks and cameras are in ``event_frame``,
+``event_time``, ``event_person``, ``event_what`` and ``event_why`` (event).
 """
 
 import json
@@ -42,7 +43,7 @@ from posefuse.model.noise import NoiseModel
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import COVARIANCE_ENTRIES, LAYERS, Layer, Provenance, Reconstruction
 from posefuse.model.status import PointStatus, Source, ViewStatus
-from posefuse.model.track_events import Event, Poses
+from posefuse.model.track_events import Event, Poses, current_event_kind
 from posefuse.model.tracks import Tracks, TrackState
 
 KIND = "reconstruction"
@@ -65,7 +66,7 @@ def write(parts: Iterable[Reconstruction], path: Path) -> None:
 
     Args:
         parts: at least one range; fields that do not depend on the frame come from the first one.
-        path: the file; it appears when all parts are written.
+        path: output file; created only once all parts are written.
     """
     with replacing(path) as temporary, h5netcdf.File(temporary, "w") as file:
         start = 0
@@ -95,10 +96,11 @@ def read_reconstruction(path: str | Path) -> Reconstruction:
 
 def _read(path: Path) -> Reconstruction:
     with open_file(path, KIND) as file:
-        found = int(number_of(file, "format_version"))
-        if found > FORMAT_VERSION:
+        version = int(number_of(file, "format_version"))
+        if version > FORMAT_VERSION:
             raise FileError(
-                f"{path} is of format version {found}, this posefuse reads up to {FORMAT_VERSION}. Update posefuse."
+                f"{path} has format version {version}; this version of posefuse reads up to "
+                f"{FORMAT_VERSION}. Update posefuse."
             )
         stored = set(file.variables)
         person_ids = strings(file.variables["individual"])
@@ -176,7 +178,7 @@ def _write_head(file: h5netcdf.File, first: Reconstruction) -> None:
         axes = ("time", "individual", "view", "chain")
         add_variable(file, "chain_swapped", axes, dtype="i1", **_attributes("", "", SwapState))
     if first.poses is not None:
-        _begin_poses(file, first.poses)
+        _create_pose_variables(file, first.poses)
     if first.noise is not None:
         _write_noise(file, first.noise)
     _write_rig(file, first.rig)
@@ -222,10 +224,10 @@ def _alignment_text(alignment: Alignment) -> str:
 def _read_alignment(file: h5netcdf.File) -> Alignment | None:
     if "alignment" not in file.attrs:
         return None
-    found = json.loads(text_of(file, "alignment"))
+    data = json.loads(text_of(file, "alignment"))
     return Alignment(
-        np.array(found["aligned_from_calibration"]), np.array(found["shift_m"]), found["scale"], found["up_axis"],
-        found["calibration_up_axis"], tuple(found["steps"]),
+        np.array(data["aligned_from_calibration"]), np.array(data["shift_m"]), data["scale"], data["up_axis"],
+        data["calibration_up_axis"], tuple(data["steps"]),
     )  # fmt: skip
 
 
@@ -261,10 +263,10 @@ def _append(file: h5netcdf.File, part: Reconstruction, start: int) -> None:
         file.variables["pose_nis_dof"][start:stop] = part.poses.nis_dof[:]
 
 
-def _begin_poses(file: h5netcdf.File, poses: Poses) -> None:
-    """Create the variables of articulated poses and write their lengths."""
-    named = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
-    for axis, names in named.items():
+def _create_pose_variables(file: h5netcdf.File, poses: Poses) -> None:
+    """Create the variables of articulated poses, and write the segment lengths."""
+    dimensions = {"segment": poses.segments, "bone": poses.bones, "length": poses.shape_names, "angle": poses.angles}
+    for axis, names in dimensions.items():
         file.dimensions[f"pose_{axis}"] = len(names)
         add_variable(file, f"pose_{axis}", (f"pose_{axis}",), np.array(names, dtype=object))
     add_variable(file, "pose_turn", ("time", "individual", "pose_segment", "row", "column"), dtype="f8", units="1")
@@ -307,8 +309,12 @@ def _read_events(file: h5netcdf.File) -> tuple[Event, ...]:
     if "event_frame" not in file.variables:
         return ()
     numbers, times = (np.asarray(file.variables[f"event_{name}"][...]).tolist() for name in ("frame", "time"))
-    texts = (strings(file.variables[f"event_{name}"]) for name in ("person", "what", "why"))
-    return tuple(Event(*values) for values in zip(numbers, times, *texts, strict=True))  # type: ignore[arg-type]
+    people, kinds, reasons = (strings(file.variables[f"event_{name}"]) for name in ("person", "what", "why"))
+    kinds = [current_event_kind(kind) for kind in kinds]
+    return tuple(
+        Event(*values)  # type: ignore[arg-type]
+        for values in zip(numbers, times, people, kinds, reasons, strict=True)
+    )
 
 
 def _write_rig(file: h5netcdf.File, rig: CameraRig) -> None:

@@ -1,6 +1,7 @@
 """One ``.npz`` per person with the arrays of :mod:`posefuse.io.results.freemocap`, named by their file names.
 
-Millimeters, as FreeMoCap's. ``numpy.load`` reads it without pickles; ``head`` is the JSON that names everything.
+Lengths are in mm, as in FreeMoCap. ``numpy.load`` reads the file without pickles; ``head`` is the JSON text that
+describes the arrays.
 """
 
 import zipfile
@@ -11,7 +12,7 @@ import numpy as np
 from posefuse.errors import FileError
 from posefuse.io.files import check_unpacked_size, must_exist, reading, replacing
 from posefuse.io.results.format import ResultFormat
-from posefuse.io.results.freemocap import Array, arrays_of, head_of, points_of, write_npy
+from posefuse.io.results.freemocap import Array, arrays_of, description_of, points_of, write_npy
 from posefuse.model.options.options import LayerName
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.model.stored_points import StoredPoints
@@ -25,7 +26,7 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName) -> 
     Raises:
         ResultError: if there are no frames, or the result comes from a single camera.
     """
-    head = np.array(head_of(result, person, layer))
+    head = np.array(description_of(result, person, layer))
     arrays = [*arrays_of(result, person, layer), Array(_HEAD, (), head.dtype, lambda: iter([head]))]
     with (
         replacing(path) as temporary,
@@ -56,14 +57,14 @@ def read(path: Path) -> StoredPoints:
     """
     must_exist(path, ".npz file")
     with reading(path, ".npz file"):
-        _refuse_bombs(path)
+        _check_size(path)
         with np.load(path, allow_pickle=False) as content:
             if _HEAD not in content:
-                raise FileError(f"{path} is an .npz file, but not of points of posefuse's: it has no array {_HEAD!r}.")
+                raise FileError(f"{path} is an .npz file that posefuse did not write: it has no array {_HEAD!r}.")
             return points_of(path, str(content[_HEAD]), lambda name: content[name.rsplit("/")[-1]])
 
 
-def _refuse_bombs(path: Path) -> None:
+def _check_size(path: Path) -> None:
     """Check the decompressed size, because a small file could expand to any size."""
     with zipfile.ZipFile(path) as archive:
         check_unpacked_size(path, sum(entry.file_size for entry in archive.infolist()))

@@ -1,13 +1,15 @@
-"""NWB by pynwb and ndx-pose: 3D poses of everybody, with calibrated cameras, in ``processing/behavior``.
+"""NWB, written with pynwb and ndx-pose: 3D poses of all people and calibrated cameras in ``processing/behavior``.
 
-A ``MultiCameraPoseEstimation`` a person (an ndx-pose before 0.4 has ``PoseEstimation``), a ``PoseEstimationSeries`` a
-keypoint: meters, world axes, ``timestamps`` in s, ``control`` the point's status with its words. A result has no
-confidence, so none is written. Cameras are ``CalibratedCamera`` devices (a lens that is no Brown's is named in the
-description), linked by a ``PoseEstimation`` each without series: 2D keypoints are not part of a result. What ndx-pose
-has no place for is ``TimeSeries`` beside: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
+Each person has a ``MultiCameraPoseEstimation`` (``PoseEstimation`` with ndx-pose before 0.4) with one
+``PoseEstimationSeries`` per keypoint: meters, world axes, ``timestamps`` in s, and the status of each point in
+``control``, with its labels in ``control_description``. Results have no confidence, so none is written. Cameras are
+``CalibratedCamera`` devices, whose description names the lens model; each is linked by a ``PoseEstimation`` without
+series, because 2D keypoints are not part of a result. Fields for which ndx-pose has no place are separate
+``TimeSeries``: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
 
-NWB asks for the time of the session, which nobody told: it is 1970, and the description says so. Identifiers follow
-from the content: the same result gives the same bytes. A file of another session's start is pynwb's to make.
+NWB requires the start time of the session, which is unknown: the file has 1970, and its description says so. To set
+another start time, create the file with pynwb. Identifiers are derived from the content, so the same result gives the
+same bytes.
 """
 
 import hashlib
@@ -41,21 +43,21 @@ _NAMESPACE = UUID("8d1b0c0e-3a5f-5d53-9a3c-6f1d1d7a9c11")
 _UUID = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _UNKNOWN_START = datetime(1970, 1, 1, tzinfo=UTC)
 _UNITS = {"m": "meters", "px": "pixels"}
-_MORE = {
+_ADDITIONAL = {
     "covariance": ("covariance_m2", "m2", "xx, xy, xz, yy, yz, zz of each keypoint"),
-    "source": ("source", "code", "how each keypoint's coordinates came about"),
-    "reprojection_error": ("reprojection_error_px", "pixels", "mean over the cameras that the point rests on"),
-    "view_status": ("view_status", "code", "what each camera contributed: (frame, keypoint, camera)"),
-    "view_error": ("view_error_px", "pixels", "distance in each camera: (frame, keypoint, camera)"),
+    "source": ("source", "code", "how the coordinates of each keypoint were obtained"),
+    "reprojection_error": ("reprojection_error_px", "pixels", "mean over the cameras used for the point"),
+    "view_status": ("view_status", "code", "contribution of each camera: (frame, keypoint, camera)"),
+    "view_error": ("view_error_px", "pixels", "reprojection error in each camera: (frame, keypoint, camera)"),
 }
-_TAKEN = ("Skeletons", "frame_number")
-_WHERE = "behavior"
-_OURS = "posefuse"
+_RESERVED = ("Skeletons", "frame_number")
+_MODULE = "behavior"
+_WRITER = "posefuse"
 
 
 @contextmanager
 def _packages() -> Iterator[tuple[ModuleType, ModuleType]]:
-    """Both packages, which warn of each other's age when they are loaded and used.
+    """Import pynwb and ndx-pose with their warnings about each other's version suppressed.
 
     Raises:
         ResultError: if they are not installed.
@@ -73,34 +75,34 @@ def _packages() -> Iterator[tuple[ModuleType, ModuleType]]:
 
 
 def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
-    """Write one layer of all people; the layer is in memory while it is written.
+    """Write one layer of all people; the whole layer is held in memory.
 
     Raises:
         ResultError: if the packages are not installed, or frames have no times.
     """
     if not np.isfinite(result.time_s).all() or not result.n_frames:
         raise ResultError(
-            "An NWB file needs the time of every frame, and this result lacks some. Read the keypoints with --rate-hz, "
-            "or in Python: detections.with_rate(60)."
+            "An NWB file needs the time of every frame, and this result lacks some times. Read the keypoints with "
+            "--rate-hz, or in Python: detections.with_rate(60)."
         )
     points = stored_points(result, layer)
     with _packages() as (pynwb, ndx_pose), replacing(path) as temporary:
         content = _file(pynwb, ndx_pose, result, points)
         with pynwb.NWBHDF5IO(temporary, "w") as file:
             file.write(content)
-        _settle_ids(temporary, content.identifier)
+        _derive_ids(temporary, content.identifier)
 
 
 def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoints) -> Any:
     content = pynwb.NWBFile(
-        session_description=f"posefuse, layer {points.layer}; when the session began is not known, 1970 stands for it",
+        session_description=f"posefuse, layer {points.layer}; the session start is unknown, 1970 is a placeholder",
         identifier=_identifier(result, points),
         session_start_time=_UNKNOWN_START,
         timestamps_reference_time=_UNKNOWN_START,
         file_create_date=[_UNKNOWN_START],
-        notes=json.dumps(_said(result, points)),
+        notes=json.dumps(_description(result, points)),
     )
-    place = content.create_processing_module(_WHERE, "3D poses")
+    module = content.create_processing_module(_MODULE, "3D poses")
     names = safe_names(result.rig.names)
     cameras = [_camera(ndx_pose, camera, name) for camera, name in zip(result.rig.cameras, names, strict=True)]
     for camera in cameras:
@@ -110,30 +112,30 @@ def _file(pynwb: Any, ndx_pose: Any, result: Reconstruction, points: StoredPoint
     skeleton = ndx_pose.Skeleton(
         name="skeleton", nodes=list(points.keypoints), edges=edges.astype(kind) if len(edges) else None
     )
-    place.add(ndx_pose.Skeletons(skeletons=[skeleton]))
+    module.add(ndx_pose.Skeletons(skeletons=[skeleton]))
     clock = pynwb.TimeSeries(
         name="frame_number", data=points.frame_numbers, unit="frame", timestamps=points.time_s,
         description="numbers of the frames in the recording",
     )  # fmt: skip
-    place.add(clock)
-    for index, (name, beside) in enumerate(_places(points.person_ids)):
-        place.add(_person(ndx_pose, result, points, index, name, skeleton, cameras, clock))
-        for more in _more(pynwb, points, index, beside, clock):
-            place.add(more)
+    module.add(clock)
+    for index, (name, additional) in enumerate(_series_names(points.person_ids)):
+        module.add(_person(ndx_pose, result, points, index, name, skeleton, cameras, clock))
+        for series in _additional_series(pynwb, points, index, additional, clock):
+            module.add(series)
     return content
 
 
-def _places(people: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """What everybody's poses are called in the file, and what stands beside them by its key; all different."""
-    names = safe_names([*_TAKEN, *people, *(f"{person}_{key}" for person in people for key in _MORE)])
-    own, rest = names[len(_TAKEN) : len(_TAKEN) + len(people)], names[len(_TAKEN) + len(people) :]
-    beside = [rest[i * len(_MORE) : (i + 1) * len(_MORE)] for i in range(len(people))]
-    return [(name, dict(zip(_MORE, more, strict=True))) for name, more in zip(own, beside, strict=True)]
+def _series_names(people: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """Return for each person the unique names of the poses and, by key, of the additional time series."""
+    names = safe_names([*_RESERVED, *people, *(f"{person}_{key}" for person in people for key in _ADDITIONAL)])
+    own, rest = names[len(_RESERVED) : len(_RESERVED) + len(people)], names[len(_RESERVED) + len(people) :]
+    additional = [rest[i * len(_ADDITIONAL) : (i + 1) * len(_ADDITIONAL)] for i in range(len(people))]
+    return [(name, dict(zip(_ADDITIONAL, series, strict=True))) for name, series in zip(own, additional, strict=True)]
 
 
-def _said(result: Reconstruction, points: StoredPoints) -> dict[str, Any]:
+def _description(result: Reconstruction, points: StoredPoints) -> dict[str, Any]:
     return {
-        "written_by": _OURS,
+        "written_by": _WRITER,
         "version": 1,
         "layer": points.layer,
         "unit": points.unit,
@@ -147,8 +149,8 @@ def _said(result: Reconstruction, points: StoredPoints) -> dict[str, Any]:
 
 
 def _identifier(result: Reconstruction, points: StoredPoints) -> str:
-    """A hash of what is written."""
-    digest = hashlib.sha256(json.dumps(_said(result, points), default=str).encode())
+    """Return a hash of the content."""
+    digest = hashlib.sha256(json.dumps(_description(result, points), default=str).encode())
     for values in (points.frame_numbers, points.time_s, points.points_m, points.covariance_m2):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
@@ -156,14 +158,14 @@ def _identifier(result: Reconstruction, points: StoredPoints) -> str:
 
 def _camera(ndx_pose: Any, camera: Camera, name: str) -> Any:
     size = f"{camera.size_px[0]} x {camera.size_px[1]} px"
-    described = f"{camera.name}: {camera.lens} lens, OpenCV's coefficients, {size}; meters, world to camera"
+    description = f"{camera.name}: {camera.lens} lens, OpenCV coefficients, {size}; meters, world to camera"
     if not hasattr(ndx_pose, "CalibratedCamera"):
         from pynwb.device import Device
 
-        return Device(name=name, description=described)
+        return Device(name=name, description=description)
     return ndx_pose.CalibratedCamera(
         name=name,
-        description=described,
+        description=description,
         intrinsic_matrix=camera.matrix,
         rotation_matrix=camera.rotation,
         translation_vector=camera.translation_m,
@@ -192,7 +194,7 @@ def _person(
         )
         for k, (keypoint, safe) in enumerate(zip(points.keypoints, safe_names(points.keypoints), strict=True))
     ]
-    said = {
+    arguments = {
         "name": name,
         "pose_estimation_series": series,
         "description": f"3D keypoints of {points.person_ids[index]}, layer {points.layer}",
@@ -202,50 +204,52 @@ def _person(
         "skeleton": skeleton,
     }
     if not hasattr(ndx_pose, "MultiCameraPoseEstimation"):
-        return ndx_pose.PoseEstimation(**said)
+        return ndx_pose.PoseEstimation(**arguments)
     names = safe_names([*points.keypoints, *(f"view_{camera.name}" for camera in cameras)])[len(points.keypoints) :]
     views = [
         ndx_pose.PoseEstimation(name=name, device=camera, skeleton=skeleton)
         for name, camera in zip(names, cameras, strict=True)
     ]
-    return ndx_pose.MultiCameraPoseEstimation(**said, pose_estimations=views)
+    return ndx_pose.MultiCameraPoseEstimation(**arguments, pose_estimations=views)
 
 
 def _reference(result: Reconstruction) -> str:
-    up = "up is not known" if result.rig.up_axis is None else f"{result.rig.up_axis} is up"
+    up = "the up axis is unknown" if result.rig.up_axis is None else f"{result.rig.up_axis} is up"
     aligned = ", aligned by posefuse" if result.alignment is not None else ""
-    return f"(0, 0, 0) is the origin of the calibration's world{aligned}; right-handed, {up}"
+    return f"(0, 0, 0) is the origin of the calibration{aligned}; right-handed, {up}"
 
 
-def _more(pynwb: Any, points: StoredPoints, index: int, names: dict[str, str], clock: Any) -> Iterator[Any]:
-    for key, (attribute, unit, described) in _MORE.items():
+def _additional_series(
+    pynwb: Any, points: StoredPoints, index: int, names: dict[str, str], clock: Any
+) -> Iterator[Any]:
+    for key, (attribute, unit, description) in _ADDITIONAL.items():
         yield pynwb.TimeSeries(
             name=names[key],
             data=np.array(getattr(points, attribute)[:, index]),
             unit=unit,
             timestamps=clock,
-            description=described,
+            description=description,
         )
 
 
-def _settle_ids(path: Path, identifier: str) -> None:
-    """Replace random identifiers of objects by ones that follow from the file's content and their place in it.
+def _derive_ids(path: Path, identifier: str) -> None:
+    """Replace the random identifiers of objects by ones derived from the file's content and the object's path.
 
-    In the bytes: HDF5 would keep the old text of an attribute in a place that nothing leads to.
+    The bytes of the file are edited, because HDF5 would leave the old text of an attribute in unreferenced space.
     """
-    settled: dict[bytes, bytes] = {}
+    new_ids: dict[bytes, bytes] = {}
 
-    def settle(name: str, item: Any) -> None:
+    def add_id(name: str, item: Any) -> None:
         if "object_id" in item.attrs:
-            settled[str(item.attrs["object_id"]).encode()] = str(uuid5(_NAMESPACE, f"{identifier}/{name}")).encode()
+            new_ids[str(item.attrs["object_id"]).encode()] = str(uuid5(_NAMESPACE, f"{identifier}/{name}")).encode()
 
     with h5py.File(path, "r") as file:
-        settle("", file)
-        file.visititems(settle)
+        add_id("", file)
+        file.visititems(add_id)
     with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as content:
-        found = [(match.start(), match.group()) for match in _UUID.finditer(content) if match.group() in settled]
-        for start, old in found:
-            content[start : start + len(old)] = settled[old]
+        old_ids = [(match.start(), match.group()) for match in _UUID.finditer(content) if match.group() in new_ids]
+        for start, old in old_ids:
+            content[start : start + len(old)] = new_ids[old]
 
 
 def matches(path: Path) -> bool:
@@ -258,49 +262,49 @@ def matches(path: Path) -> bool:
 
 
 def read(path: Path) -> StoredPoints:
-    """Read a file that we wrote; it takes no package but h5py.
+    """Read a file that posefuse wrote; requires only h5py.
 
     Raises:
         FileError: if it is not such a file, or corrupt.
     """
     must_exist(path, "NWB file")
     with open_hdf5(path, "NWB file") as file:
-        said: Any = json.loads(_text(file, "general/notes"))
-        if not isinstance(said, dict) or said.get("written_by") != _OURS:
-            raise FileError(f"{path} is an NWB file, but not of posefuse's; read it with pynwb.")
-        return _points(file[f"processing/{_WHERE}"], said)
+        head: Any = json.loads(_text(file, "general/notes"))
+        if not isinstance(head, dict) or head.get("written_by") != _WRITER:
+            raise FileError(f"{path} is an NWB file that posefuse did not write; read it with pynwb.")
+        return _points(file[f"processing/{_MODULE}"], head)
 
 
 def _text(file: h5py.File, name: str) -> str:
-    found: Any = file[name][()] if name in file else b"null"  # type: ignore[index]
-    return found.decode() if isinstance(found, bytes) else str(found)
+    text: Any = file[name][()] if name in file else b"null"  # type: ignore[index]
+    return text.decode() if isinstance(text, bytes) else str(text)
 
 
-def _points(place: Any, said: dict[str, Any]) -> StoredPoints:
-    nodes = tuple(node.decode() for node in np.asarray(place["Skeletons/skeleton/nodes"]).tolist())
-    places, keypoints = _places(said["people"]), safe_names(nodes)
-    people = [name for name, _ in places]
+def _points(module: Any, head: dict[str, Any]) -> StoredPoints:
+    nodes = tuple(node.decode() for node in np.asarray(module["Skeletons/skeleton/nodes"]).tolist())
+    series, keypoints = _series_names(head["people"]), safe_names(nodes)
+    people = [name for name, _ in series]
 
     def stack(parts: list[np.ndarray]) -> np.ndarray:
-        """Shape (frame, part, ...)."""
+        """Return the parts as one array of shape (frame, part, ...)."""
         return np.stack(parts, axis=1)
 
     codes = np.array([code.value for code in PointStatus], dtype=np.int8)
     values = {
-        attribute: stack([np.asarray(place[f"{beside[key]}/data"]) for _, beside in places])
-        for key, (attribute, *_) in _MORE.items()
+        attribute: stack([np.asarray(module[f"{additional[key]}/data"]) for _, additional in series])
+        for key, (attribute, *_) in _ADDITIONAL.items()
     }
     return StoredPoints(
         keypoints=nodes,
-        person_ids=tuple(said["people"]),
-        frame_numbers=np.asarray(place["frame_number/data"]),
-        time_s=np.asarray(place["frame_number/timestamps"]),
-        points_m=stack([stack([np.asarray(place[f"{p}/{k}/data"]) for k in keypoints]) for p in people]),
-        status=stack([stack([codes[np.asarray(place[f"{p}/{k}/control"])] for k in keypoints]) for p in people]),
-        unit=said["unit"],
-        layer=said["layer"],
-        rate_hz=said["rate_hz"],
-        view_names=tuple(said["cameras"]),
+        person_ids=tuple(head["people"]),
+        frame_numbers=np.asarray(module["frame_number/data"]),
+        time_s=np.asarray(module["frame_number/timestamps"]),
+        points_m=stack([stack([np.asarray(module[f"{p}/{k}/data"]) for k in keypoints]) for p in people]),
+        status=stack([stack([codes[np.asarray(module[f"{p}/{k}/control"])] for k in keypoints]) for p in people]),
+        unit=head["unit"],
+        layer=head["layer"],
+        rate_hz=head["rate_hz"],
+        view_names=tuple(head["cameras"]),
         **values,
     )
 

@@ -39,11 +39,13 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
         Notes on what the files do not contain, in sentences.
 
     Raises:
-        ResultError: if the points are no places in the world.
-        FileError: if a camera's name cannot be that of a folder, or the folder holds other files.
+        ResultError: if the points are not in world coordinates.
+        FileError: if a camera's name is not a valid folder name, or the folder holds other files.
     """
     if result.unit != "m":
-        raise ResultError(f"This result is in {result.unit}, one camera's image plane; it has no points to project.")
+        raise ResultError(
+            f"This result is in {result.unit} (image plane of a single camera); it has no 3D points to project."
+        )
     folders = [f"{checked_file_name(name)}_json" for name in result.rig.names]
     with replacing_folder(folder, folders[0], tuple(f"{each}/*_keypoints.json" for each in folders)) as staging:
         for each in folders:
@@ -52,12 +54,12 @@ def write(result: Reconstruction, folder: Path, layer: LayerName, progress: Prog
         for part in parts:
             for camera, each in zip(result.rig.cameras, folders, strict=True):
                 _write_view(part, camera, layer, staging / each)
-    return [f"OpenPose JSON has no frame rate, and these points are the layer {layer}, projected: no detections."]
+    return [f"OpenPose JSON has no frame rate. Its points are projections of the layer {layer}, not detections."]
 
 
 def _write_view(part: Reconstruction, camera: Camera, layer: LayerName, folder: Path) -> None:
     points = part.layers[layer]
-    pixels = _seen_px(camera, np.asarray(points.points_m))
+    pixels = _project_visible(camera, np.asarray(points.points_m))
     for f, number in enumerate(part.frame_numbers.tolist()):
         people = [_person(part, layer, f, p, pixels[f, p]) for p in range(len(part.person_ids))]
         content = {"version": _VERSION, "people": [person for person in people if person is not None]}
@@ -65,21 +67,21 @@ def _write_view(part: Reconstruction, camera: Camera, layer: LayerName, folder: 
         (folder / f"{camera.name}_{number:012d}_keypoints.json").write_text(text, "utf-8")
 
 
-def _seen_px(camera: Camera, points_m: np.ndarray) -> np.ndarray:
+def _project_visible(camera: Camera, points_m: np.ndarray) -> np.ndarray:
     """Return the projections of points, shape (..., 2); NaN outside the image."""
     pixels, _ = camera.project(points_m)
     width, height = camera.size_px
-    most = np.array([width, height]) - 0.5
-    inside = np.all((pixels >= -0.5) & (pixels <= most), axis=-1, keepdims=True)
+    largest = np.array([width, height]) - 0.5
+    inside = np.all((pixels >= -0.5) & (pixels <= largest), axis=-1, keepdims=True)
     return np.where(inside, pixels, np.nan)
 
 
 def _person(part: Reconstruction, layer: LayerName, f: int, p: int, pixels: np.ndarray) -> dict[str, Any] | None:
     """Return one person as in OpenPose's files, or None if no point is in the image."""
-    there = np.all(np.isfinite(pixels), axis=-1, keepdims=True)
-    if not np.any(there):
+    visible = np.all(np.isfinite(pixels), axis=-1, keepdims=True)
+    if not np.any(visible):
         return None
-    numbers = np.concatenate([np.where(there, pixels, 0.0), there], axis=1)
+    numbers = np.concatenate([np.where(visible, pixels, 0.0), visible], axis=1)
     points = part.layers[layer]
     status, source = (np.asarray(each)[f, p].tolist() for each in (points.status, points.source))
     return {

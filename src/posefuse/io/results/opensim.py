@@ -1,9 +1,10 @@
 """OpenSim: a folder with a TRC of OpenSim's marker set and setup files for scaling and inverse kinematics per person.
 
-Names are those that Pose2Sim and OpenPose use (``RKnee``, ``LBigToe``). ``markers.xml`` puts them on the bodies of the
-full-body model that comes with OpenSim (Rajagopal et al. 2016, ``Rajagopal2016.osim``; not part of posefuse), at its
-joint centers, rounded to the mm; toes and heels at the tips of its foot. Scaling is by distances between markers over
-the longest stretch of frames in which all are there; angles are solved wherever the person is there.
+Marker names are those of Pose2Sim and OpenPose (``RKnee``, ``LBigToe``). ``markers.xml`` attaches the markers to the
+bodies of the full-body model that comes with OpenSim (Rajagopal et al. 2016, ``Rajagopal2016.osim``; not part of
+posefuse), at its joint centers, rounded to the mm; toes and heels are at the tips of its foot. The model is scaled by
+the distances between markers over the longest interval in which all markers are present. Inverse kinematics covers the
+frames from the first to the last in which the person is present.
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,7 @@ from posefuse.skeleton.skeletons import Skeleton
 MARKER_FILE = "markers.xml"
 MODEL = "Rajagopal2016.osim"
 _VERSION = "40500"
-_NEEDED = ("RHip", "LHip", "RKnee", "LKnee")
+_REQUIRED = ("RHip", "LHip", "RKnee", "LKnee")
 _ACCURACY = 1e-5
 
 
@@ -43,30 +44,33 @@ def write(
         Notes on what the files do not contain, in sentences.
 
     Raises:
-        ResultError: if the keypoints are not a human's, nobody is there, or the frame rate is unknown or not constant.
+        ResultError: if the keypoints are not those of a human, the result contains no people, or the frame rate is
+            unknown or not constant.
         FileError: if the folder holds other files.
     """
     names = marker_names(result.skeleton)
-    known = [name for name in MARKERS if name in names.values()]
-    lacking = [name for name in _NEEDED if name not in known]
-    if result.unit != "m" or lacking:
+    markers = [name for name in MARKERS if name in names.values()]
+    missing = [name for name in _REQUIRED if name not in markers]
+    if result.unit != "m" or missing:
         raise ResultError(
-            f"OpenSim's full-body model needs the markers {choices(_NEEDED)}; skeleton {result.skeleton.name!r} "
-            f"({result.unit}) gives {choices(known)}."
+            f"OpenSim's full-body model needs the markers {choices(_REQUIRED)}; skeleton {result.skeleton.name!r} "
+            f"({result.unit}) has {choices(markers)}."
         )
     if not people:
-        raise ResultError("Nobody is in this result: there is nothing to write for OpenSim.")
+        raise ResultError("This result contains no people: there is nothing to write for OpenSim.")
     notes = []
     owned = (MARKER_FILE, "*.trc", "*_scaling.xml", "*_ik.xml")
     with replacing_folder(folder, MARKER_FILE, owned) as staging:
-        _write_xml(_marker_set(known), staging / MARKER_FILE)
+        _write_xml(_marker_set(markers), staging / MARKER_FILE)
         for person, stem in zip(people, safe_names(people), strict=True):
-            notes += _write_person(result, person, staging / stem, layer, names, known, progress)
-    others = [name for name in result.skeleton.keypoints if names[name] not in MARKERS]
-    if others:
-        notes.append(f"opensim: no place on the model for {choices(others, 6)}; they are in the TRC only.")
+            notes += _write_person(result, person, staging / stem, layer, names, markers, progress)
+    unmapped = [name for name in result.skeleton.keypoints if names[name] not in MARKERS]
+    if unmapped:
+        notes.append(f"opensim: the model has no marker for {choices(unmapped, 6)}; they are in the TRC only.")
     if result.rig.up_axis is None:
-        notes.append("opensim: which axis is up is not known (--up); OpenSim takes y for it, and gravity with it.")
+        notes.append(
+            "opensim: the up axis is unknown (--up); OpenSim assumes that y is up and that gravity acts along -y."
+        )
     return notes
 
 
@@ -88,31 +92,35 @@ def _write_person(
     stem: Path,
     layer: LayerName,
     names: dict[str, str],
-    known: list[str],
+    markers: list[str],
     progress: Progress | None,
 ) -> list[str]:
     """Write the files of one person and return notes."""
-    there, whole = _presence(result, person, layer, [k for k, name in names.items() if name in known])
-    if not there.any():
-        return [f"opensim: {person} has no point in any frame: only the TRC is written."]
+    present, complete = _presence(result, person, layer, [k for k, name in names.items() if name in markers])
+    if not present.any():
+        return [f"opensim: {person} has no points in any frame; no files are written for {person}."]
     rate = export_rate(result, "TRC")
     renamed = replace(result.skeleton, **_renamed(result.skeleton, names))
     bare = replace(result, skeleton=renamed, layers={layer: result.layers[layer]}, tracks=None, swaps=None, poses=None)
     trc.write(bare, person, stem.with_name(f"{stem.name}.trc"), layer, progress)
     seconds = _row_times(result, rate)
-    first, last = _longest(whole) if whole.any() else _span(there)
+    first, last = _longest_interval(complete) if complete.any() else _span(present)
     subject = result.options.subject
-    scaling = _scaling(stem.name, known, (seconds[first], seconds[last]), subject.mass_kg)
+    scaling = _scaling(stem.name, markers, (seconds[first], seconds[last]), subject.mass_kg)
     _write_xml(scaling, stem.with_name(f"{stem.name}_scaling.xml"))
-    first, last = _span(there)
+    first, last = _span(present)
     _write_xml(
-        _inverse_kinematics(stem.name, known, (seconds[first], seconds[last])), stem.with_name(f"{stem.name}_ik.xml")
+        _inverse_kinematics(stem.name, markers, (seconds[first], seconds[last])), stem.with_name(f"{stem.name}_ik.xml")
     )
     notes = []
-    if not whole.any():
-        notes.append(f"opensim: in no frame has {person} all markers: scaling takes the frames in which some are.")
+    if not complete.any():
+        notes.append(
+            f"opensim: {person} never has all markers in one frame; scaling uses the frames that have some of them."
+        )
     if subject.mass_kg is None:
-        notes.append(f"opensim: the mass of {person} is not known (--subject.mass-kg); scaling keeps the model's.")
+        notes.append(
+            f"opensim: the mass of {person} is unknown (--subject.mass-kg); scaling keeps the mass of the model."
+        )
     return notes
 
 
@@ -128,14 +136,14 @@ def _renamed(skeleton: Skeleton, names: dict[str, str]) -> dict[str, object]:
 def _presence(
     result: Reconstruction, person: str, layer: LayerName, keypoints: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return whether some, and whether all of the points are present, each of shape (frame,), bool."""
+    """Return in which frames some, and in which all of the points are present, each of shape (frame,), bool."""
     places = [result.skeleton.index(name) for name in keypoints]
     points, p = result.layers[layer].points_m, result.person_ids.index(person)
-    known = [
+    finite = [
         np.isfinite(np.asarray(points[start:stop])[:, p][:, places]).all(axis=-1)
         for start, stop in ranges(result.n_frames, CHUNK_FRAMES)
     ]
-    table = np.concatenate([np.zeros((0, len(places)), dtype=bool), *known])
+    table = np.concatenate([np.zeros((0, len(places)), dtype=bool), *finite])
     number = np.count_nonzero(table, axis=1)
     return number > 0, number == len(places)
 
@@ -146,14 +154,14 @@ def _row_times(result: Reconstruction, rate: float) -> np.ndarray:
     return start + regular_rows(result)[0] / rate
 
 
-def _span(there: np.ndarray) -> tuple[int, int]:
-    frames = np.flatnonzero(there)
+def _span(present: np.ndarray) -> tuple[int, int]:
+    frames = np.flatnonzero(present)
     return int(frames[0]), int(frames[-1])
 
 
-def _longest(there: np.ndarray) -> tuple[int, int]:
+def _longest_interval(present: np.ndarray) -> tuple[int, int]:
     """Return the first and last frame of the longest interval."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]]).astype(int)))
     best = int(np.argmax(edges[1::2] - edges[::2]))
     return int(edges[2 * best]), int(edges[2 * best + 1]) - 1
 
@@ -162,7 +170,7 @@ def _document() -> ElementTree.Element:
     return ElementTree.Element("OpenSimDocument", Version=_VERSION)
 
 
-def _put(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
+def _add(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:
     child = ElementTree.SubElement(parent, tag, attributes)
     child.text = text
     return child
@@ -170,7 +178,7 @@ def _put(parent: ElementTree.Element, tag: str, text: str | None = None, **attri
 
 def _objects(parent: ElementTree.Element, tag: str) -> ElementTree.Element:
     """Add a set and return its list of objects."""
-    return _put(_put(parent, tag), "objects")
+    return _add(_add(parent, tag), "objects")
 
 
 def _write_xml(root: ElementTree.Element, path: Path) -> None:
@@ -180,15 +188,15 @@ def _write_xml(root: ElementTree.Element, path: Path) -> None:
         temporary.write_text(f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', "utf-8")
 
 
-def _marker_set(known: list[str]) -> ElementTree.Element:
+def _marker_set(markers: list[str]) -> ElementTree.Element:
     root = _document()
-    objects = _put(_put(root, "MarkerSet", name="markerset"), "objects")
-    for name in known:
+    objects = _add(_add(root, "MarkerSet", name="markerset"), "objects")
+    for name in markers:
         body, place = MARKERS[name].body, MARKERS[name].place_m
-        marker = _put(objects, "Marker", name=name)
-        _put(marker, "socket_parent_frame", f"/bodyset/{body}")
-        _put(marker, "location", " ".join(f"{value:g}" for value in place))
-        _put(marker, "fixed", "true")
+        marker = _add(objects, "Marker", name=name)
+        _add(marker, "socket_parent_frame", f"/bodyset/{body}")
+        _add(marker, "location", " ".join(f"{value:g}" for value in place))
+        _add(marker, "fixed", "true")
     return root
 
 
@@ -196,57 +204,57 @@ def _times(span: tuple[float, float]) -> str:
     return f"{span[0]:.6f} {span[1]:.6f}"
 
 
-def _scaling(person: str, known: list[str], span: tuple[float, float], mass_kg: float | None) -> ElementTree.Element:
+def _scaling(person: str, markers: list[str], span: tuple[float, float], mass_kg: float | None) -> ElementTree.Element:
     """Return the setup of OpenSim's scale tool."""
     root = _document()
-    tool = _put(root, "ScaleTool", name=person)
-    _put(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
-    maker = _put(tool, "GenericModelMaker")
-    _put(maker, "model_file", MODEL)
-    _put(maker, "marker_set_file", MARKER_FILE)
-    scaler = _put(tool, "ModelScaler")
-    _put(scaler, "apply", "true")
-    _put(scaler, "scaling_order", "measurements")
+    tool = _add(root, "ScaleTool", name=person)
+    _add(tool, "mass", f"{-1.0 if mass_kg is None else mass_kg:g}")
+    maker = _add(tool, "GenericModelMaker")
+    _add(maker, "model_file", MODEL)
+    _add(maker, "marker_set_file", MARKER_FILE)
+    scaler = _add(tool, "ModelScaler")
+    _add(scaler, "apply", "true")
+    _add(scaler, "scaling_order", "measurements")
     objects = _objects(scaler, "MeasurementSet")
     for measurement in MEASUREMENTS:
-        pairs = [pair for pair in measurement.pairs if pair[0] in known and pair[1] in known]
+        pairs = [pair for pair in measurement.pairs if pair[0] in markers and pair[1] in markers]
         if pairs:
             _add_measurement(objects, measurement, pairs)
-    _put(scaler, "marker_file", f"{person}.trc")
-    _put(scaler, "time_range", _times(span))
-    _put(scaler, "preserve_mass_distribution", "true")
-    _put(scaler, "output_model_file", f"{person}_scaled.osim")
+    _add(scaler, "marker_file", f"{person}.trc")
+    _add(scaler, "time_range", _times(span))
+    _add(scaler, "preserve_mass_distribution", "true")
+    _add(scaler, "output_model_file", f"{person}_scaled.osim")
     # No MarkerPlacer: keypoints are joint centers, and moving them to their positions in one frame adds its errors.
     return root
 
 
 def _add_measurement(objects: ElementTree.Element, measurement: Measurement, pairs: list[tuple[str, str]]) -> None:
-    entry = _put(objects, "Measurement", name=measurement.name)
-    _put(entry, "apply", "true")
+    entry = _add(objects, "Measurement", name=measurement.name)
+    _add(entry, "apply", "true")
     markers = _objects(entry, "MarkerPairSet")
     for first, second in pairs:
-        _put(_put(markers, "MarkerPair", name=f"{first}-{second}"), "markers", f"{first} {second}")
+        _add(_add(markers, "MarkerPair", name=f"{first}-{second}"), "markers", f"{first} {second}")
     bodies = _objects(entry, "BodyScaleSet")
     for body in measurement.bodies:
-        _put(_put(bodies, "BodyScale", name=body), "axes", measurement.axes)
+        _add(_add(bodies, "BodyScale", name=body), "axes", measurement.axes)
 
 
-def _inverse_kinematics(person: str, known: list[str], span: tuple[float, float]) -> ElementTree.Element:
+def _inverse_kinematics(person: str, markers: list[str], span: tuple[float, float]) -> ElementTree.Element:
     """Return the setup of OpenSim's inverse kinematics tool."""
     root = _document()
-    tool = _put(root, "InverseKinematicsTool", name=person)
-    _put(tool, "model_file", f"{person}_scaled.osim")
-    _put(tool, "constraint_weight", "Inf")
-    _put(tool, "accuracy", f"{_ACCURACY:g}")
+    tool = _add(root, "InverseKinematicsTool", name=person)
+    _add(tool, "model_file", f"{person}_scaled.osim")
+    _add(tool, "constraint_weight", "Inf")
+    _add(tool, "accuracy", f"{_ACCURACY:g}")
     objects = _objects(tool, "IKTaskSet")
-    for name in known:
-        task = _put(objects, "IKMarkerTask", name=name)
-        _put(task, "apply", "true")
-        _put(task, "weight", f"{MARKERS[name].weight:g}")
-    _put(tool, "marker_file", f"{person}.trc")
-    _put(tool, "time_range", _times(span))
-    _put(tool, "report_errors", "true")
-    _put(tool, "output_motion_file", f"{person}_ik.mot")
+    for name in markers:
+        task = _add(objects, "IKMarkerTask", name=name)
+        _add(task, "apply", "true")
+        _add(task, "weight", f"{MARKERS[name].weight:g}")
+    _add(tool, "marker_file", f"{person}.trc")
+    _add(tool, "time_range", _times(span))
+    _add(tool, "report_errors", "true")
+    _add(tool, "output_motion_file", f"{person}_ik.mot")
     return root
 
 

@@ -1,7 +1,7 @@
 """Marker set of OpenSim's full-body model, and the measurements that scale its bodies.
 
-Joint centers are those of the model of Rajagopal et al. 2016, IEEE Trans Biomed Eng 63(10), to the mm; axes of bodies
-are OpenSim's: x forward, y up, z to the right.
+Joint centers are those of the model of Rajagopal et al. 2016, IEEE Trans Biomed Eng 63(10), to the mm; body
+axes are OpenSim's: x forward, y up, z to the right.
 """
 
 from dataclasses import dataclass
@@ -78,7 +78,7 @@ NAMES: dict[str, str] = {
     **{f"right_{part}": f"R{marker}" for part, marker in _PARTS.items()},
     **{f"left_{part}": f"L{marker}" for part, marker in _PARTS.items()},
 }  # fmt: skip
-"""Markers by keypoint."""
+"""Marker names by keypoint name."""
 
 
 def _sides(first: str, second: str) -> tuple[tuple[str, str], ...]:

@@ -1,9 +1,9 @@
 """Parquet: the rows and columns of the tidy CSV with all fields of a layer, for efficient reading of large tables.
 
-Beside the CSV's columns: ``covariance_xx_m2`` to ``covariance_zz_m2``; ``views``, the names of the cameras that the
-point rests on; ``view_status`` and ``view_error_px``, lists over all cameras in the order of the metadata's. The
-schema's metadata: ``posefuse`` (JSON: layer, unit, rate_hz, people, cameras, skeleton, versions, inputs, notes) and
-``options`` (TOML). Rows are written by ranges of frames.
+Additional columns: ``covariance_xx_m2`` to ``covariance_zz_m2``; ``views``, the names of the cameras used for the
+point; ``view_status`` and ``view_error_px``, lists over all cameras in the order of the metadata. The metadata of
+the schema are ``posefuse`` (JSON: layer, unit, rate_hz, people, cameras, skeleton, versions, inputs, notes)
+and ``options`` (TOML). Rows are written by ranges of frames.
 """
 
 import json
@@ -53,7 +53,7 @@ def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
         }
         for camera in result.rig.cameras
     ]
-    said = {
+    metadata = {
         "version": _VERSION,
         "layer": layer,
         "unit": result.unit,
@@ -65,7 +65,7 @@ def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
         "skeleton": json.loads(skeleton_text(result.skeleton)),
         "provenance": asdict(result.provenance),
     }
-    return {"posefuse": json.dumps(said), "options": options_to_toml(result.options)}
+    return {"posefuse": json.dumps(metadata), "options": options_to_toml(result.options)}
 
 
 def _table(part: Reconstruction, name: LayerName) -> pa.Table:
@@ -104,7 +104,7 @@ def read(path: Path) -> StoredPoints:
     """Read a layer.
 
     Raises:
-        FileError: if it is no parquet file of points of ours, or broken.
+        FileError: if it is not a parquet file of points that posefuse wrote, or is corrupt.
     """
     must_exist(path, "parquet file")
     with reading(path, "parquet file"):
@@ -112,21 +112,23 @@ def read(path: Path) -> StoredPoints:
         table = parquet.ParquetFile(path).read(use_threads=False)
         if b"posefuse" not in (table.schema.metadata or {}):
             raise FileError(
-                f"{path} is a parquet file, but not of posefuse's: its schema has no metadata of that name."
+                f"{path} is a parquet file that posefuse did not write: its schema has no metadata named posefuse."
             )
-        said = json.loads(table.schema.metadata[b"posefuse"])
-        found = tidy.points_of(table, path, said["people"], said["keypoints"], said["layer"], said["rate_hz"])
-        return _with_views(found, table, tuple(camera["name"] for camera in said["cameras"]), path)
+        metadata = json.loads(table.schema.metadata[b"posefuse"])
+        points = tidy.points_of(
+            table, path, metadata["people"], metadata["keypoints"], metadata["layer"], metadata["rate_hz"]
+        )
+        return _with_views(points, table, tuple(camera["name"] for camera in metadata["cameras"]), path)
 
 
-def _with_views(found: StoredPoints, table: pa.Table, names: tuple[str, ...], path: Path) -> StoredPoints:
-    shape = (*found.points_m.shape[:3], len(names))
+def _with_views(points: StoredPoints, table: pa.Table, names: tuple[str, ...], path: Path) -> StoredPoints:
+    shape = (*points.points_m.shape[:3], len(names))
 
     def flat(column: str) -> Any:
         return table[column].combine_chunks().flatten()
 
     return replace(
-        found,
+        points,
         view_names=names,
         view_status=codes_of(tables.words(flat("view_status")), VIEW_STATUSES, path).reshape(shape),
         view_error_px=np.array(flat("view_error_px").to_numpy(zero_copy_only=False)).reshape(shape),

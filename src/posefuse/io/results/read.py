@@ -26,14 +26,14 @@ def read_points(path: str | Path, format: str | None = None) -> StoredPoints:  #
     path = Path(path)
     form = None if format is None else next((each for each in RESULTS if each.name == format and each.read), None)
     if format is not None and form is None:
-        raise ResultError(f"No format {format!r} of points that is read. {suggestion(format, _readable())}")
+        raise ResultError(f"No readable format {format!r} of 3D points. {suggestion(format, _readable())}")
     must_exist(path, "file of 3D points")
     if path.suffix.lower() in _HDF5 and path.is_file():
         check_hdf5(path, "HDF5 file")
     form = form or _find_format(path)
     if form is None or form.read is None:
-        hint = "It may be a reconstruction: posefuse.read_reconstruction reads those. " if path.suffix == ".nc" else ""
-        raise FileError(f"{path} is of no format of 3D points that is read: {choices(_readable())}. {hint}".strip())
+        hint = "It may be a reconstruction: use posefuse.read_reconstruction. " if path.suffix == ".nc" else ""
+        raise FileError(f"{path} is not in a readable format of 3D points ({choices(_readable())}). {hint}".strip())
     try:
         return form.read(path)
     except ResultError as error:

@@ -1,6 +1,6 @@
 """The formats of 3D results, in the order in which their readers are tried.
 
-To add a format, add a module that defines ``FORMAT`` and its name here. Readers that accept less come first.
+To add a format, add a module that defines ``FORMAT``, and add its name here. Stricter readers come first.
 """
 
 from posefuse.io.formats import FormatRegistry

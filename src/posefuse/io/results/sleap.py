@@ -1,8 +1,8 @@
-"""SLEAP's 3D points, ``points3d.h5`` as sleap-anipose writes it: ``tracks`` (frame, track, node, 3), NaN is missing.
+"""SLEAP's 3D points, ``points3d.h5`` as sleap-anipose writes it: ``tracks`` (frame, track, node, 3), NaN where missing.
 
-Lengths in meters. The names of tracks and nodes and everything else stand in the group ``posefuse``, see
-:mod:`posefuse.io.results.hdf5`; in the root they would make the file one of 2D predictions to other readers.
-Frame numbers without a frame are rows without points.
+Lengths are in meters. The names of tracks and nodes and all other fields are in the group ``posefuse``, see
+:mod:`posefuse.io.results.hdf5`; in the root, other programs would take the file for one of 2D predictions. Missing
+frame numbers are rows without points.
 """
 
 from pathlib import Path
@@ -25,17 +25,17 @@ def write(result: Reconstruction, path: Path, layer: LayerName) -> None:
     """Write one layer of all people.
 
     Raises:
-        ResultError: if there are no frames, or almost all rows would be empty.
+        ResultError: if there are no frames, or nearly all rows would be empty.
     """
-    places, n_rows = rows_of(result, "sleap")
+    row_indices, n_rows = rows_of(result, "sleap")
     points = result.layers[layer].points_m
     with replacing(path) as temporary, h5py.File(temporary, "w") as file:
         shape = (n_rows, *points.shape[1:])
-        packed = {"chunks": True, "compression": "gzip", "compression_opts": 1} if all(shape) else {}
-        tracks = file.create_dataset("tracks", shape, np.float64, **packed)  # type: ignore[arg-type]
+        layout = {"chunks": True, "compression": "gzip", "compression_opts": 1} if all(shape) else {}
+        tracks = file.create_dataset("tracks", shape, np.float64, **layout)  # type: ignore[arg-type]
         tracks.attrs["Description"] = "Shape: (n_frames, n_tracks, n_nodes, 3)."
         row = 0
-        for block in blocks(points, places):
+        for block in blocks(points, row_indices):
             tracks[row : row + len(block)] = block
             row += len(block)
         hdf5.write_group(file, result, layer)
@@ -45,8 +45,8 @@ def matches(path: Path) -> bool:
     """Return whether a file is in this format."""
     try:
         with h5py.File(path) as file:
-            found = file.get("tracks")
-            return isinstance(found, h5py.Dataset) and found.ndim == 4 and found.shape[-1] == 3
+            tracks = file.get("tracks")
+            return isinstance(tracks, h5py.Dataset) and tracks.ndim == 4 and tracks.shape[-1] == 3
     except (OSError, KeyError, ValueError, RuntimeError):
         return False
 
@@ -57,7 +57,7 @@ def read(path: Path) -> StoredPoints:
     Raises:
         FileError: if it is not such a file, or corrupt.
     """
-    must_exist(path, "3D points of SLEAP's")
+    must_exist(path, "file of 3D points of SLEAP")
     with open_hdf5(path, "HDF5 file of 3D points") as file:
         points = np.asarray(file["tracks"], dtype=np.float64)
         if points.ndim != 4 or points.shape[-1] != 3:

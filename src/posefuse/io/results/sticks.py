@@ -35,7 +35,7 @@ def sticks_of(figure: Figure) -> dict[str, Sticks]:
     """
     positions = figure.rest_m @ BODY_TO_Y_UP.T + rest_root_m(figure)
     size = float(np.ptp(positions, axis=0).max())
-    found: dict[str, list[tuple[np.ndarray, int]]] = {}
+    triangles_by_side: dict[str, list[tuple[np.ndarray, int]]] = {}
     for j, joint in enumerate(figure.joints):
         points = [c for c in figure.children(j) if not figure.joints[c].turns]
         for child in figure.children(j):
@@ -44,8 +44,10 @@ def sticks_of(figure: Figure) -> dict[str, Sticks]:
                 half = np.array([0.0, 0.5 * _DOT * 0.1 * size, 0.0])
                 start, end = end - half, end + half
             if np.linalg.norm(end - start) > 1e-6 * size:
-                found.setdefault(_side(joint.name, figure.joints[child].name), []).append((_stick(start, end), j))
-    return {side: _joined(sticks) for side, sticks in found.items()}
+                triangles_by_side.setdefault(_side(joint.name, figure.joints[child].name), []).append(
+                    (_stick(start, end), j)
+                )
+    return {side: _joined(sticks) for side, sticks in triangles_by_side.items()}
 
 
 def _side(*names: str) -> str:

@@ -11,7 +11,7 @@ from pyarrow import csv as arrow_csv
 from posefuse.errors import FileError
 from posefuse.io.files import reading
 
-_FAR = 2.0**53
+_MAX_EXACT = 2.0**53
 
 
 def header(path: Path) -> list[str]:
@@ -37,7 +37,7 @@ def read_csv(path: Path, kinds: Mapping[str, pa.DataType]) -> pa.Table:
     """
     names = header(path)
     if len(set(names)) != len(names):
-        raise FileError(f"{path} names a column twice in its first row.")
+        raise FileError(f"{path} has a duplicate column name in its first row.")
     with reading(path, "CSV file"):
         return arrow_csv.read_csv(
             path,
@@ -58,7 +58,7 @@ def numbers(column: pa.ChunkedArray) -> np.ndarray:
 
 
 def words(column: pa.ChunkedArray) -> np.ndarray:
-    """Return a column of texts, shape (row,), empty for empty cells."""
+    """Return a column of strings, shape (row,), empty for empty cells."""
     return np.array(["" if word is None else word for word in column.to_pylist()], dtype=object)
 
 
@@ -68,7 +68,7 @@ def whole(values: np.ndarray, path: Path, what: str) -> np.ndarray:
     Raises:
         FileError: if some are missing or not integers.
     """
-    fits = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < _FAR)
+    fits = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < _MAX_EXACT)
     if not fits.all():
         raise FileError(f"{path}: {what} must be whole numbers, got {values[~fits][0]:g}.")
     return values.astype(np.int64)

@@ -21,11 +21,11 @@ def unit_of(names: Sequence[str], path: Path) -> str:
         FileError: if the columns are not those of a tidy table.
     """
     unit = next((unit for unit in ("m", "px") if f"x_{unit}" in names), "m")
-    wanted = ("frame", "time_s", "person", "keypoint", *(f"{axis}_{unit}" for axis in "xyz"))
-    lacking = [name for name in wanted if name not in names]
-    if lacking:
+    required = ("frame", "time_s", "person", "keypoint", *(f"{axis}_{unit}" for axis in "xyz"))
+    missing = [name for name in required if name not in names]
+    if missing:
         raise FileError(
-            f"{path} is no table of points: it lacks the columns {choices(lacking)}; it has {choices(names)}."
+            f"{path} is not a table of points: it lacks the columns {choices(missing)}; it has {choices(names)}."
         )
     return unit
 
@@ -59,8 +59,8 @@ def points_of(
     )
     if not complete:
         raise FileError(
-            f"{path}: expected {len(keypoints)} keypoints of each of {len(people)} people in every frame, in one "
-            f"order; there are {len(table)} rows that are otherwise. Was it cut short, or sorted?"
+            f"{path}: expected {len(keypoints)} keypoints of each of {len(people)} people in every frame, in the same "
+            f"order, but its {len(table)} rows differ from that. Is it truncated or sorted?"
         )
 
     def field(*columns: str) -> np.ndarray | None:

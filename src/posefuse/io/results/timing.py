@@ -5,7 +5,7 @@ import numpy as np
 from posefuse.errors import ResultError
 from posefuse.model.reconstruction import Reconstruction
 
-_UNEVEN = 0.02
+_RATE_TOLERANCE = 0.02
 
 
 def export_rate(result: Reconstruction, form: str) -> float:
@@ -24,7 +24,7 @@ def export_rate(result: Reconstruction, form: str) -> float:
         )
     steps = np.diff(times)
     step = float(np.median(steps))
-    if np.any(np.abs(steps - step) > _UNEVEN * step):
+    if np.any(np.abs(steps - step) > _RATE_TOLERANCE * step):
         raise ResultError(
             f"A {form} file needs evenly spaced frames; these are {steps.min():.4f} to {steps.max():.4f} s apart."
         )
@@ -33,5 +33,5 @@ def export_rate(result: Reconstruction, form: str) -> float:
 
 def regular_rows(result: Reconstruction) -> tuple[np.ndarray, int]:
     """Return the row of each frame in a file without gaps, and the number of rows."""
-    places = result.frame_numbers - result.frame_numbers[0]
-    return places, int(places[-1]) + 1
+    row_indices = result.frame_numbers - result.frame_numbers[0]
+    return row_indices, int(row_indices[-1]) + 1

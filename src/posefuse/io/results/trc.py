@@ -28,7 +28,7 @@ _FIRST = "PathFileType"
 
 
 @dataclass(frozen=True)
-class Trajectories:
+class TrcContent:
     """The content of a TRC file.
 
     Attributes:
@@ -53,13 +53,13 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
         ResultError: if the frame rate is unknown or not constant.
     """
     rate = export_rate(result, "TRC")
-    places, n_rows = regular_rows(result)
+    row_indices, n_rows = regular_rows(result)
     start = float(result.frame_numbers[0]) / rate
     if np.isfinite(result.time_s[0]):
         start = float(result.time_s[0])
     names = [re.sub(r"[\x00-\x1f\x7f-\x9f]", " ", name) for name in result.skeleton.keypoints]
     header = [
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled(result, person, layer)}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name} layer={layer}{_filled_text(result, person, layer)}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate:.10g}\t{rate:.10g}\t{n_rows}\t{len(names)}\t{result.unit}\t{rate:.10g}\t1\t{n_rows}",
         "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
@@ -68,16 +68,18 @@ def write(result: Reconstruction, person: str, path: Path, layer: LayerName, pro
     ]
     turn = y_up_from_world(result.rig.up_axis if result.unit == "m" else None)
     index = result.person_ids.index(person)
-    empty = _cells(np.full(3 * len(names), np.nan))
+    empty_cells = _cells(np.full(3 * len(names), np.nan))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join(header) + "\n")
         row = 0
         done = 0
         for part in report_ranges(result.chunks(), result.n_frames, f"writing {path.name}", progress or Silent()):
             points = np.asarray(part.layers[layer].points_m[:])[:, index] @ turn.T
-            for place, values in zip(places[done : done + len(points)], points.reshape(len(points), -1), strict=True):
+            for place, values in zip(
+                row_indices[done : done + len(points)], points.reshape(len(points), -1), strict=True
+            ):
                 while row < place:
-                    file.write(f"{row + 1}\t{start + row / rate:.6f}\t{empty}\n")
+                    file.write(f"{row + 1}\t{start + row / rate:.6f}\t{empty_cells}\n")
                     row += 1
                 file.write(f"{row + 1}\t{start + row / rate:.6f}\t{_cells(values)}\n")
                 row += 1
@@ -90,7 +92,7 @@ def _cells(values: np.ndarray) -> str:
     return "\t".join([*cells, last or "nan"])
 
 
-def _filled(result: Reconstruction, person: str, layer: LayerName) -> str:
+def _filled_text(result: Reconstruction, person: str, layer: LayerName) -> str:
     """Return the number of filled points as text, if there are any; the format has no other place for it."""
     source, index = result.layers[layer].source, result.person_ids.index(person)
     spans = ranges(result.n_frames, CHUNK_FRAMES)
@@ -98,7 +100,7 @@ def _filled(result: Reconstruction, person: str, layer: LayerName) -> str:
     return f" filled={number}" if number else ""
 
 
-def read(path: Path) -> Trajectories:
+def read(path: Path) -> TrcContent:
     """Read a TRC file of any program.
 
     Raises:
@@ -118,9 +120,9 @@ def read(path: Path) -> Trajectories:
     names = tuple(name.strip() for name in lines[3].split("\t")[2:] if name.strip())
     width = 2 + 3 * len(names)
     rows = [(number, line) for number, line in enumerate(lines[5:], 6) if line.strip()]
-    promised = header.get("NumFrames", "").strip()
-    if promised.isdigit() and int(promised) != len(rows):
-        raise FileError(f"{path} has {len(rows)} rows, its header says {promised} frames. Is it truncated?")
+    n_frames = header.get("NumFrames", "").strip()
+    if n_frames.isdigit() and int(n_frames) != len(rows):
+        raise FileError(f"{path} has {len(rows)} rows, but its header says {n_frames} frames. Is it truncated?")
     table = np.full((len(rows), width), np.nan)
     for i, (number, line) in enumerate(rows):
         cells = line.split("\t")[:width]
@@ -129,7 +131,7 @@ def read(path: Path) -> Trajectories:
         except ValueError:
             raise FileError(f"{path}, line {number}: a cell is neither a number nor empty.") from None
     points = table[:, 2:].reshape(len(rows), len(names), 3) * scale
-    return Trajectories(names, table[:, 1], points, rate, "px" if unit == "px" else "m")
+    return TrcContent(names, table[:, 1], points, rate, "px" if unit == "px" else "m")
 
 
 def matches(path: Path) -> bool:
@@ -139,22 +141,22 @@ def matches(path: Path) -> bool:
 
 
 def read_points(path: Path) -> StoredPoints:
-    """Read the points of a TRC file of any program as one person named after the file; in the file's axes.
+    """Read the points of a TRC file of any program as one person named after the file, in the file's axes.
 
     Frames are numbered from 0, because the format numbers only rows.
 
     Raises:
         FileError: if the file does not conform to the format.
     """
-    found = read(path)
+    content = read(path)
     return StoredPoints(
-        keypoints=found.names,
+        keypoints=content.names,
         person_ids=(path.stem,),
-        frame_numbers=np.arange(len(found.time_s)),
-        time_s=found.time_s,
-        points_m=found.points_m[:, None],
-        unit=found.unit,
-        rate_hz=found.rate_hz,
+        frame_numbers=np.arange(len(content.time_s)),
+        time_s=content.time_s,
+        points_m=content.points_m[:, None],
+        unit=content.unit,
+        rate_hz=content.rate_hz,
     )
 
 

@@ -19,7 +19,7 @@ from posefuse.progress import Progress, Silent, report_ranges
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenResult:
     """The files of a written result.
 
     Attributes:
@@ -37,25 +37,25 @@ def write(
     result: Reconstruction,
     path: str | Path,
     format: str | None = None,  # noqa: A002
-) -> Written:
+) -> WrittenResult:
     """Write a result to a file.
 
-    netcdf holds everything. The others hold one layer: the one ``result.options.layer`` names, or the best present.
-    trc, c3d, anipose, npz and freemocap hold one person; a result of several is written to ``<stem>_<person><suffix>``
-    each; so do bvh and gltf, which hold articulated bodies.
+    A netcdf file holds the whole result. The other formats hold one layer: the one that ``result.options.layer`` names,
+    or the best available one. Files of trc, c3d, anipose, npz, freemocap, bvh and gltf hold one person; several people
+    are written to one file ``<stem>_<person><suffix>`` each. bvh and gltf hold the articulated fit.
 
     Args:
-        result: what to write.
-        path: the file, or the folder of freemocap, opensim and openpose; it appears when it is whole.
-        format: a name that ``posefuse formats`` lists; by default what the path's ending says, and where several
-            formats end so, what its name does (anipose, dlc, movement, points3d).
+        result: the result to write.
+        path: the file, or the folder for freemocap, opensim and openpose; created only once it is complete.
+        format: a name that ``posefuse formats`` lists; by default selected by the ending of the path and, if several
+            formats share the ending, by a word in the file name (anipose, dlc, movement, points3d).
 
     Returns:
-        What was written, and what it does not hold.
+        The written files, and notes on what they do not contain.
 
     Raises:
         ResultError: if there is no such format, or it cannot hold the result.
-        FileError: if a name in the result is no text, or the file cannot be written.
+        FileError: if a name in the result is not valid text, or the file cannot be written.
     """
     path = Path(path)
     check_texts([*result.person_ids, *result.rig.names, *result.skeleton.keypoints, result.skeleton.name])
@@ -63,7 +63,7 @@ def write(
     layer, points = result.best_layer(result.options.layer)
     if form.write_figure is not None or form.write_result is not None:
         return _write_bodies(result, path, form, layer)
-    # Formats of one layer must read nothing else; some hold the measured layer beside it.
+    # Formats of one layer must not read the others; some also hold the measured layer.
     layers = {layer: points}
     if form.holds_measured_layer and "measured" in result.layers:
         layers = {"measured": result.layers["measured"], **layers}
@@ -76,22 +76,25 @@ def write(
     elif form.write_layer is not None:
         form.write_layer(bare, path, layer)
     others = _others(result, layer)
-    beside = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
-    return Written(files, layer, (*beside, *_lacks(form, path)))
+    omissions = (f"{form.name}: the layer {layer}; without {choices(others)}.",) if others else ()
+    return WrittenResult(files, layer, (*omissions, *_lacks(form, path)))
 
 
 def _others(result: Reconstruction, layer: LayerName) -> list[str]:
     """Return the parts of a result that a file with one layer does not contain."""
     parts = {
-        "fitted bodies": result.poses is not None,
+        "articulated fit": result.poses is not None,
         "detections of each track": result.tracks is not None,
-        "swapped sides": result.swaps is not None,
+        "left/right swaps": result.swaps is not None,
         "events": bool(result.events),
     }
-    return [*(name for name in result.layers if name != layer), *(name for name, there in parts.items() if there)]
+    return [
+        *(name for name in result.layers if name != layer),
+        *(name for name, is_present in parts.items() if is_present),
+    ]
 
 
-def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer: LayerName) -> Written:
+def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer: LayerName) -> WrittenResult:
     """Write formats that need more than one layer of a result."""
     people = people_with_frames(result)
     if form.write_figure is not None:
@@ -100,20 +103,20 @@ def _write_bodies(result: Reconstruction, path: Path, form: ResultFormat, layer:
             note for person, target in zip(people, targets, strict=True)
             for note in form.write_figure(result, person, target)
         ]  # fmt: skip
-        return Written(targets, "model", tuple(dict.fromkeys(notes)))
+        return WrittenResult(targets, "model", tuple(dict.fromkeys(notes)))
     assert form.write_result is not None
     notes = form.write_result(result, people, path, layer)
-    return Written((path,), None if form.holds_every_layer else layer, tuple(notes))
+    return WrittenResult((path,), None if form.holds_every_layer else layer, tuple(notes))
 
 
 def _format_of(path: Path, name: str | None) -> ResultFormat:
-    """Return the format of a name, or the one selected by the path."""
+    """Return the format with a name, or the one selected by the path."""
     form = _format_named_by(path) if name is None else RESULTS.find_written(name)
     if form is not None:
         return form
     names = [each.name for each in RESULTS.written()]
     if name is None and path.suffix.lower() == ".h5":
-        raise ResultError(f"{path.name} may be of the format deeplabcut or sleap; say which: format=... (--to ...).")
+        raise ResultError(f"{path.name} may be in the format deeplabcut or sleap; state which: format=... (--to ...).")
     wrong = f"No format {name!r}. " if name else f"{path.name} ends in no known format. "
     raise ResultError(wrong + (suggestion(name, names) if name else f"Formats: {choices(names)}."))
 
@@ -133,7 +136,7 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
         ResultError: if the result has no people.
     """
     if not person_ids:
-        raise ResultError(f"Nobody is in this result: there is no person to write to {path.name}.")
+        raise ResultError(f"This result contains no people: there is nothing to write to {path.name}.")
     if len(person_ids) == 1:
         return (path,)
     return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in safe_names(person_ids))
@@ -142,29 +145,32 @@ def person_paths(path: Path, person_ids: Sequence[str]) -> tuple[Path, ...]:
 def _lacks(form: ResultFormat, path: Path) -> tuple[str, ...]:
     """Return which fields of a layer a file cannot contain."""
     whole = not form.lacks or path.suffix.lower() in form.complete_endings
-    return () if whole else (f"{form.name} has no place for {form.lacks}.",)
+    return () if whole else (f"{form.name} cannot hold {form.lacks}.",)
 
 
 def additional_names() -> dict[str, str]:
-    """Formats that a command writes beside its usual ones if asked to, and what the files are called."""
+    """Return the file or folder name of each format that ``--also`` offers, by format."""
     return {form.name: form.additional_name for form in RESULTS if form.additional_name}
 
 
 def write_also(result: Reconstruction, folder: Path, also: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Write formats of :func:`additional_names` under their usual names; they hold the layer that TRC and C3D do.
+    """Write formats of :func:`additional_names` under their default names, with the same layer as TRC and C3D.
 
     Returns:
-        The names of files and folders, and what of the layer they have no place for.
+        The names of the files and folders, and notes on what they do not contain.
+
+    Raises:
+        ResultError: if a format is not offered, or cannot hold the result.
     """
     files, notes = [], []
     for name in dict.fromkeys(also):
         form = RESULTS.find_written(name)
         if form is None or not form.additional_name:
-            raise ResultError(f"No format {name!r} beside a result. {suggestion(name, additional_names())}")
+            raise ResultError(f"--also offers no format {name!r}. {suggestion(name, additional_names())}")
         path = folder / form.additional_name
-        done = write(result, path, name)
-        files += [file.name for file in done.files]
-        notes += done.notes if form.write_result is not None else _lacks(form, path)
+        written = write(result, path, name)
+        files += [file.name for file in written.files]
+        notes += written.notes if form.write_result is not None else _lacks(form, path)
     return files, tuple(notes)
 
 
@@ -172,8 +178,8 @@ def people_with_frames(result: Reconstruction) -> tuple[str, ...]:
     """Return the people who are present in some frame; edits can leave people without frames."""
     if result.tracks is None:
         return result.person_ids
-    there = (np.asarray(result.tracks.state[:]) != TrackState.ABSENT).any(axis=0)
-    return tuple(name for name, some in zip(result.person_ids, there, strict=True) if some)
+    present = (np.asarray(result.tracks.state[:]) != TrackState.ABSENT).any(axis=0)
+    return tuple(name for name, is_present in zip(result.person_ids, present, strict=True) if is_present)
 
 
 def write_folder(
@@ -183,20 +189,20 @@ def write_folder(
     angles: csv.Angles | None = None,
     tables: Mapping[str, Iterable[Mapping[str, np.ndarray]]] | None = None,
 ) -> tuple[list[str], LayerName]:
-    """Write every output of a reconstruction but ``reconstruction.nc``.
+    """Write every default output of a reconstruction except ``reconstruction.nc``.
 
-    That is a CSV a layer, ``events.csv`` and ``angles.csv`` where there are such, a TRC and a C3D a person who is
-    there in some frame.
+    The outputs are one CSV per layer, ``events.csv`` and ``angles.csv`` if the result has events or angles, and one TRC
+    and one C3D per person who is present in some frame.
 
     Args:
-        result: what to write.
-        folder: where.
+        result: the result to write.
+        folder: output folder.
         progress: receives the progress.
-        angles: finds the joint angles of bodies.
-        tables: what else to write, by file name: ranges of columns by name.
+        angles: returns the joint angles of a range of frames.
+        tables: additional tables by file name, as ranges of columns by name.
 
     Returns:
-        The file names, in order, and the layer that TRC and C3D hold.
+        The file names, in order, and the layer in TRC and C3D.
     """
     files = []
     for name in result.layers:
@@ -215,7 +221,7 @@ def write_folder(
         csv.write_columns(columns, folder / file_name)
         files.append(file_name)
     layer, points = result.best_layer(result.options.layer)
-    # Each person's files go through the frames: nothing is read that they do not hold.
+    # The frames are read once per file, so the other layers are left out.
     bare = replace(result, layers={layer: points}, tracks=None, swaps=None, poses=None, events=())
     people = people_with_frames(result)
     for person, stem in zip(people, safe_names(people), strict=True):

@@ -1,6 +1,6 @@
 """People from the detections of one frame: groups grown from the best pairs.
 
-See docs/methods.md, "People from several views". The log odds are those of
+See docs/methods/association.md. The log odds are those of
 :mod:`posefuse.kernels.association.log_odds`.
 """
 

@@ -2,7 +2,7 @@
 
 The odds compare two hypotheses for the position of a keypoint in an image: a Student t distribution (3 degrees of
 freedom) around the position that other views predict, or a uniform distribution over a region ``clutter_px`` wide. See
-docs/methods.md, "People from several views".
+docs/methods/association.md.
 """
 
 import math

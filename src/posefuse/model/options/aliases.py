@@ -1,6 +1,6 @@
 """Suggest the option that a user means by an unknown name: a typing error, another program's word, or a former name."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -105,10 +105,40 @@ RENAMED: dict[str, str] = {
     "trajectory.rounds": "trajectory.iterations",
     "sync.since_s": "sync.start_s",
     "sync.late_s": "sync.offset_s",
+    "tracker.preset": "tracker.strategy",
+    "tracker.forget_after_s": "tracker.terminate_after_s",
+    "tracker.forget_beyond_m": "tracker.terminate_beyond_m",
+    "tracker.outside_s": "tracker.terminate_outside_after_s",
+    "tracker.weak_after_s": "tracker.single_view_after_s",
+    "tracker.most_log_odds": "tracker.max_log_odds",
+    "tracker.swap_lasts_s": "tracker.swap_duration_s",
+    "tracker.shape_settle_s": "tracker.fix_shape_after_s",
+    "tracker.smoother_own_share": "tracker.smoother_independent_share",
+    "tracker.limb_anew_s": "tracker.reinitialization.limb_after_s",
+    "tracker.camera_silent_s": "tracker.camera_monitor.silent_after_s",
+    "tracker.camera_heard_s": "tracker.camera_monitor.back_after_s",
+    "tracker.reacquire_log_odds": "tracker.reidentification.min_log_odds",
+    "tracker.motion.leap_power": "tracker.fast_motion.acceleration_factor",
+    "tracker.motion.leap_s": "tracker.fast_motion.onset_s",
+    "tracker.parts.begin_share": "tracker.parts.initiate_share",
+    "tracker.parts.begin_within_m": "tracker.parts.initiate_within_m",
+    "tracker.parts.smoother_own_share": "tracker.parts.smoother_independent_share",
+    "tracker.births.min_age_s": "tracker.initiation.min_age_s",
+    "tracker.births.min_age_two_views_s": "tracker.initiation.min_age_two_views_s",
+    "tracker.births.two_views_log_odds": "tracker.initiation.two_views_log_odds",
+    "tracker.births.hit_share": "tracker.initiation.hit_share",
+    "tracker.births.min_views": "tracker.initiation.min_views",
+    "tracker.births.max_error_sigma": "tracker.initiation.max_error_sigma",
+    "tracker.births.max_bone_variation": "tracker.initiation.max_bone_variation",
+    "tracker.births.promote_log_odds": "tracker.initiation.promote_log_odds",
+    "tracker.births.max_age_s": "tracker.initiation.max_age_s",
+    "tracker.births.max_missing_s": "tracker.initiation.max_missing_s",
+    "tracker.births.gate_m": "tracker.initiation.gate_m",
+    "tracker.births.apart_m": "tracker.initiation.apart_m",
 }
 """Former names of options. Stored results that use them are still read."""
 
-REMOVED: frozenset[str] = frozenset()
+REMOVED: frozenset[str] = frozenset({"side_search.learn_every", "side_search.memory"})
 """Former options without a successor. Stored results that hold them are still read."""
 
 
@@ -158,13 +188,22 @@ def with_current_names(data: Mapping[str, Any], prefix: str = "") -> dict[str, A
         prefix: Table that holds the data, with its dot.
     """
     current: dict[str, Any] = {}
-    for key, value in data.items():
-        name = f"{prefix}{key}"
+    for name, value in _leaves(data, prefix):
         if name in REMOVED:
             continue
         new = RENAMED.get(name, name)
-        if isinstance(value, Mapping):
-            current[new.rpartition(".")[2]] = with_current_names(value, f"{name}.")
-        else:
-            current[new.rpartition(".")[2]] = value
+        *tables, key = new.removeprefix(prefix).split(".")
+        table = current
+        for each in tables:
+            table = table.setdefault(each, {})
+        table[key] = value
     return current
+
+
+def _leaves(data: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the dotted names and values of all options in nested tables."""
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

@@ -1,7 +1,7 @@
 """Options of the tracker's strategy `specification`: the weights and thresholds of the specification's terms.
 
-The specification counts in frames and pixels; these options are in seconds and in standard deviations of the noise model
-at confidence 1.
+The specification counts in frames and pixels; these options are in seconds and in standard deviations of the noise
+model at confidence 1.
 """
 
 from dataclasses import dataclass, replace

@@ -68,8 +68,8 @@ class TrackerOptions:
         terminate_after_s: Time after which a lost track is terminated (A_delete), in seconds.
         terminate_beyond_m: Position uncertainty above which a lost track is terminated, in meters (tau_P, on the
             standard deviation of the root over x, y and z, which saturates at 8.7); None disables the rule.
-        terminate_outside_after_s: Time outside the overlap of two views after which a lost track is terminated (G), in seconds; None
-            disables the rule.
+        terminate_outside_after_s: Time outside the overlap of two views after which a lost track is terminated (G), in
+            seconds; None disables the rule.
         fix_shape_after_s: Time for which two views must show a person before the bone lengths are fixed, in seconds.
         stature_m: Known stature of every tracked person, or size of an animal, in meters.
         known_m: Measured bone lengths as name=meters, such as left_knee=0.43 for the bone that ends there; both sides

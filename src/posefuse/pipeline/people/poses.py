@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from posefuse.kinematics.joint_angles import whole_angle_names
+from posefuse.kinematics.joint_angles import skeleton_angle_names
 from posefuse.skeleton.skeletons import Skeleton
 from posefuse.tracking.smoothing import SmoothedPerson
 
@@ -66,7 +66,7 @@ class BodyArrays:
             np.zeros((*shape, keypoints), dtype=bool),
             np.full((*shape, len(segments), 3, 3), np.nan),
             np.full((*shape, len(bones), 3), np.nan),
-            np.full((*shape, len(whole_angle_names(skeleton))), np.nan),
+            np.full((*shape, len(skeleton_angle_names(skeleton))), np.nan),
             np.full((*shape, len(skeleton.parts), 3, 3), np.nan),
         )
 

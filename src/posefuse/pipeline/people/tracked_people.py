@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from posefuse.kinematics.angle_sds import carried_angle_sds
-from posefuse.kinematics.joint_angles import angle_names, axes_at, whole_angle_names
+from posefuse.kinematics.angle_sds import relative_angle_sds
+from posefuse.kinematics.joint_angles import angle_names, axes_at, skeleton_angle_names
 from posefuse.kinematics.twist import full_rotations
 from posefuse.model.cameras import CameraRig
 from posefuse.model.detections import Detections
@@ -133,7 +133,7 @@ class TrackedPeople:
             rig, detections, rows, out.points_m, out.covariance_m2, out.used, out.bridged, self._absent(start, stop)
         )
         names = self.skeleton.body_names
-        angles = whole_angle_names(self.skeleton)
+        angles = skeleton_angle_names(self.skeleton)
         return layer, Poses(
             *names, angles, out.turns, out.directions, out.angle_sd_deg, self.nis[start:stop],
             self.nis_dof[start:stop], self.shape_m, self.shape_sd_m,
@@ -148,7 +148,7 @@ class TrackedPeople:
         s, b = len(tree.segments), len(tree.bones)
         stood = out.turns[cells][:, :s], out.directions[cells][:, :b]
         own = axes_at(tree, tree.nodes[tree.keypoint_nodes[part.at]], stood[0], full_rotations(tree, *stood)[0])
-        root = carried_angle_sds(own, out.holds_deg2[cells][:, i], body.turns[seen, 0], body.root_turn[seen])
+        root = relative_angle_sds(own, out.holds_deg2[cells][:, i], body.turns[seen, 0], body.root_turn[seen])
         return DerivedStates(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

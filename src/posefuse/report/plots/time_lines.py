@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from posefuse.biomechanics.tables import angles_of
+from posefuse.biomechanics.tables import angle_table
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.report.plots.data import MAX_PANELS, PAGE_WIDTH_IN, PERSON_COLORS, DrawFigure, PlotData, time_axis
 from posefuse.report.series import mean_per_interval
@@ -69,7 +69,7 @@ def plot_angles(data: PlotData) -> DrawFigure | None:
     Raises:
         OptionsError: if ``data`` names an angle that the result does not have.
     """
-    parts = [angles_of(part) for part in data.result.chunks()]
+    parts = [angle_table(part) for part in data.result.chunks()]
     names = parts[0][0]
     if not names:
         return None

@@ -1,4 +1,4 @@
-"""The strategy `posefuse`: log odds, tempered noise model, propagated covariance. See docs/methods.md, "People"."""
+"""The strategy `posefuse`: log odds, tempered noise model, propagated covariance. See docs/methods/tracking.md."""
 
 import math
 from collections.abc import Sequence
@@ -88,7 +88,10 @@ class LogOddsScore:
         return settings.options.initiation.promote_log_odds
 
     def min_age_s(self, track: TentativeTrack, settings: TrackerSettings) -> float:
-        """Return the age a track needs; two views fit by chance, so that they must accumulate ``two_views_log_odds``."""
+        """Return the age a track needs.
+
+        Two views fit by chance, so that they must accumulate ``two_views_log_odds``.
+        """
         initiation = settings.options.initiation
         if not is_of_two_views(track, settings):
             return initiation.min_age_s

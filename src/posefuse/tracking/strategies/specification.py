@@ -1,7 +1,7 @@
 """The strategy `specification`: the specification's own scores, noise recursion, prior and distance of proposals.
 
 The terms are those of the specification, with the minus signs that its displayed equations have lost, and with seconds
-for frames and standard deviations for pixels. See docs/methods.md, "The specification's own terms". The strategy serves
+for frames and standard deviations for pixels. See docs/methods/specification.md. The strategy serves
 comparisons and uses plain NumPy.
 """
 
@@ -265,7 +265,10 @@ def _bone_variation(track: TentativeTrack, settings: TrackerSettings) -> float:
 
 
 def _mean_sigma(off_px: np.ndarray, outcome: FrameOutcome, settings: TrackerSettings) -> np.ndarray:
-    """Return the mean residual of used keypoints in standard deviations at confidence 1, shape (track,); 0 without any."""
+    """Return the mean residual of used keypoints in standard deviations at confidence 1, shape (track,).
+
+    0 without any.
+    """
     counted = outcome.used & np.isfinite(off_px)
     relative = np.where(counted, off_px, 0.0) / settings.law.scale_px[:, None]
     return relative.sum(axis=(1, 2)) / np.maximum(counted.sum(axis=(1, 2)), 1)

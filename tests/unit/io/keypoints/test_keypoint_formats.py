@@ -1,4 +1,4 @@
-"""Other programs' 2D keypoints: the same detections read from every format, and what is said of broken ones."""
+"""2D keypoints of other programs: every format gives the same detections, and broken files raise errors."""
 
 import json
 import pickle
@@ -22,7 +22,7 @@ BODY = {"mediapipe_json": "mediapipe_33", "mediapipe_wide": "mediapipe_33", "med
 
 
 def some(n_people: int = 2, seed: int = 0, body: str | None = None) -> Detections:
-    """Two views, six frames, people with holes; everybody in the first frame, and somebody in the last."""
+    """Return two views of six frames with missing keypoints, all people in the first frame and one in the last."""
     rng = np.random.default_rng(seed)
     skeleton = shipped_skeleton(body or ("mouse_22" if n_people == 1 else "coco_17"))
     rows, offsets, tracks = [], [0], []
@@ -52,7 +52,7 @@ def some(n_people: int = 2, seed: int = 0, body: str | None = None) -> Detection
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_the_same_detections_from_every_format(name, tmp_path):
+def test_every_format_gives_the_same_detections(name, tmp_path):
     given = some(1 if name in ONE else 2, body=BODY.get(name))
     found = read_detections(WRITERS[name](given, tmp_path / "keypoints"), given.skeleton)
     assert found.view_names == given.view_names
@@ -68,7 +68,7 @@ def test_the_same_detections_from_every_format(name, tmp_path):
     np.testing.assert_allclose(found.confidence, confidence, rtol=1e-12)
 
 
-def test_frames_count_from_one_where_the_file_does(tmp_path):
+def test_frame_numbers_of_the_file_are_kept(tmp_path):
     given = some()
     folder = keypoint_files.mmpose(given, tmp_path)
     for file in folder.glob("*.json"):
@@ -79,16 +79,16 @@ def test_frames_count_from_one_where_the_file_does(tmp_path):
     assert read_detections(folder, "coco_17").frame_numbers.tolist() == [1, 2, 3, 4, 5, 6]
 
 
-def test_hands_that_are_left_out_are_said(tmp_path):
+def test_ignored_hands_are_reported(tmp_path):
     given = some()
     folder = keypoint_files.openpose(given, tmp_path)
-    assert not any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+    assert not any("are not read" in note for note in read_detections(folder, given.skeleton).notes)
     for file in folder.rglob("*.json"):
         content = json.loads(file.read_text())
         for person in content["people"]:
             person["hand_left_keypoints_2d"] = [1.0, 2.0, 0.5] * 21
         file.write_text(json.dumps(content))
-    assert any("left out" in note for note in read_detections(folder, given.skeleton).notes)
+    assert any("are not read" in note for note in read_detections(folder, given.skeleton).notes)
 
 
 def test_annotations_name_their_keypoints_and_bones(tmp_path):
@@ -101,13 +101,13 @@ EKS = ("x", "y", "likelihood", "x_ens_median", "x_ens_var", "y_ens_var", "x_post
 
 
 def eks_file(path, rows, kinds=EKS):
-    """One body part, one animal."""
+    """Write one body part of one animal."""
     header = [["scorer", *("eks" for _ in kinds)], ["bodyparts", *("paw" for _ in kinds)], ["coords", *kinds]]
     lines = [",".join(map(str, row)) for row in (*header, *rows)]
     path.write_text("\n".join(lines) + "\n")
 
 
-def test_variances_are_the_noise_of_each_detection(tmp_path):
+def test_variances_give_the_noise_of_each_detection(tmp_path):
     eks_file(
         tmp_path / "a.csv",
         [[0, 1, 2, 0.9, 1, 4, 4, 1, 9], [1, 3, 4, 0.8, 1, 4, 4, "", ""], [2, 3, 4, 0.8, 1, 4, 4, 0, 0]],
@@ -119,17 +119,17 @@ def test_variances_are_the_noise_of_each_detection(tmp_path):
     assert "posterior" not in found.notes[0]
 
 
-def test_without_a_smoother_the_ensemble_tells(tmp_path):
+def test_ensemble_variances_are_used_without_posterior_variances(tmp_path):
     eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9, 1, 4, 16]], EKS[:6])
     assert np.asarray(read_detections(tmp_path).sigma_px)[0, 0] == pytest.approx(10.0**0.5)
 
 
-def test_no_variances_no_deviations(tmp_path):
+def test_without_variances_there_are_no_standard_deviations(tmp_path):
     eks_file(tmp_path / "a.csv", [[0, 1, 2, 0.9]], EKS[:3])
     assert read_detections(tmp_path).sigma_px is None
 
 
-def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
+def test_a_table_whose_pickle_executes_code_is_refused(tmp_path):
     class Evil:
         def __reduce__(self):
             return (print, ("ran",))
@@ -141,12 +141,12 @@ def test_a_table_whose_pickle_would_run_something_is_refused(tmp_path):
         read_detections(folder)
 
 
-def test_a_table_whose_pickle_wants_gigabytes_is_refused(tmp_path):
-    """A few bytes that name the thousand millionth place of the pickle's memory."""
+def test_a_table_whose_pickle_allocates_gigabytes_is_refused(tmp_path):
+    """The pickle uses memo index 999,999,999."""
     folder = keypoint_files.deeplabcut_h5(some(), tmp_path)
     with h5py.File(folder / "trial_left_dlc.h5", "a") as file:
         file["df_with_missing"].attrs["non_index_axes"] = np.void(b"(lp999999999\n.")
-    with pytest.raises(FileError, match="asks for room for 999999999 values"):
+    with pytest.raises(FileError, match="allocates memory for 999999999 values"):
         read_detections(folder)
 
 
@@ -161,7 +161,7 @@ def test_people_of_different_lengths_are_an_error(tmp_path):
 
 
 def read_broken(name: str, folder, cases: int) -> int:
-    """Read so many broken recordings of a format; how many were still read."""
+    """Read broken recordings of a format and return how many were still readable."""
     given = some(1 if name in ONE else 2, body=BODY.get(name))
     path = WRITERS[name](given, folder)
     files = sorted(file for file in folder.rglob("*") if file.is_file())
@@ -186,14 +186,14 @@ def read_broken(name: str, folder, cases: int) -> int:
 # The netCDF library closes what it could not open.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("name", WRITERS)
-def test_broken_files_are_errors_that_say_so(name, tmp_path):
+def test_broken_files_raise_posefuse_errors(name, tmp_path):
     assert read_broken(name, tmp_path / "k", 200) < 200
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("name", WRITERS)
-def test_very_many_broken_files(name, tmp_path):
+def test_many_broken_files_raise_posefuse_errors(name, tmp_path):
     assert read_broken(name, tmp_path / "k", 10_000) < 10_000
 
 
@@ -205,7 +205,7 @@ A_FILE_A_CAMERA = (
 
 
 def damage(kind: str, content: bytes) -> bytes:
-    """Nothing; zeros, as a failing disk leaves; or the first half of it, up to a comma where there are any."""
+    """Return damaged content: empty, zeros, or the first half, up to a comma if there is one."""
     half = content.rfind(b",", 0, len(content) // 2)
     return {"empty": b"", "zeros": bytes(len(content)), "half": content[:half]}[kind]
 
@@ -226,7 +226,7 @@ def test_the_damaged_file_of_one_camera_is_an_error_that_names_it(name, kind, tm
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "rtmlib"])
-def test_a_camera_in_which_nobody_was_seen_stays(name, tmp_path):
+def test_a_camera_without_people_is_kept(name, tmp_path):
     given = some()
     path = WRITERS[name](given, tmp_path / "keypoints")
     next(file for file in path.rglob("*.json") if "right" in str(file)).write_text("[]")
@@ -236,7 +236,7 @@ def test_a_camera_in_which_nobody_was_seen_stays(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco_results", "mmpose", "payload_arrays", "mediapipe_json"])
-def test_other_files_beside_them_are_passed_over(name, tmp_path):
+def test_other_files_in_the_folder_are_ignored(name, tmp_path):
     given = some(body=BODY.get(name))
     path = WRITERS[name](given, tmp_path / "keypoints")
     (path / "settings.json").write_text('{"model": "large", "loss": NaN}')

@@ -1,13 +1,13 @@
 """What is told of cameras while a stream runs: once when it goes wrong, once when it is over."""
 
-from posefuse.live.monitor import StreamMonitor
+from posefuse.live.camera_warnings import CameraWarnings
 from posefuse.live.statistics import ViewCounts
 
 GOOD = [False, False]
 
 
 def test_a_silent_camera_is_reported_once_and_when_it_returns():
-    monitor, counts = StreamMonitor(["left", "right"]), [ViewCounts(), ViewCounts()]
+    monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
 
     def second(*sends: bool) -> list[str]:
         for count, sent in zip(counts, sends, strict=True):
@@ -28,7 +28,7 @@ def test_a_silent_camera_is_reported_once_and_when_it_returns():
 
 
 def test_a_wrong_clock_is_reported_as_early_or_late():
-    monitor, counts = StreamMonitor(["left", "right"]), [ViewCounts(), ViewCounts()]
+    monitor, counts = CameraWarnings(["left", "right"]), [ViewCounts(), ViewCounts()]
     for count, used in ((counts[0], 25), (counts[1], 0)):
         count.received, count.used, count.early = 25, used, 25 - used
     assert monitor.check(counts, GOOD, 0) == ["right sends times ahead of the other clocks; its messages are dropped."]
@@ -41,7 +41,7 @@ def test_a_wrong_clock_is_reported_as_early_or_late():
 
 
 def test_milliseconds_in_place_of_seconds_are_reported():
-    monitor, counts = StreamMonitor(["left"]), [ViewCounts(received=1, used=1)]
+    monitor, counts = CameraWarnings(["left"]), [ViewCounts(received=1, used=1)]
     said = [monitor.check(counts, [False], jumps) for jumps in (25, 50, 75)]
     assert [len(each) for each in said] == [0, 1, 0]
     assert "is it in milliseconds" in said[1][0]

@@ -31,13 +31,13 @@ def test_points_of_all_cameras_come_from_one_file(tmp_path):
     first = np.asarray(detections.keypoints_px)[1]
     np.testing.assert_array_equal(first[[0, 12, 32]], [[2, 3], [122, 243], [322, 643]])
     assert np.isnan(first[1]).all()
-    assert "5 observations of hands and face are left out" in detections.notes[0]
+    assert "5 observations of hands and face are ignored" in detections.notes[0]
 
 
 @pytest.mark.parametrize(
     "row", ["4,0,4,1.0,7,12.5", "4,0,4,1.0,7,12.5,x,,", "nan,0,4,1,7,2,2", "2.5,0,4,1,7,2,2", "4,0,4,1,-1,2,2"]
 )
-def test_a_cut_line_is_named(row, tmp_path):
+def test_a_truncated_line_is_reported(row, tmp_path):
     file = tmp_path / "xy.csv"
     write(file, [(3, 0, 3, 1.0, 0, 1, 2)])
     file.write_text(file.read_text() + row)
@@ -45,9 +45,9 @@ def test_a_cut_line_is_named(row, tmp_path):
         posefuse.read_detections(file)
 
 
-def test_an_empty_or_second_file_is_said(tmp_path):
+def test_an_empty_or_second_file_is_an_error(tmp_path):
     write(tmp_path / "xy_A.csv", [])
-    with pytest.raises(FileError, match="holds no points"):
+    with pytest.raises(FileError, match="contains no points"):
         posefuse.read_detections(tmp_path)
     write(tmp_path / "xy_B.csv", [])
     with pytest.raises(FileError, match="several recordings: xy_A.csv, xy_B.csv"):

@@ -1,4 +1,4 @@
-"""Hands and faces in OpenPose's files: read into openpose_137, and written from it."""
+"""Hands and faces in OpenPose files are read as openpose_137 and written from it."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 from posefuse import read_detections
 from posefuse.errors import FileError
 from posefuse.io.keypoints import openpose
-from posefuse.io.keypoints.openpose_parts import PARTS
+from posefuse.io.keypoints.openpose_parts import HAND_AND_FACE_LISTS
 from posefuse.io.results import openpose as overlays
 from posefuse.model.detections import Detections
 from posefuse.skeleton.skeletons import shipped_skeleton
@@ -30,7 +30,7 @@ def write(detections: Detections, folder: Path) -> Path:
 
 
 def change(folder: Path, keys: tuple[str, ...], every: int = 1) -> None:
-    """Empty some lists of every so manieth file."""
+    """Empty some lists of every n-th file."""
     for path in sorted(folder.rglob("*_keypoints.json"))[::every]:
         content = json.loads(path.read_text())
         for person in content["people"]:
@@ -38,7 +38,7 @@ def change(folder: Path, keys: tuple[str, ...], every: int = 1) -> None:
         path.write_text(json.dumps(content))
 
 
-def test_hands_and_faces_are_read_without_being_asked_for(scene, tmp_path):
+def test_hands_and_faces_are_read_by_default(scene, tmp_path):
     found = read_detections(write(scene.detections, tmp_path / "pose"))
     assert found.skeleton == WHOLE
     assert [note[:31] for note in found.notes] == ["25 keypoints read as body_25, w"]
@@ -46,7 +46,7 @@ def test_hands_and_faces_are_read_without_being_asked_for(scene, tmp_path):
         np.testing.assert_array_equal(mine, theirs)
 
 
-def test_the_lists_are_openposes(scene, tmp_path):
+def test_the_lists_equal_those_of_openpose(scene, tmp_path):
     first = min(write(scene.detections, tmp_path / "pose").rglob("*_keypoints.json"))
     person = json.loads(first.read_text())["people"][0]
     lengths = {key: len(values) for key, values in person.items() if key.endswith("_2d")}
@@ -61,14 +61,14 @@ def test_the_lists_are_openposes(scene, tmp_path):
 
 def test_bodies_alone_stay_bodies(scene, tmp_path):
     folder = write(scene.detections, tmp_path / "pose")
-    change(folder, tuple(part.key for part in PARTS))
+    change(folder, tuple(part.key for part in HAND_AND_FACE_LISTS))
     found = read_detections(folder)
     assert found.skeleton.name == "body_25"
     assert [note[:31] for note in found.notes] == ["25 keypoints read as body_25, w"]
     np.testing.assert_array_equal(found.dense()[0], scene.detections.dense()[0][..., :25, :])
 
 
-def test_what_some_files_lack_is_said(scene, tmp_path):
+def test_missing_lists_are_reported(scene, tmp_path):
     folder = write(scene.detections, tmp_path / "pose")
     change(folder, ("face_keypoints_2d",))
     change(folder, ("hand_left_keypoints_2d",), every=2)
@@ -77,7 +77,7 @@ def test_what_some_files_lack_is_said(scene, tmp_path):
     lacking = len(sorted(folder.rglob("*_keypoints.json"))[::2])
     assert found.skeleton == WHOLE
     assert found.notes[1:] == (
-        f"These files have left hands of {people - lacking} of {people} detected people, no faces: the other keypoints "
+        f"These files have left hands of {people - lacking} of {people} detected people, no faces. The other keypoints "
         "of openpose_137 are missing.",
     )
     places = np.isfinite(np.asarray(found.keypoints_px)[..., 0])
@@ -86,7 +86,7 @@ def test_what_some_files_lack_is_said(scene, tmp_path):
     assert places[:, 46:67].any(axis=1).all()
 
 
-def test_a_body_that_is_asked_for_leaves_the_rest_out_and_says_so(scene, tmp_path):
+def test_a_requested_body_skeleton_ignores_hands_and_faces(scene, tmp_path):
     found = read_detections(write(scene.detections, tmp_path / "pose"), "body_25")
     assert found.skeleton.name == "body_25"
     assert "--skeleton openpose_137" in found.notes[0]
@@ -102,8 +102,8 @@ def test_other_bodies_with_hands_are_read_as_bodies(tmp_path):
         path.write_text(json.dumps(content))
     found = read_detections(folder)
     assert found.skeleton.name == "body_25b"
-    assert any("hands and faces in these files are left out" in note for note in found.notes)
-    with pytest.raises(FileError, match="17 keypoints of a body, skeleton openpose_137 has 25"):
+    assert any("Hands and faces in these files are not read" in note for note in found.notes)
+    with pytest.raises(FileError, match="17 body keypoints, skeleton openpose_137 has 25"):
         other = simulate(SceneOptions(skeleton="coco_17", duration_s=0.1, cameras=2)).detections
         read_detections(write(other, tmp_path / "other"), "openpose_137")
 
@@ -114,11 +114,11 @@ def test_hands_of_another_size_are_an_error(scene, tmp_path):
     content = json.loads(path.read_text())
     content["people"][0]["hand_left_keypoints_2d"].pop()
     path.write_text(json.dumps(content))
-    with pytest.raises(FileError, match="person 0: hand_left_keypoints_2d holds 62 numbers, expected x, y, confidence"):
+    with pytest.raises(FileError, match="person 0: hand_left_keypoints_2d has 62 numbers, expected x, y, confidence"):
         read_detections(folder)
 
 
-def test_a_view_in_which_nobody_is_seen(scene, tmp_path):
+def test_a_view_without_people(scene, tmp_path):
     folder = write(scene.detections, tmp_path / "pose")
     for path in (folder / scene.detections.view_names[1]).glob("*.json"):
         path.write_text('{"people": []}')
@@ -128,7 +128,7 @@ def test_a_view_in_which_nobody_is_seen(scene, tmp_path):
         assert found.recorded.all()
 
 
-def test_overlays_have_hands_and_faces_where_they_belong(scene, tmp_path):
+def test_overlays_have_hands_and_faces_in_the_right_lists(scene, tmp_path):
     overlays.write(scene.truth, tmp_path / "overlay", "measured")
     found = read_detections(tmp_path / "overlay")
     assert found.skeleton == WHOLE

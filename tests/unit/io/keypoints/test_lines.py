@@ -1,4 +1,4 @@
-"""Replays and records in lines are read by ranges of frames, and what changes meanwhile is said."""
+"""Replays and records are read by ranges of frames, and files that change meanwhile raise an error."""
 
 import json
 
@@ -11,7 +11,7 @@ from posefuse.io.keypoints import replay
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
 from tests.keypoint_files import WRITERS
-from tests.unit.io.test_keypoint_formats import some
+from tests.unit.io.keypoints.test_keypoint_formats import some
 
 
 def written(tmp_path):
@@ -20,7 +20,7 @@ def written(tmp_path):
     return scene.detections, tmp_path / "replay.jsonl"
 
 
-def test_ranges_are_those_of_the_whole_in_any_order(tmp_path):
+def test_ranges_in_any_order_equal_the_whole(tmp_path):
     given, path = written(tmp_path)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], *reversed(lines[1:])]))
@@ -32,7 +32,7 @@ def test_ranges_are_those_of_the_whole_in_any_order(tmp_path):
     np.testing.assert_array_equal(found.confidence[5:9], np.asarray(given.confidence)[5:9])
 
 
-def test_what_is_handed_out_is_nobody_elses(tmp_path):
+def test_returned_arrays_are_copies(tmp_path):
     _, path = written(tmp_path)
     found = posefuse.read_detections(path)
     found.keypoints_px[0:10][:] = 0.0
@@ -50,8 +50,8 @@ def test_a_file_that_changes_while_it_is_read(name, tmp_path):
         found.frames(0, found.n_frames)
 
 
-@pytest.mark.parametrize(("number", "words"), [("1e400", "out of range|infinite"), ("-3", "not positive")])
-def test_impossible_numbers_are_found_before_anything_is_made_of_them(number, words, tmp_path):
+@pytest.mark.parametrize(("number", "words"), [("1e400", "out of range|infinite"), ("-3", "must be positive")])
+def test_impossible_numbers_are_refused_when_the_file_is_opened(number, words, tmp_path):
     frame = {"frame": 0, "cameras": {"a": {"detections": [{"keypoints": [[1.0, 2.0]] * 17, "sigma_px": ["X"] * 17}]}}}
     (tmp_path / "replay.jsonl").write_text(json.dumps(frame).replace('"X"', number) + "\n")
     with pytest.raises((FileError, DetectionsError), match=words):

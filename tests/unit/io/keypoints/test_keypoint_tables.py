@@ -1,4 +1,4 @@
-"""Tables, replays, records and landmarks: known cases by hand, and what is said of wrong ones."""
+"""Tables, replays, records and landmarks: hand-written cases, and errors of invalid ones."""
 
 import json
 
@@ -15,7 +15,7 @@ from posefuse.io.keypoints.read import read_keypoints
 from posefuse.io.keypoints.request import Request
 from posefuse.io.recording import find_recording
 from tests.keypoint_files import WRITERS
-from tests.unit.io.test_keypoint_formats import BODY, some
+from tests.unit.io.keypoints.test_keypoint_formats import BODY, some
 
 HEADER = "camera,frame,time_s,person,track,keypoint,x_px,y_px,confidence"
 
@@ -27,7 +27,7 @@ def tidy_file(path, *rows, header=HEADER):
 
 
 class TestTidy:
-    def test_a_table_by_hand(self, tmp_path):
+    def test_a_hand_written_table(self, tmp_path):
         file = tidy_file(
             tmp_path, "b,7,0.5,0,3,paw,10,20,0.5", "b,7,0.5,0,3,nose,,,", "a,7,0.48,,,,,,", "b,8,0.6,,,,,,"
         )
@@ -49,27 +49,27 @@ class TestTidy:
         assert found.rate_hz is None
 
     @pytest.mark.parametrize(
-        ("row", "said"),
+        ("row", "words"),
         [
-            ("a,7,0,0,,nose,1,2,1", "row 2: nose of person 0 is there twice in frame 7 of camera a"),
-            ("a,7.5,0,0,,nose,1,2,1", "frame should be a whole number, got 7.5"),
-            ("a,,0,0,,nose,1,2,1", "frame should be a whole number, got nothing"),
-            ("a,8,0,,,nose,1,2,1", "row 2: a keypoint of nobody"),
-            ("a,8,0,0,,nose,left,2,1", "the column x_px should hold numbers"),
+            ("a,7,0,0,,nose,1,2,1", "row 2: nose of person 0 occurs twice in frame 7 of camera a"),
+            ("a,7.5,0,0,,nose,1,2,1", "expected an integer for frame, got 7.5"),
+            ("a,,0,0,,nose,1,2,1", "expected an integer for frame, got nothing"),
+            ("a,8,0,,,nose,1,2,1", "row 2: a keypoint without a person"),
+            ("a,8,0,0,,nose,left,2,1", "the column x_px does not contain numbers"),
             (",8,0,0,,nose,1,2,1", "row 2: no camera"),
             ("a,8,0,0", "Is the file truncated"),
             ("a,9000000,0,0,,nose,1,2,1", "only 2 frames"),
         ],
     )
-    def test_what_is_wrong_is_said_with_its_row(self, tmp_path, row, said):
-        with pytest.raises(FileError, match=said):
+    def test_invalid_rows_are_reported_with_their_number(self, tmp_path, row, words):
+        with pytest.raises(FileError, match=words):
             read_detections(tidy_file(tmp_path, "a,7,0,0,,nose,1,2,1", row))
 
     def test_infinity_is_refused(self, tmp_path):
         with pytest.raises(DetectionsError, match="infinite"):
             read_detections(tidy_file(tmp_path, "a,7,0,0,,nose,inf,2,1"))
 
-    def test_parquet_stays_in_its_file_until_asked(self, tmp_path):
+    def test_parquet_is_read_on_demand(self, tmp_path):
         given = some()
         tidy.write(given, tmp_path / "k.parquet")
         found = read_detections(tmp_path / "k.parquet")
@@ -79,7 +79,7 @@ class TestTidy:
         with pytest.raises(IndexError):
             found.keypoints_px[10_000]
 
-    def test_rows_that_somebody_sorted_are_read_all_the_same(self, tmp_path):
+    def test_reordered_rows_are_read(self, tmp_path):
         given = some()
         tidy.write(given, tmp_path / "k.parquet")
         table = pq.read_table(tmp_path / "k.parquet")
@@ -94,7 +94,7 @@ class TestDetectionTables:
         scores = [[[0.5] * 17 for _ in range(n)] for n in people]
         pq.write_table(pa.table({"frame": frames, "keypoints": shape, "scores": scores} | more), path)
 
-    def test_others_tables_with_frames_in_any_order(self, tmp_path):
+    def test_tables_of_other_programs_with_frames_in_any_order(self, tmp_path):
         self.table(tmp_path / "a.parquet", [3, 1], [2, 0], timestamp_ns=[2_000_000_000, 1_000_000_000])
         self.table(tmp_path / "b.parquet", [1, 2], [1, 1], timestamp_ns=[1_100_000_000, 1_600_000_000])
         found = read_detections(tmp_path, "coco_17")
@@ -118,7 +118,7 @@ class TestDetectionTables:
 
     def test_a_frame_twice_is_an_error(self, tmp_path):
         self.table(tmp_path / "a.parquet", [1, 1], [1, 1])
-        with pytest.raises(FileError, match="'a' has two rows of frame 1"):
+        with pytest.raises(FileError, match="'a' has two rows for frame 1"):
             read_detections(tmp_path, "coco_17")
 
     def test_names_never_leave_the_folder(self, tmp_path):
@@ -137,7 +137,7 @@ class TestRecords:
         file.write_text("".join(json.dumps(record) + "\n" for record in records))
         return file
 
-    def test_clocks_tell_frames(self, tmp_path):
+    def test_frames_are_assigned_by_time(self, tmp_path):
         start, person = 1_700_000_000_000_000_000, {"keypoints": [[1, 2, 0.5]] * 133}
         times = {"a": (0, 40, 121), "b": (3, 43, 80)}
         records = [
@@ -151,22 +151,22 @@ class TestRecords:
         np.testing.assert_allclose(found.time_s[:, 0], [0.0, 0.04, np.nan, 0.121], atol=1e-9)
 
     @pytest.mark.parametrize(
-        ("record", "said"),
+        ("record", "words"),
         [
             ({"camera": "a", "people": []}, "neither a frame"),
-            ({"camera": "a", "timestamp": "now", "people": []}, "timestamp should be a number"),
+            ({"camera": "a", "timestamp": "now", "people": []}, "expected a number for timestamp"),
             ({"camera": "a", "timestamp": 2, "people": [{"x": 1}]}, "a person without keypoints"),
-            ({"camera": "a", "timestamp": 2, "people": 4}, "no list of people"),
+            ({"camera": "a", "timestamp": 2, "people": 4}, "expected a list of people"),
         ],
     )
-    def test_what_is_lacking_is_said_with_its_line(self, tmp_path, record, said):
+    def test_incomplete_records_are_reported_with_their_line(self, tmp_path, record, words):
         file = self.lines(tmp_path, {"camera": "a", "timestamp": 1, "people": []}, record)
-        with pytest.raises(FileError, match=f"line 2.*{said}"):
+        with pytest.raises(FileError, match=f"line 2.*{words}"):
             read_detections(file)
 
 
 class TestLandmarks:
-    def test_shares_need_the_size_of_the_image(self, tmp_path):
+    def test_fractions_need_the_size_of_the_image(self, tmp_path):
         landmarks = [{"x": 0.5, "y": 0.25, "z": -0.1, "visibility": 0.9}] * 33
         (tmp_path / "a.json").write_text(json.dumps([{"pose_landmarks": landmarks}, {"pose_landmarks": None}]))
         with pytest.raises(FileError, match="--image-size"):
@@ -177,7 +177,7 @@ class TestLandmarks:
         assert found.people_counts.tolist() == [[1], [0]]
 
     @pytest.mark.parametrize(("mesh", "skeleton"), [(468, "mediapipe_holistic_543"), (478, "mediapipe_holistic_553")])
-    def test_hands_and_face_have_their_places(self, tmp_path, mesh, skeleton):
+    def test_hands_and_face_have_the_order_of_the_skeleton(self, tmp_path, mesh, skeleton):
         def points(n, x):
             return {"landmark": [{"x": x, "y": 10.0, "visibility": 1.0}] * n}
 
@@ -193,7 +193,7 @@ class TestLandmarks:
             assert found.keypoints_px[0, found.skeleton.index(name), 0] == x
 
 
-def test_an_instance_put_by_hand_counts_before_what_it_corrects(tmp_path):
+def test_a_manual_instance_replaces_the_prediction_that_it_corrects(tmp_path):
     skeleton = sleap_io.Skeleton(nodes=["a", "b"], edges=[("a", "b")])
     video = sleap_io.Video(filename="cam.mp4", open_backend=False)
     guess = sleap_io.PredictedInstance.from_numpy(np.array([[1.0, 2], [3, 4]]), skeleton, point_scores=np.ones(2))
@@ -208,7 +208,7 @@ def test_an_instance_put_by_hand_counts_before_what_it_corrects(tmp_path):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_the_finder_knows_every_format(name, tmp_path):
+def test_every_format_is_found_in_a_folder(name, tmp_path):
     given = some(1, body=BODY.get(name))
     WRITERS[name](given, tmp_path / "recording" / "keypoints")
     (found,) = find_recording(tmp_path / "recording").keypoints
@@ -218,7 +218,7 @@ def test_the_finder_knows_every_format(name, tmp_path):
 @pytest.mark.parametrize(
     "name", ["detection_folder", "payload_arrays", "mediapipe_json", "mediapipe_wide", "mediapipe_long", "deeplabcut"]
 )
-def test_a_camera_whose_file_is_empty_does_not_go_missing(name, tmp_path):
+def test_a_camera_with_an_empty_file_is_an_error(name, tmp_path):
     path = WRITERS[name](some(1, body=BODY.get(name)), tmp_path)
     max(file for file in tmp_path.rglob("*") if file.is_file()).write_bytes(b"")
     with pytest.raises(FileError, match=r"truncated"):
@@ -227,5 +227,5 @@ def test_a_camera_whose_file_is_empty_does_not_go_missing(name, tmp_path):
 
 def test_a_skeleton_of_another_number_is_refused(tmp_path):
     path = WRITERS["replay_without_head"](some(), tmp_path)
-    with pytest.raises((FileError, SkeletonError), match="17 keypoints a person"):
+    with pytest.raises((FileError, SkeletonError), match="17 keypoints per person"):
         read_detections(path, "body_25")

@@ -1,4 +1,4 @@
-"""DeepLabCut and SLEAP: one file a camera, views and skeletons by the names in and of the files."""
+"""DeepLabCut and SLEAP: one file per camera, views by file names, skeletons by keypoint names."""
 
 import json
 
@@ -10,28 +10,28 @@ import posefuse
 from posefuse.errors import FileError
 from posefuse.io.keypoints.names import skeleton_of, view_names
 from tests import keypoint_files
-from tests.unit.io.test_keypoint_formats import some
+from tests.unit.io.keypoints.test_keypoint_formats import some
 
-PARTS = ("nose", "ear_L", "ear_R", "tail")
+CHECKPOINT_FOLDER = ("nose", "ear_L", "ear_R", "tail")
 
 
 def write_deeplabcut(file, values):
-    """Values (frame, part, 3)."""
+    """Return values of shape (frame, part, 3)."""
     rows = [
-        ["scorer"] + ["net"] * 3 * len(PARTS),
-        ["bodyparts"] + [part for part in PARTS for _ in range(3)],
-        ["coords"] + ["x", "y", "likelihood"] * len(PARTS),
+        ["scorer"] + ["net"] * 3 * len(CHECKPOINT_FOLDER),
+        ["bodyparts"] + [part for part in CHECKPOINT_FOLDER for _ in range(3)],
+        ["coords"] + ["x", "y", "likelihood"] * len(CHECKPOINT_FOLDER),
         *[[n, *["" if np.isnan(v) else repr(float(v)) for v in row.ravel()]] for n, row in enumerate(values)],
     ]
     file.write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
 
 
 def write_sleap(file, pixels, scores):
-    """Pixels (track, frame, node, 2), scores (track, frame, node)."""
+    """Return pixels (track, frame, node, 2) and scores (track, frame, node)."""
     with h5py.File(file, "w") as content:
         content["tracks"] = pixels.transpose(0, 3, 2, 1)
         content["point_scores"] = scores.transpose(0, 2, 1)
-        content["node_names"] = np.array([part.encode() for part in PARTS])
+        content["node_names"] = np.array([part.encode() for part in CHECKPOINT_FOLDER])
         content["edge_inds"] = np.array([[0, 1], [0, 2], [0, 3]])
 
 
@@ -43,12 +43,12 @@ def values(rng):
     return values
 
 
-def test_deeplabcut_comes_back(tmp_path, values):
+def test_deeplabcut_survives_a_round_trip(tmp_path, values):
     for name, shift in (("A", 0.0), ("B", 5.0), ("C", 9.0)):
         write_deeplabcut(tmp_path / f"trial_1_Cam-{name}_resnet.csv", values + np.array([shift, 0.0, 0.0]))
     found = posefuse.read_detections(tmp_path)
     assert found.view_names == ("Cam-A", "Cam-B", "Cam-C")
-    assert found.skeleton.keypoints == PARTS
+    assert found.skeleton.keypoints == CHECKPOINT_FOLDER
     assert found.skeleton.pairs == (("ear_L", "ear_R"),)
     assert found.n_frames == 7
     pixels = np.asarray(found.keypoints_px).reshape(7, 3, 4, 2)
@@ -56,7 +56,7 @@ def test_deeplabcut_comes_back(tmp_path, values):
     np.testing.assert_array_equal(np.asarray(found.confidence).reshape(7, 3, 4)[:, 2], values[..., 2])
 
 
-def test_a_cut_deeplabcut_file_says_where(tmp_path, values):
+def test_a_truncated_deeplabcut_file_is_reported_with_its_line(tmp_path, values):
     file = tmp_path / "cam.csv"
     write_deeplabcut(file, values)
     text = file.read_text()
@@ -65,7 +65,7 @@ def test_a_cut_deeplabcut_file_says_where(tmp_path, values):
         posefuse.read_detections(file)
 
 
-def test_sleap_comes_back_with_tracks(tmp_path, rng):
+def test_sleap_survives_a_round_trip_with_tracks(tmp_path, rng):
     pixels = rng.uniform(1, 500, (2, 6, 4, 2))
     pixels[1, 3:] = np.nan
     scores = rng.uniform(0.2, 1.0, (2, 6, 4))
@@ -90,12 +90,12 @@ def test_files_of_several_trials_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("left", "right"), [("left_paw", "right_paw"), ("Ear_L", "Ear_R"), ("L_ear", "R_ear"), ("Paw_left", "Paw_right")]
 )
-def test_sides_are_told_by_names(left, right):
+def test_left_and_right_are_inferred_from_names(left, right):
     assert skeleton_of("animal", ("nose", right, left)).pairs == ((left, right),)
     assert skeleton_of("animal", ("tail", left)).pairs == ()
 
 
-def test_a_camera_whose_file_is_cut_short_does_not_go_missing(tmp_path, rng, values):
+def test_a_camera_with_a_truncated_file_is_an_error(tmp_path, rng, values):
     for camera in ("side", "top"):
         (tmp_path / camera).mkdir()
         write_sleap(tmp_path / camera / "mouse.analysis.h5", rng.uniform(1, 9, (1, 5, 4, 2)), np.ones((1, 5, 4)))
@@ -109,12 +109,12 @@ def test_a_camera_whose_file_is_cut_short_does_not_go_missing(tmp_path, rng, val
         write_deeplabcut(folder / f"trial_{name}_net.csv", values)
     for kept in ("", "scorer,net,net\nbodyparts,nose,nose\n"):
         (folder / "trial_B_net.csv").write_text(kept)
-        with pytest.raises(FileError, match=r"trial_B_net.csv holds no frames"):
+        with pytest.raises(FileError, match=r"trial_B_net.csv contains no frames"):
             posefuse.read_detections(folder)
 
 
 def test_analysis_files_whose_axes_are_named(tmp_path):
-    """sleap-io's other order, which of two animals cannot be told from the usual one by its shape."""
+    """sleap-io uses another order of axes, which the shape does not reveal for two animals."""
     folder = keypoint_files.sleap(some(), tmp_path / "usual")
     usual = posefuse.read_detections(folder)
     for file in folder.iterdir():
@@ -130,7 +130,7 @@ def test_analysis_files_whose_axes_are_named(tmp_path):
     assert posefuse.read_detections(folder) == usual
 
 
-def test_names_in_meta_info_tell_the_skeleton(tmp_path):
+def test_names_in_meta_info_identify_the_skeleton(tmp_path):
     given = some()
     folder = keypoint_files.mmpose(given, tmp_path / "mmpose")
     animal = [f"part_{i}" for i in range(len(given.skeleton))]

@@ -1,4 +1,4 @@
-"""Keypoint files: OpenPose folders, arrays, FreeMoCap recordings, our own; and what is said of broken ones."""
+"""Keypoint files: OpenPose folders, arrays, FreeMoCap recordings and posefuse's own, and errors of broken ones."""
 
 import json
 from dataclasses import replace
@@ -26,7 +26,7 @@ def walk() -> Detections:
 
 
 class TestOpenPose:
-    def test_what_was_written_is_read(self, walk, tmp_path):
+    def test_written_detections_are_read(self, walk, tmp_path):
         found = read_detections(write_openpose(tmp_path, walk))
         assert found.skeleton.name == "body_25"
         assert found.view_names == ("cam_0_json", "cam_1_json", "cam_2_json")
@@ -43,7 +43,7 @@ class TestOpenPose:
         np.testing.assert_array_equal(found.track_ids, crowd.track_ids)
         assert found.frame_numbers.tolist() == crowd.frame_numbers.tolist()
 
-    def test_results_beside_them_are_no_camera(self, walk, tmp_path):
+    def test_result_folders_are_not_cameras(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         results = tmp_path / "result"
         results.mkdir()
@@ -59,7 +59,7 @@ class TestOpenPose:
         assert found.recorded.sum() == found.recorded.size - 1
         assert np.isnan(found.with_rate(30).time_s[4, 1])
 
-    def test_an_empty_person_makes_the_place_an_identity(self, walk, tmp_path):
+    def test_an_empty_person_makes_the_list_index_the_identity(self, walk, tmp_path):
         folder = tmp_path / "cam"
         folder.mkdir()
         for f in range(6):
@@ -83,13 +83,13 @@ class TestOpenPose:
         found = read_detections(tmp_path)
         assert np.isnan(found.dense()[0][4, 1, 1, 0])
 
-    def test_body_25_and_25b_are_told_apart(self, tmp_path):
+    def test_body_25_and_body_25b_are_distinguished(self, tmp_path):
         other = simulate(SceneOptions(skeleton="body_25b", duration_s=0.5, cameras=3)).detections
         found = read_detections(write_openpose(tmp_path, other))
         assert found.skeleton.name == "body_25b"
         assert "not as body_25" in found.notes[0]
 
-    def test_pose2sims_settings_are_used(self, walk, tmp_path):
+    def test_settings_of_pose2sim_are_used(self, walk, tmp_path):
         (tmp_path / "Config.toml").write_text('[project]\nframe_rate = 50\n[pose]\npose_model = "BODY_25"\n')
         found = read_detections(write_openpose(tmp_path / "pose", walk))
         assert found.rate_hz == 50
@@ -99,12 +99,12 @@ class TestOpenPose:
     @pytest.mark.parametrize(
         ("content", "words"),
         [
-            ('{"people": [{"pose_keypoints_2d": [1, 2', ["is not whole JSON", "truncated"]),
+            ('{"people": [{"pose_keypoints_2d": [1, 2', ["is not complete JSON", "truncated"]),
             ('{"persons": []}', ["not an OpenPose file", "people"]),
             ('{"people": [{"pose_keypoints_2d": [1, "x", 3]}]}', ["not an OpenPose file", "pose_keypoints_2d[1]"]),
-            ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', ["person 0", "holds 2 numbers"]),
-            ('{"people": [{"pose_keypoints_2d": [1, 2, 0.5]}]}', ["keypoints", "one skeleton"]),
-            ("", ["is not whole JSON", "(0 bytes)"]),
+            ('{"people": [{"pose_keypoints_2d": [1, 2]}]}', ["person 0", "has 2 numbers"]),
+            ('{"people": [{"pose_keypoints_2d": [1, 2, 0.5]}]}', ["keypoints", "must have the same keypoints"]),
+            ("", ["is not complete JSON", "(0 bytes)"]),
             ("[]", ["not an OpenPose file"]),
         ],
     )
@@ -121,10 +121,10 @@ class TestOpenPose:
         person = openpose_person(walk, 4 * 3 + 1)
         person["pose_keypoints_2d"][3] = float("inf")
         (tmp_path / "cam_1_json" / "cam_1_000000000004_keypoints.json").write_text(json.dumps({"people": [person]}))
-        with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, holds an infinite number"):
+        with pytest.raises(DetectionsError, match="view 'cam_1_json', frame 4, contains an infinite number"):
             read_detections(tmp_path)
 
-    def test_a_folder_is_no_frame(self, walk, tmp_path):
+    def test_a_folder_is_not_a_frame(self, walk, tmp_path):
         write_openpose(tmp_path / "pose", walk)
         camera = next((tmp_path / "pose").iterdir())
         (camera / "cam_000000000999_keypoints.json").mkdir()
@@ -133,7 +133,7 @@ class TestOpenPose:
     def test_names_without_numbers(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "extra.json").write_text('{"people": []}')
-        with pytest.raises(FileError, match="extra.json: no frame number"):
+        with pytest.raises(FileError, match="extra.json: expected a frame number"):
             read_detections(tmp_path)
 
     def test_two_files_of_one_frame(self, walk, tmp_path):
@@ -145,19 +145,19 @@ class TestOpenPose:
     def test_frame_numbers_of_two_recordings(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
         (tmp_path / "cam_1_json" / "other_9000000.json").write_text('{"people": []}')
-        with pytest.raises(FileError, match="run from 0 to 9000000"):
+        with pytest.raises(FileError, match="range from 0 to 9000000"):
             read_detections(tmp_path)
 
     def test_the_wrong_skeleton(self, walk, tmp_path):
         write_openpose(tmp_path, walk)
-        with pytest.raises(FileError, match="has 25 keypoints a person, skeleton coco_17 has 17"):
+        with pytest.raises(FileError, match="has 25 keypoints per person, skeleton coco_17 has 17"):
             read_detections(tmp_path, "coco_17")
 
-    def test_nobody_in_any_view(self, tmp_path):
+    def test_no_person_in_any_view(self, tmp_path):
         for f in range(3):
             (tmp_path / "cam").mkdir(exist_ok=True)
             write_openpose_frame(tmp_path / "cam" / f"{f}.json", [])
-        with pytest.raises(FileError, match="nobody was detected in any view"):
+        with pytest.raises(FileError, match="no person was detected in any view"):
             read_detections(tmp_path)
         found = read_detections(tmp_path, "coco_17")
         assert found.people_counts.sum() == 0
@@ -165,13 +165,13 @@ class TestOpenPose:
     def test_an_unknown_number_of_keypoints(self, tmp_path):
         (tmp_path / "cam").mkdir()
         write_openpose_frame(tmp_path / "cam" / "0.json", [{"pose_keypoints_2d": [1.0, 2.0, 0.5] * 7}])
-        with pytest.raises(SkeletonError, match=r"has 7 keypoints, and no shipped skeleton has"):
+        with pytest.raises(SkeletonError, match=r"has 7 keypoints, but no shipped skeleton does"):
             read_detections(tmp_path)
 
-    def test_people_who_do_not_tell(self, tmp_path):
+    def test_ambiguous_skeletons_are_an_error(self, tmp_path):
         (tmp_path / "cam").mkdir()
         write_openpose_frame(tmp_path / "cam" / "0.json", [{"pose_keypoints_2d": [5.0, 5.0, 0.5] * 25}])
-        with pytest.raises(SkeletonError, match="may be body_25, body_25b, and the people seen do not tell"):
+        with pytest.raises(SkeletonError, match="may be body_25, body_25b; the detections do not decide"):
             read_detections(tmp_path)
 
 
@@ -199,7 +199,7 @@ class TestArrays:
         np.testing.assert_array_equal(np.asarray(values).reshape(found.n_frames, 3, 26), np.moveaxis(third, 0, 1))
         assert (found.depth is None) == (meaning == "confidence")
 
-    def test_npz_may_say_more(self, pixels, tmp_path):
+    def test_npz_with_names_rate_and_confidence(self, pixels, tmp_path):
         path = tmp_path / "points.npz"
         np.savez(path, keypoints=pixels, names=["a", "b", "c"], rate_hz=25.0, confidence=np.full(pixels.shape[:3], 0.5))
         found = read_detections(path)
@@ -211,16 +211,16 @@ class TestArrays:
         ("extra", "words"),
         [
             ({"confidence": np.ones((2, 3))}, r"expected confidence \[camera, frame, keypoint\]"),
-            ({"rate_hz": np.array([30.0, 60.0])}, "rate_hz should be one number"),
-            ({"rate_hz": np.array("thirty")}, "rate_hz should be one number"),
+            ({"rate_hz": np.array([30.0, 60.0])}, "expected one number for rate_hz"),
+            ({"rate_hz": np.array("thirty")}, "expected one number for rate_hz"),
         ],
     )
-    def test_npz_that_contradicts_itself(self, extra, words, pixels, tmp_path):
+    def test_inconsistent_npz_is_refused(self, extra, words, pixels, tmp_path):
         np.savez(tmp_path / "k.npz", keypoints=pixels, **extra)
         with pytest.raises(FileError, match=words):
             read_detections(tmp_path / "k.npz")
 
-    def test_zeros_are_what_detectors_write_for_missing(self, pixels, tmp_path):
+    def test_zeros_are_missing(self, pixels, tmp_path):
         spoilt = pixels.copy()
         spoilt[0, 1, 2] = spoilt[1, 0, 4] = 0.0
         np.save(tmp_path / "k.npy", spoilt)
@@ -230,10 +230,10 @@ class TestArrays:
 
     def test_a_skeleton_of_another_size(self, pixels, tmp_path):
         np.save(tmp_path / "k.npy", pixels)
-        with pytest.raises(FileError, match="26 keypoints, skeleton coco_17 has 17"):
+        with pytest.raises(FileError, match="26 keypoints per person, skeleton coco_17 has 17"):
             read_detections(tmp_path / "k.npy", "coco_17")
 
-    def test_half_a_keypoint_is_none(self, pixels, tmp_path):
+    def test_one_coordinate_alone_is_missing(self, pixels, tmp_path):
         pixels[0, 0, 3, 1] = np.nan
         np.save(tmp_path / "points.npy", pixels)
         assert np.isnan(read_detections(tmp_path / "points.npy").dense()[0][0, 0, 3]).all()
@@ -252,7 +252,7 @@ class TestArrays:
         with pytest.raises(PosefuseError, match=words):
             read_detections(tmp_path / "points.npy", "halpe_26")
 
-    def test_pickles_are_not_opened(self, tmp_path):
+    def test_pickles_are_refused(self, tmp_path):
         np.save(tmp_path / "points.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
         with pytest.raises(FileError, match="cannot be|can be read"):
             read_detections(tmp_path / "points.npy")
@@ -293,14 +293,14 @@ class TestFreeMoCap:
         self.recording(tmp_path, videos=0)
         assert read_detections(tmp_path).view_names == ("camera_0", "camera_1")
 
-    def test_videos_must_fit(self, tmp_path):
+    def test_the_number_of_videos_must_match(self, tmp_path):
         self.recording(tmp_path, cameras=3)
-        with pytest.raises(FileError, match="2 videos, but 3 cameras"):
+        with pytest.raises(FileError, match="2 videos, but .* has 3 cameras"):
             read_detections(tmp_path)
 
 
 class TestNative:
-    def test_comes_back_equal_and_stays_in_the_file(self, tmp_path, rng):
+    def test_survives_a_round_trip_and_stays_in_the_file(self, tmp_path, rng):
         crowd = ragged(rng)
         native.write(crowd, tmp_path / "keypoints.nc")
         found = read_detections(tmp_path / "keypoints.nc")
@@ -319,7 +319,7 @@ class TestNative:
         assert read_detections(tmp_path / "keypoints.nc", "coco_17").skeleton.name == "coco_17"
 
     @pytest.mark.parametrize("keep", [0, 10, 0.3, 0.95])
-    def test_cut_short(self, keep, tmp_path, rng):
+    def test_truncated_files_are_refused(self, keep, tmp_path, rng):
         path = tmp_path / "keypoints.nc"
         native.write(ragged(rng), path)
         content = path.read_bytes()
@@ -328,8 +328,8 @@ class TestNative:
             read_detections(path)
 
 
-def test_what_is_nothing(tmp_path):
+def test_unknown_formats_are_refused(tmp_path):
     with pytest.raises(FileError, match="No keypoints at .*nowhere"):
         read_detections(tmp_path / "nowhere")
-    with pytest.raises(FileError, match="no keypoints in a known format. Known: posefuse"):
+    with pytest.raises(FileError, match="no keypoints in a known format. Formats: posefuse"):
         read_detections(tmp_path)

@@ -16,7 +16,7 @@ _MIN_JUMPS = 3
 _Trouble = Literal["", "silent", "early", "late"]
 
 
-class StreamMonitor:
+class CameraWarnings:
     """Reports each problem of a camera once, and its end once.
 
     Args:
