@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from posefuse.association import one_subject
-from posefuse.association.one_subject import follow, longest_track_ids
+from posefuse.association.one_subject import longest_track_ids, select_subject
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from tests.scenes import skeleton_of
@@ -29,7 +29,7 @@ def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detec
 
 
 def chosen(detections: Detections, pick) -> list[list[int]]:
-    return follow(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
+    return select_subject(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
 
 
 def test_one_person_needs_no_choice():

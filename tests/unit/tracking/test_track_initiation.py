@@ -41,7 +41,8 @@ def standing(
     trust = np.ones((len(RIG), len(SKELETON)))
     return [
         Observation(
-            float(t), i, projected.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64), projected.points_m[0].copy(),
+            float(t), i, projected.pixels[0].copy(), trust, np.zeros(len(RIG), dtype=np.int64),
+            projected.points_m[0].copy(),
             projected.covariance_m2[0], projected.points_m[0, 0], 10.0, 1.0,
         )
         for i, t in enumerate(times_s)
