@@ -49,7 +49,7 @@ def noise_of(rig: CameraRig, scale_px: float = 4.0) -> NoiseModel:
 def seen(
     rig: CameraRig, points_m: np.ndarray, sigma_px: float = 4.0, seed: int = 0, hidden: tuple[tuple[int, int], ...] = ()
 ) -> tuple[Frame, np.ndarray]:
-    """Return a frame of people in random order with the person of each row; ``hidden`` (person, view) have no detection."""
+    """Return a frame of people in random order, and each row's person; ``hidden`` (person, view) are not detected."""
     rng = np.random.default_rng(seed)
     pixels = rig.project(points_m) + sigma_px * rng.standard_normal((len(rig), *points_m.shape[:2], 2))
     order = [[p for p in rng.permutation(len(points_m)) if (p, v) not in hidden] for v in range(len(rig))]
