@@ -1,1 +1,1 @@
-"""Who is whose, within a frame and across views."""
+"""Association: which detections of different views show the same person."""

@@ -1,4 +1,4 @@
-"""How far apart two people are, in units of how well they are known, and which of them are one."""
+"""Covariance-normalized distances between people, and clusters of people that are the same person."""
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -15,21 +15,21 @@ def distance_squared(
     floor_m: float = 0.0,
     min_common: int = 1,
 ) -> np.ndarray:
-    """Squared distances of people, covariance-normalised: the mean over the keypoints that both have.
+    """Return squared covariance-normalized distances between people: the mean over their common keypoints.
 
-    Of two independent estimates of one person it is 3 on average, however many keypoints they share.
+    For two independent estimates of one person its expected value is 3, whatever the number of common keypoints.
 
     Args:
         points_a_m: shape (a, keypoint, 3), NaN where missing.
         covariance_a_m2: shape (a, keypoint, 6): xx xy xz yy yz zz.
         points_b_m: shape (b, keypoint, 3).
         covariance_b_m2: shape (b, keypoint, 6).
-        floor_m: standard deviation per axis that is added to that of every difference, for what covariances do not
-            know: that a keypoint means another place from another side.
-        min_common: with fewer common keypoints nothing is said.
+        floor_m: Standard deviation per axis that is added to every difference, because a detector places a keypoint
+            differently from different sides.
+        min_common: Number of common keypoints below which there is no distance.
 
     Returns:
-        Shape (a, b), NaN where nothing is said.
+        shape (a, b), NaN where there is no distance.
     """
     difference = np.asarray(points_a_m)[:, None] - np.asarray(points_b_m)[None]
     common = np.asarray(np.isfinite(difference).all(axis=-1))
@@ -49,17 +49,17 @@ def cluster(
     floor_m: float = 0.0,
     min_common: int = 1,
 ) -> np.ndarray:
-    """Which people are one: those nearer than the gate, and those that others in between join to them.
+    """Cluster people by single linkage.
 
     Args:
         points_m: shape (person, keypoint, 3), NaN where missing.
         covariance_m2: shape (person, keypoint, 6).
-        gate_squared: people are one if no farther apart by :func:`distance_squared`.
-        floor_m: as there.
-        min_common: as there.
+        gate_squared: Largest squared distance, by :func:`distance_squared`, of two people that are linked.
+        floor_m: As for :func:`distance_squared`.
+        min_common: As for :func:`distance_squared`.
 
     Returns:
-        Shape (person,), int64: the number of each one's cluster, counted from 0 in order of first appearance.
+        Index of each person's cluster, shape (person,), int64, counted from 0 in order of first appearance.
     """
     if not len(points_m):
         return np.empty(0, dtype=np.int64)

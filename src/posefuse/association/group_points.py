@@ -1,4 +1,4 @@
-"""Points of the people proposed: what every group's detections agree on, keypoint by keypoint."""
+"""Triangulated points of groups of detections, one keypoint at a time."""
 
 from dataclasses import dataclass
 
@@ -16,15 +16,15 @@ from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True)
-class Points:
-    """Points of several people.
+class GroupPoints:
+    """Triangulated points of several groups.
 
     Attributes:
         points_m: shape (person, keypoint, 3), NaN where missing.
         covariance_m2: shape (person, keypoint, 6).
         status: shape (person, keypoint), int8, point codes.
         used: shape (person, keypoint, view), bool.
-        error_sigma: shape (person,): median over used observations, in sigmas of the noise model.
+        error_sigma: shape (person,): median reprojection error of used observations, in standard deviations.
     """
 
     points_m: np.ndarray
@@ -34,7 +34,7 @@ class Points:
     error_sigma: np.ndarray
 
 
-def solve(
+def triangulate_groups(
     rig: CameraRig,
     frame: Frame,
     noise: NoiseModel,
@@ -42,17 +42,17 @@ def solve(
     rows: np.ndarray,
     swapped: np.ndarray,
     options: AssociationOptions,
-) -> Points:
-    """The points that most views of each person agree on.
+) -> GroupPoints:
+    """Triangulate the points of each group on which most views agree.
 
     Args:
-        rig: the cameras.
-        frame: the detections.
-        noise: of a detection.
-        skeleton: of the keypoints.
-        rows: shape (person, view), int64, -1 where none.
-        swapped: shape (person, view), bool: detections whose left and right are to be exchanged.
-        options: how much views may differ.
+        rig: Cameras.
+        frame: The detections.
+        noise: Noise model of the detections.
+        skeleton: Skeleton of the keypoints.
+        rows: shape (person, view), int64: detections of the frame, -1 for none.
+        swapped: shape (person, view), bool: detections whose left and right are swapped.
+        options: Options of the association, which define how much views may differ.
     """
     n, views = rows.shape
     k = frame.keypoints_px.shape[1]
@@ -83,20 +83,22 @@ def solve(
         error_px,
     )
     used = (view_status == status_codes.VIEW_USED) & (status < status_codes.POINT_MISSING)[..., None]
-    return Points(points, covariance, status, used, median_error_sigma(view_error_px, used, confidence, rows, noise))
+    return GroupPoints(
+        points, covariance, status, used, median_error_sigma(view_error_px, used, confidence, rows, noise)
+    )
 
 
 def median_error_sigma(
     error_px: np.ndarray, used: np.ndarray, confidence: np.ndarray, rows: np.ndarray, noise: NoiseModel
 ) -> np.ndarray:
-    """Median reprojection error of each person in sigmas of the noise model.
+    """Return the median reprojection error of each person in standard deviations, shape (person,).
 
     Args:
         error_px: shape (person, keypoint, view).
-        used: shape (person, keypoint, view), bool: which count.
+        used: shape (person, keypoint, view), bool: observations that count.
         confidence: shape (row, keypoint), NaN where the detector gives none.
         rows: shape (person, view), int64.
-        noise: of a detection.
+        noise: Noise model of the detections.
     """
     trust = np.moveaxis(confidence[rows], 1, 2)
     trust = np.where(np.isnan(trust), 1.0, trust)
@@ -107,7 +109,7 @@ def median_error_sigma(
 def _unswapped(
     frame: Frame, skeleton: Skeleton, rows: np.ndarray, swapped: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The detections with copies, sides exchanged, of those that are swapped; and the rows that mean them."""
+    """Return the detections with corrected copies of the swapped ones, and the rows that refer to them."""
     pixels, confidence = frame.keypoints_px, frame.confidence
     if not swapped.any():
         return pixels, confidence, rows
@@ -123,7 +125,7 @@ def _unswapped(
 
 
 def _medians(values: np.ndarray) -> np.ndarray:
-    """Median of every row without its NaNs; NaN where there is nothing else."""
+    """Return the median of the finite values of each row; NaN where there are none."""
     ordered = np.sort(values, axis=1)
     count = np.isfinite(ordered).sum(axis=1)
     each = np.arange(len(values))

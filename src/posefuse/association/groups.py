@@ -1,9 +1,9 @@
-"""People as groups of detections: pairs by the odds that they show one person, grown to at most one detection a view.
+"""People as groups of detections: pairs grown to at most one detection per view, by their odds.
 
-The odds of a pair are how much likelier its rays would pass so near each other if both detections showed one person
-than if they did not, keypoint by keypoint over the core. A group's points say where its person should be seen in the
-other views, and how certainly: that gives the odds of every further detection. Bones that no body has, and views that
-should show the person and do not, count against a group; the rest is arithmetic. See docs/methods/association.md.
+The odds of a pair are the likelihood ratio of the distance between its rays if both detections show one person, and if
+they do not, accumulated over the core keypoints. The points of a group predict the person's pixels in the other views
+with a covariance, which gives the odds of every further detection. Implausible bone lengths, and views that should show
+the person and do not, count against a group. See docs/methods/association.md.
 """
 
 import math
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.arrays import frozen
-from posefuse.association.group_points import solve
+from posefuse.association.group_points import triangulate_groups
 from posefuse.association.trunk import torso
 from posefuse.kernels.association import groups as kernels
 from posefuse.kernels.association.group_points import compute_observations
@@ -29,11 +29,11 @@ from posefuse.skeleton.skeletons import Skeleton
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The free detections of a frame, as observations of core keypoints.
+class FreeDetections:
+    """Unassigned detections of a frame, as observations of keypoints.
 
     Attributes:
-        rows: shape (detection,), int64: of the frame.
+        rows: shape (detection,), int64: rows of the frame.
         view: shape (detection,), int64.
         rays: shape (detection, core, 12), observation rows.
         weights: shape (detection, core), 1/px^2.
@@ -54,28 +54,28 @@ def propose(
     options: AssociationOptions,
     known_m: np.ndarray | None = None,
 ) -> Proposals:
-    """People in the free detections of a frame; arguments as of :func:`posefuse.association.proposals.propose`."""
+    """Propose people from unassigned detections; arguments as of :func:`posefuse.association.proposals.propose`."""
     core = skeleton.core_indices
-    seen = look(rig, frame, noise, core, free, options)
-    sight = CandidateDetections(
-        views=seen.view,
-        rays=seen.rays,
-        weights=seen.weights,
+    detections = observe_detections(rig, frame, noise, core, free, options)
+    candidates = CandidateDetections(
+        views=detections.view,
+        rays=detections.rays,
+        weights=detections.weights,
         mirror=skeleton.core_mirror,
         bones=skeleton.core_bones,
-        allowed=may_pair(rig, core, seen, options, known_m),
+        allowed=compatible_pairs(rig, core, detections, options, known_m),
         clutter_px=options.clutter_share * np.array([camera.size_px[0] for camera in rig.cameras], dtype=np.float64),
     )
-    law = _law(options)
-    evidence, seeds = _seeds(len(rig), sight, law, options)
-    drafts = _grow(rig, frame, seen.rows, core, sight, law, evidence, seeds)
-    taken = np.flatnonzero(drafts.statistics[:, kernels.STATE] == kernels.ACCEPTED)
-    taken = taken[np.argsort(-drafts.statistics[taken, kernels.ODDS], kind="stable")]
-    if not len(taken):
+    parameters = _odds_parameters(options)
+    evidence, seeds = _seeds(len(rig), candidates, parameters, options)
+    groups = _form_groups(rig, frame, detections.rows, core, candidates, parameters, evidence, seeds)
+    accepted = np.flatnonzero(groups.statistics[:, kernels.STATE] == kernels.ACCEPTED)
+    accepted = accepted[np.argsort(-groups.statistics[accepted, kernels.ODDS], kind="stable")]
+    if not len(accepted):
         return Proposals.none(len(skeleton), len(rig))
-    members, swapped = drafts.members[taken], drafts.swapped[taken]
-    rows = np.where(members >= 0, seen.rows[members], -1)
-    points = solve(rig, frame, noise, skeleton, rows, swapped, options)
+    members, swapped = groups.members[accepted], groups.swapped[accepted]
+    rows = np.where(members >= 0, detections.rows[members], -1)
+    points = triangulate_groups(rig, frame, noise, skeleton, rows, swapped, options)
     torso_m, torso_covariance_m2 = torso(skeleton, points.points_m, points.covariance_m2)
     return Proposals(
         rows=rows,
@@ -86,23 +86,23 @@ def propose(
         used=points.used,
         torso_m=torso_m,
         torso_covariance_m2=torso_covariance_m2,
-        log_odds=drafts.statistics[taken, kernels.ODDS] + options.prior_log_odds,
+        log_odds=groups.statistics[accepted, kernels.ODDS] + options.prior_log_odds,
         error_sigma=points.error_sigma,
         n_views=(rows >= 0).sum(axis=1),
-        n_pairs=drafts.statistics[taken, kernels.N_PAIRS].astype(np.int64),
-        duplicates=_duplicates(seen.rows, drafts.duplicate_of, taken),
+        n_pairs=groups.statistics[accepted, kernels.N_PAIRS].astype(np.int64),
+        duplicates=_duplicates(detections.rows, groups.duplicate_of, accepted),
     )
 
 
-def look(
+def observe_detections(
     rig: CameraRig,
     frame: Frame,
     noise: NoiseModel,
     keypoints: np.ndarray,
     free: np.ndarray,
     options: AssociationOptions,
-) -> Seen:
-    """The free detections as observations of some keypoints, given by their places, shape (core,)."""
+) -> FreeDetections:
+    """Return the unassigned detections as observations of some keypoints, given by their indices, shape (core,)."""
     rows = np.flatnonzero(free)
     rays, weights = np.empty((len(rows), len(keypoints), 12)), np.empty((len(rows), len(keypoints)))
     compute_observations(
@@ -118,36 +118,40 @@ def look(
         rays,
         weights,
     )
-    return Seen(rows, frame.view[rows], rays, weights)
+    return FreeDetections(rows, frame.view[rows], rays, weights)
 
 
-def may_pair(
-    rig: CameraRig, keypoints: np.ndarray, seen: Seen, options: AssociationOptions, known_m: np.ndarray | None
+def compatible_pairs(
+    rig: CameraRig,
+    keypoints: np.ndarray,
+    detections: FreeDetections,
+    options: AssociationOptions,
+    known_m: np.ndarray | None,
 ) -> np.ndarray:
-    """Shape (detection, detection), bool: which pairs do not contradict the people already known.
+    """Return the pairs that do not contradict known people, shape (detection, detection), bool.
 
     Two detections may show one person if both show the same known one, or neither shows any.
     """
     if known_m is None or not len(known_m):
-        return np.ones((len(seen.rows), len(seen.rows)), dtype=bool)
-    near = np.empty((len(seen.rows), len(known_m)), dtype=bool)
+        return np.ones((len(detections.rows), len(detections.rows)), dtype=bool)
+    near = np.empty((len(detections.rows), len(known_m)), dtype=bool)
     cameras = rig.packed[0]
     find_near_people(
-        seen.rays,
-        seen.weights,
-        seen.view,
+        detections.rays,
+        detections.weights,
+        detections.view,
         np.ascontiguousarray(known_m, dtype=np.float64),
         np.sqrt(cameras[:, FX] * cameras[:, FY]),
         options.known_person_distance_m,
         keypoints,
         near,
     )
-    nobody = np.asarray(~near.any(axis=1))
+    unknown = np.asarray(~near.any(axis=1))
     shared = near.astype(np.int64) @ near.T > 0
-    return shared | (nobody[:, None] & nobody[None, :])
+    return shared | (unknown[:, None] & unknown[None, :])
 
 
-def _law(options: AssociationOptions) -> OddsParameters:
+def _odds_parameters(options: AssociationOptions) -> OddsParameters:
     return OddsParameters(
         min_common=options.min_common,
         outlier_share=options.outlier_share,
@@ -163,16 +167,16 @@ def _law(options: AssociationOptions) -> OddsParameters:
 
 
 def _seeds(
-    n_views: int, sight: CandidateDetections, law: OddsParameters, options: AssociationOptions
+    n_views: int, candidates: CandidateDetections, parameters: OddsParameters, options: AssociationOptions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log odds of all pairs, shape (detection, detection), and those worth growing, best first, shape (seed, 3)."""
-    n = len(sight.views)
+    """Return log odds of pairs (detection, detection) and seeds of groups (seed, 3), best first."""
+    n = len(candidates.views)
     evidence, seed, supported = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     volume = np.array(options.volume_m or [-math.inf] * 3 + [math.inf] * 3)
-    score_pairs(sight, law, volume, evidence, seed)
-    score_support(seed, evidence, sight.views, n_views, supported)
-    # What even its best friends do not make likely is not worth growing.
-    enough = np.count_nonzero(supported + law.prior > 0.0)
+    score_pairs(candidates, parameters, volume, evidence, seed)
+    score_support(seed, evidence, candidates.views, n_views, supported)
+    # A pair that remains unlikely with its best supporting pairs is no seed.
+    enough = np.count_nonzero(supported + parameters.prior > 0.0)
     order = np.argsort(-supported, axis=None, kind="stable")[:enough]
     seeds = np.empty((enough, 3))
     seeds[:, 0], seeds[:, 1] = np.divmod(order, n)
@@ -180,44 +184,46 @@ def _seeds(
     return evidence, seeds
 
 
-def _grow(
+def _form_groups(
     rig: CameraRig,
     frame: Frame,
     rows: np.ndarray,
     core: np.ndarray,
-    sight: CandidateDetections,
-    law: OddsParameters,
+    candidates: CandidateDetections,
+    parameters: OddsParameters,
     evidence: np.ndarray,
     seeds: np.ndarray,
 ) -> GroupTable:
-    """The groups that grew, taken or not."""
-    room = min(len(seeds), law.max_seeds) * 2 + len(rows)
-    drafts = GroupTable(
+    """Return the groups that formed, accepted or not."""
+    room = min(len(seeds), parameters.max_seeds) * 2 + len(rows)
+    groups = GroupTable(
         members=np.empty((room, len(rig)), dtype=np.int64),
         swapped=np.empty((room, len(rig)), dtype=bool),
         statistics=np.empty((room, kernels.GROUP_COLUMNS)),
         duplicate_of=np.empty(len(rows), dtype=np.int64),
     )
     sizes_px = np.array([camera.size_px for camera in rig.cameras], dtype=np.float64)
-    around = FrameContext(
+    context = FrameContext(
         cameras=rig.packed[0],
         sizes_px=np.where(frame.recorded[:, None], sizes_px, 0.0),
-        boxes_px=boxes(frame.keypoints_px),
+        boxes_px=bounding_boxes_px(frame.keypoints_px),
         box_view=frame.view,
     )
     pixels = frame.keypoints_px[rows[:, None], core]
-    grown = kernels.form_groups(sight, law, around, pixels, evidence, seeds, drafts)
-    return GroupTable(drafts.members[:grown], drafts.swapped[:grown], drafts.statistics[:grown], drafts.duplicate_of)
+    n_groups = kernels.form_groups(candidates, parameters, context, pixels, evidence, seeds, groups)
+    return GroupTable(
+        groups.members[:n_groups], groups.swapped[:n_groups], groups.statistics[:n_groups], groups.duplicate_of
+    )
 
 
-def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Shape (duplicate, 2): rows that repeat a member, and the proposals, by the groups that became them."""
+def _duplicates(rows: np.ndarray, duplicate_of: np.ndarray, accepted: np.ndarray) -> np.ndarray:
+    """Return rows that duplicate a member and the indices of their proposals, shape (duplicate, 2)."""
     again = np.flatnonzero(duplicate_of >= 0)
-    order = np.argsort(taken)
-    person = order[np.searchsorted(taken[order], duplicate_of[again])]
+    order = np.argsort(accepted)
+    person = order[np.searchsorted(accepted[order], duplicate_of[again])]
     return np.stack([rows[again], person], axis=1)
 
 
-def boxes(keypoints_px: np.ndarray) -> np.ndarray:
-    """Shape (row, 4): least u, v and greatest u, v of each detection's keypoints, px; NaN where it has none."""
+def bounding_boxes_px(keypoints_px: np.ndarray) -> np.ndarray:
+    """Return the smallest and largest u, v of each detection's keypoints, shape (row, 4), NaN where it has none."""
     return np.concatenate([np.fmin.reduce(keypoints_px, axis=1), np.fmax.reduce(keypoints_px, axis=1)], axis=1)

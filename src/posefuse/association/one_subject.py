@@ -1,4 +1,4 @@
-"""One subject per recording: at most one detection per view and frame is theirs."""
+"""Selection of the single subject of a recording: at most one detection per view and frame."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ PERSON = "person_1"
 
 @dataclass(frozen=True)
 class SingleSubject:
-    """Follows the one subject of a recording; see :func:`follow`.
+    """The single subject of a recording; see :func:`select_subject`.
 
     Attributes:
-        detections: of the recording.
-        pick: whom to take where a view shows several.
-        ids: shape (view,): from :func:`longest_ids`.
+        detections: Detections of the recording.
+        pick: Which person to select where a view shows several.
+        ids: shape (view,): from :func:`longest_track_ids`.
     """
 
     detections: Detections
@@ -31,18 +31,18 @@ class SingleSubject:
 
     @classmethod
     def of(cls, detections: Detections, pick: Pick | None) -> Self:
-        """The subject of a recording."""
+        """Return the subject of a recording."""
         return cls(detections, pick, longest_track_ids(detections))
 
     def tracks(self, start: int, stop: int) -> Tracks:
-        """Which detections are the subject's in a range of frames."""
-        return follow(self.detections.frames(start, stop), self.pick, self.ids)
+        """Return the subject's detections in a range of frames."""
+        return select_subject(self.detections.frames(start, stop), self.pick, self.ids)
 
 
 def longest_track_ids(detections: Detections) -> np.ndarray:
-    """Shape (view,), int64: in each view the 2D track id that is there in most frames; -1 where there are no ids.
+    """Return the 2D track identity that each view shows in most frames, shape (view,), int64; -1 without identities.
 
-    Of ids equally long the smallest is taken.
+    The smallest one is returned if several are equally frequent.
     """
     views = detections.n_views
     lengths: list[Counter[int]] = [Counter() for _ in range(views)]
@@ -56,18 +56,18 @@ def longest_track_ids(detections: Detections) -> np.ndarray:
     return np.array([min(own, key=lambda name: (-own[name], name), default=-1) for own in lengths])
 
 
-def follow(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -> Tracks:
-    """Which detection is the subject's, in each view and frame of a range.
+def select_subject(detections: Detections, pick: Pick | None, subject_ids: np.ndarray) -> Tracks:
+    """Select the subject's detection in each view and frame of a range.
 
     Args:
-        detections: in memory.
-        pick: what to do where a view shows several people: take the ``largest``, by the area its keypoints span, or
-            the one with the view's ``track-id``; None makes that an error.
-        subject_ids: from :func:`longest_ids`, of the whole recording.
+        detections: Detections in memory.
+        pick: Which person to select where a view shows several: the ``largest``, by the area that the keypoints span,
+            or the one with the view's ``track-id``; None raises an error.
+        subject_ids: From :func:`longest_track_ids`, for the whole recording.
 
     Raises:
-        DetectionsError: if a view shows several people and nobody said which to take, or track ids are asked for and
-            a view has none.
+        DetectionsError: If a view shows several people and ``pick`` is None, or if track identities are requested and a
+            view has none.
     """
     counts = detections.people_counts
     chosen = np.where(counts == 1, 0, -1).astype(np.int32)
@@ -111,7 +111,7 @@ def _by_track_id(detections: Detections, subject_ids: np.ndarray) -> np.ndarray:
 
 
 def _areas(keypoints_px: np.ndarray) -> np.ndarray:
-    """Shape (row,): areas of the boxes around the detected keypoints, px^2; 0 for a person without any."""
+    """Return the areas of the boxes around the detected keypoints, shape (row,), px^2; 0 without keypoints."""
     seen = np.isfinite(keypoints_px)
     high = np.where(seen, keypoints_px, -np.inf).max(axis=1)
     low = np.where(seen, keypoints_px, np.inf).min(axis=1)

@@ -1,4 +1,4 @@
-"""People proposed from the detections of one frame that nobody claims, by the chosen method."""
+"""Proposal of people from the unassigned detections of one frame, by the chosen method."""
 
 import numpy as np
 
@@ -23,20 +23,20 @@ def propose(
     options: AssociationOptions,
     known_m: np.ndarray | None = None,
 ) -> Proposals:
-    """People whom the free detections of a frame show in at least two views.
+    """Propose the people whom unassigned detections of a frame show in at least two views.
 
     Args:
-        rig: the cameras, in the order of the frame's views.
-        frame: the detections.
-        noise: the standard deviation of a detection.
-        skeleton: of the keypoints; its core tells people apart.
-        free: shape (row,), bool: the detections that no established track has claimed.
-        options: how people are proposed.
+        rig: Cameras, in the order of the frame's views.
+        frame: The detections.
+        noise: Noise model of the detections.
+        skeleton: Skeleton of the keypoints; its core distinguishes people.
+        free: shape (row,), bool: detections that are not assigned to a track.
+        options: Options of the association.
         known_m: shape (person, keypoint, 3): people known from the last frame, NaN where missing; pairs of detections
-            that contradict them are not made.
+            that contradict them are excluded.
 
     Raises:
-        DetectionsError: where the frame does not fit the rig, the skeleton or ``free``.
+        DetectionsError: If the frame does not fit the rig, the skeleton or ``free``.
     """
     if len(free) != len(frame.view) or len(frame.recorded) != len(rig):
         raise DetectionsError(

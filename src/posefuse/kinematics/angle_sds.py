@@ -24,7 +24,7 @@ _UNKNOWN_DEG = 180.0 / np.sqrt(3.0)
 """Standard deviation of a uniformly distributed angle; larger first-order values have no meaning."""
 
 Read = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Function from turns (..., segment, 3, 3) and frames of bones (..., bone, 3, 3) to readings (..., reading), degrees."""
+"""Function from turns (..., segment, 3, 3) and bone frames (..., bone, 3, 3) to readings (..., reading), degrees."""
 
 
 def joint_angle_sds(
@@ -66,8 +66,8 @@ def axes_covariance(tree: Tree, at: int, turns: np.ndarray, bones: np.ndarray, c
         covariance: shape (frame, pose, pose).
 
     Returns:
-        shape (frame, 3, 3): covariance of a small turn about these axes, degrees^2; NaN where the twist is not
-            observed.
+        shape (frame, 3, 3): covariance of a small turn about these axes, degrees^2; NaN where the twist is
+            unobserved.
     """
     groups, depends = _groups(tree, at)
     out = np.empty((len(turns), 3, 3))

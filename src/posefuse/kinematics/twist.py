@@ -106,10 +106,7 @@ def least_rotation(
 
 
 def _least_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return the least rotation between unit vectors, shape (..., 3, 3).
-
-    An arbitrary half turn if they are opposite.
-    """
+    """Return the least rotation between unit vectors, shape (..., 3, 3); some half turn if they are opposite."""
     cosine = np.einsum("...i,...i->...", start, end)
     normal = cross(start, end)
     x, y, z = normal[..., 0], normal[..., 1], normal[..., 2]

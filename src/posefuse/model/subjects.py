@@ -1,4 +1,4 @@
-"""Whose detections are whose, for stages that ask by range of frames."""
+"""The assignment of detections to people, range of frames by range."""
 
 from typing import Protocol
 
@@ -6,8 +6,8 @@ from posefuse.model.tracks import Tracks
 
 
 class Subjects(Protocol):
-    """Answers who is followed, however that was found."""
+    """Assigns detections to people."""
 
     def tracks(self, start: int, stop: int) -> Tracks:
-        """Who is whose in the frames ``start`` to ``stop`` (counted from 0)."""
+        """Return the assignment in the frames ``start`` to ``stop`` (indices from 0)."""
         ...

@@ -33,15 +33,15 @@ EVENT_KINDS: dict[EventKind, str] = {
 _FORMER_KINDS: dict[str, EventKind] = {
     "born": "confirmed", "found": "reacquired", "returned": "reidentified", "forgotten": "terminated",
     "identity uncertain": "possible_identity_switch", "identities exchanged": "identities_swapped",
-    "limb set anew": "limb_reinitialized", "camera refused": "camera_rejected", "camera trusted": "camera_restored",
+    "limb set": "limb_reinitialized", "camera refused": "camera_rejected", "camera trusted": "camera_restored",
     "camera silent": "camera_silent", "camera heard again": "camera_back",
 }  # fmt: skip
-"""Former names of kinds. Stored results that use them are still read."""
+"""Beginnings of former names of kinds. Stored results that use them are still read."""
 
 
 def current_event_kind(name: str) -> str:
     """Return the current name of a kind of event that a stored result names."""
-    return _FORMER_KINDS.get(name, name)
+    return next((kind for former, kind in _FORMER_KINDS.items() if name.startswith(former)), name)
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""People over time: articulated states put right by detections, their births, losses and returns."""
+"""Tracking of several people: articulated states predicted, updated and managed frame by frame."""

@@ -80,7 +80,7 @@ def find_unassigned(
         frame: The detections.
         rows: shape (track, view), int64: assigned detections, -1 for none.
         explained: shape (row,), bool: detections of tracked people, whether assigned or not.
-        rejected: shape (view,), bool: cameras whose detections are left out; None leaves out none.
+        rejected: shape (view,), bool: cameras that are left out; None leaves out none.
     """
     unassigned = ~explained
     unassigned[rows[rows >= 0]] = False

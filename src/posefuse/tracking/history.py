@@ -80,10 +80,7 @@ class _Block:
     spooled_at: int | None = None
 
     def joined(self, start: int, stop: int) -> dict[int, Entries]:
-        """Return the entries of the frames from ``start`` to ``stop`` of the history, by number.
-
-        Not for spooled blocks.
-        """
+        """Return the entries of the frames ``start`` to ``stop`` by track number; not for spooled blocks."""
         found = {
             number: [entries[place] for place in sorted(entries) if start <= place < stop]
             for number, entries in self.entries.items()
@@ -259,10 +256,7 @@ class History:
         return [self._run(number, part) for number, parts in found.items() for part in Entries.joined(parts).unbroken()]
 
     def _entries(self, block: _Block, start: int, stop: int) -> dict[int, Entries]:
-        """Return the entries of some frames of a block by track number.
-
-        The last few blocks read from a spool are cached.
-        """
+        """Return the entries of some frames of a block by track number; blocks read from a spool are cached."""
         if block.spooled_at is None:
             return block.joined(start, stop)
         if block.first not in self._recent:

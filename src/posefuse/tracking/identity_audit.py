@@ -1,8 +1,8 @@
 """Audit of identities after close contact: which person is which, by bone lengths.
 
 While two people are in close contact, detections may show both, and a track may continue on the wrong person. After
-they separate, a body is fitted to what each has shown since, without a prior from the tracks, and its bone lengths are
-compared with those known from before.
+they separate, a body is fitted to the observations of each since then, without a prior from the tracks, and its bone
+lengths are compared with those known from before.
 """
 
 import math

@@ -37,8 +37,7 @@ def find_lost_track(
     time_s: float,
     settings: TrackerSettings,
 ) -> Reidentification | None:
-    """Find the lost track of a new person, if that is more likely than a new identity, or if no new identity is
-    possible.
+    """Find the lost track of a new person, if that is more likely than a new identity or the only possibility.
 
     A track that is not lost yet is considered too if it has been unsupported for a large enough share of the time for
     which the new person was visible.

@@ -117,13 +117,12 @@ class TrackerSettings(PickledByFields):
 def filter_memory_s(
     n_views: np.ndarray, single_view_s: np.ndarray, dt_s: np.ndarray, options: TrackerOptions
 ) -> np.ndarray:
-    """Return the correlation time of detection errors that the filter assumes for each track, in seconds, shape
-    (track,).
+    """Return the correlation time of detection errors for the filter, in seconds, shape (track,).
 
     Errors last longer than the filter looks back. With fewer views each frame carries less information, so that the
     filter looks back farther and correlated errors weigh more; with longer times between frames fewer frames share an
     error. The distance of a person in a single view follows from the apparent size, which hardly changes: over that the
-    filter averages so many frames that errors last as long as they do for the smoother.
+    filter averages as many frames as the smoother, and needs the smoother's correlation time.
 
     Args:
         n_views: shape (track,), int64: number of views that show each person.

@@ -1,4 +1,4 @@
-"""A tree for bodies of which nobody has said how they move: bones between keypoints that keep their distance."""
+"""Kinematic tree of bodies without one: bones between keypoints that keep their distance."""
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
@@ -8,45 +8,46 @@ from posefuse.skeleton.skeletons import Skeleton
 from posefuse.skeleton.trees import Tree
 from posefuse.skeleton.trees_from_edges import spanning_tree
 
-_FEWEST = 5
-"""So many bodies must show a distance for it to be measured."""
-_NEARNESS = 0.1
-"""Of two distances that keep as well, the shorter is the bone: this share of it counts as variation."""
-_EDGE_BONUS = 1e-3
-"""An edge of the skeleton is a bone before any other distance is."""
+_MIN_BODIES = 5
+"""Number of bodies that must show a distance for it to be measured."""
+_LENGTH_PENALTY = 0.1
+"""Share of a distance that counts as variation, so that the shorter of two equally constant distances is the bone."""
+_EDGE_FACTOR = 1e-3
+"""Factor on the variation of the skeleton's edges, which makes them bones before any other distance."""
 _SPREAD = 0.2
-_LONGER = 2.0 * np.log(2.0) / 3.0
-"""Two of three axes lie across a bone; a sum of two squared normal numbers has this median, times their variance."""
+_MEDIAN_OF_NOISE = 2.0 * np.log(2.0) / 3.0
+"""Median of the squared noise across a bone, which has two of three axes, relative to the trace of its covariance."""
 _SIGMA_OF_MAD = 1.4826
 
 
 def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.ndarray) -> Tree:
-    """The tree of bones that bodies have, from bodies triangulated keypoint by keypoint.
+    """Measure the tree of bones from bodies triangulated one keypoint at a time.
 
-    Bones are the skeleton's edges, and, where these leave keypoints out or are not given, the tree of distances that
-    vary least (a minimum spanning tree). A length is the root of the median squared distance less its noise, since
-    noise across makes distances longer; the half of the bodies that know it better decide.
+    Bones are the skeleton's edges and, where these are missing or leave keypoints out, the minimum spanning tree of the
+    variation of distances. A length is the square root of the median squared distance minus its noise, because noise
+    across a bone increases distances; only the half of the bodies with the smaller uncertainty counts.
 
     Args:
-        skeleton: of the keypoints.
-        points_m: shape (body, keypoint, 3), NaN where missing: of any animals and frames.
+        skeleton: Skeleton of the keypoints.
+        points_m: shape (body, keypoint, 3), NaN where missing; bodies of any individuals and frames.
         covariance_m2: shape (body, keypoint, 6).
 
     Raises:
-        SkeletonError: if too few bodies were seen.
+        SkeletonError: If too few bodies show a distance.
     """
     lengths, variation = _distances(points_m, covariance_m2)
     edges = skeleton.edge_indices
-    weight = variation + _NEARNESS * lengths
-    weight[edges[:, 0], edges[:, 1]] *= _EDGE_BONUS
-    weight[edges[:, 1], edges[:, 0]] *= _EDGE_BONUS
+    weight = variation + _LENGTH_PENALTY * lengths
+    weight[edges[:, 0], edges[:, 1]] *= _EDGE_FACTOR
+    weight[edges[:, 1], edges[:, 0]] *= _EDGE_FACTOR
     weight[~np.isfinite(weight)] = 0.0
     bones = _of_largest_part(minimum_spanning_tree(weight).toarray() > 0.0)
     if not len(bones):
         raise SkeletonError(
-            f"Skeleton {skeleton.name!r} has no tree, and of {len(points_m)} bodies that several views show no two "
-            f"keypoints are seen together {_FEWEST} times, so that no bones can be measured. Add a table [tree] to its "
-            "TOML, or at least how large the body is, in metres, as size_m in that table; see docs/formats.md."
+            f"Skeleton {skeleton.name!r} has no kinematic tree, and bones cannot be measured: of the {len(points_m)} "
+            f"bodies that several views show, fewer than {_MIN_BODIES} show any two keypoints together. "
+            "Add a table [tree] to its TOML file with at least size_m, the size of the body in meters; "
+            "see docs/formats.md."
         )
     size = float(np.nanmax(lengths))
     return spanning_tree(
@@ -55,7 +56,7 @@ def measured_tree(skeleton: Skeleton, points_m: np.ndarray, covariance_m2: np.nd
 
 
 def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of every two keypoints how far apart they are, and by how much that varies: shape (keypoint, keypoint), NaN."""
+    """Return distances between keypoints and their variation, shape (keypoint, keypoint), NaN where unknown."""
     n = points.shape[1]
     noise = covariance[..., (0, 3, 5)].sum(axis=-1)
     lengths, variation = np.full((n, n), np.nan), np.full((n, n), np.nan)
@@ -63,12 +64,12 @@ def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, 
         for b in range(a + 1, n):
             squared, doubt = ((points[:, a] - points[:, b]) ** 2).sum(axis=-1), noise[:, a] + noise[:, b]
             seen = np.isfinite(squared)
-            if seen.sum() < _FEWEST:
+            if seen.sum() < _MIN_BODIES:
                 continue
             seen &= doubt <= np.median(doubt[seen])
-            length = np.sqrt(max(float(np.median(squared[seen] - _LONGER * doubt[seen])), 0.0))
+            length = np.sqrt(max(float(np.median(squared[seen] - _MEDIAN_OF_NOISE * doubt[seen])), 0.0))
             apart = np.sqrt(squared[seen])
-            # Noise that is longer than the distance leaves nothing to subtract it from.
+            # If the noise exceeds the distance, use the median distance without a correction.
             lengths[a, b] = lengths[b, a] = length if length > 0.0 else float(np.median(apart))
             spread = _SIGMA_OF_MAD * np.median(np.abs(apart - np.median(apart)))
             variation[a, b] = variation[b, a] = spread
@@ -76,7 +77,7 @@ def _distances(points: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _of_largest_part(joined: np.ndarray) -> np.ndarray:
-    """The pairs, shape (bone, 2), that connect the most keypoints with each other."""
+    """Return the pairs of the largest connected component, shape (bone, 2)."""
     _, part = connected_components(joined, directed=False)
     largest = np.bincount(part).argmax()
     pairs = np.argwhere(joined)

@@ -1,17 +1,17 @@
-"""Which of the people seen is the subject."""
+"""Selection of the single subject."""
 
 import numpy as np
 import pytest
 
 from posefuse.association import one_subject
-from posefuse.association.one_subject import follow, longest_track_ids
+from posefuse.association.one_subject import longest_track_ids, select_subject
 from posefuse.errors import DetectionsError
 from posefuse.model.detections import Detections
 from tests.scenes import skeleton_of
 
 
 def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
-    """Per frame and view the sizes in px of the people seen."""
+    """Return detections given the sizes of the people in each frame and view, in px."""
     cells = [people for frame in sizes for people in frame]
     rows = [np.array([[0.0, 0.0], [size, size]]) for people in cells for size in people]
     counts = [len(people) for people in cells]
@@ -29,7 +29,7 @@ def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detec
 
 
 def chosen(detections: Detections, pick) -> list[list[int]]:
-    return follow(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
+    return select_subject(detections, pick, longest_track_ids(detections)).detection[:, 0].tolist()
 
 
 def test_one_person_needs_no_choice():

@@ -42,7 +42,7 @@ def exchange(detections: Detections, view: int, chain: str, start: int, stop: in
 
 
 def tracks_of(detections: Detections):
-    return one_subject.follow(detections, None, one_subject.longest_track_ids(detections))
+    return one_subject.select_subject(detections, None, one_subject.longest_track_ids(detections))
 
 
 def measured(result: Reconstruction) -> np.ndarray:

@@ -42,7 +42,7 @@ class TestMatching:
         ):
             match_views(named(ring(2), "left", "right"), views("0", "1"), Options())
 
-    def test_by_order_when_told(self):
+    def test_by_camera_order(self):
         order = Options(camera_order=("right", "left"))
         rig, _, _ = match_views(named(ring(2), "left", "right"), views("0", "1"), order)
         assert rig.names == ("right", "left")
@@ -131,7 +131,7 @@ class TestMinViews:
             reconstruct(rig, detections, simply)
         result = reconstruct(rig, simulate_detections(rig, body_points(rng, 5), rng), simply)
         assert result.resolved.triangulation.min_views == 3
-        assert reconstruct(rig, detections).options.triangulation.min_views == 2
+        assert reconstruct(rig, detections).resolved.triangulation.min_views == 2
 
 
 class TestOneCamera:
@@ -164,7 +164,7 @@ class TestOneCamera:
         with pytest.raises(DetectionsError, match="these keypoints have none"):
             reconstruct(rig, simulate_detections(rig, body_points(rng, 4), rng), options)
 
-    def test_missing_and_doubtful_keypoints(self, rng):
+    def test_missing_and_low_confidence_keypoints(self, rng):
         rig = ring(1)
         detections = simulate_detections(rig, body_points(rng, 1), rng)
         pixels, confidence = (np.array(part) for part in detections.dense())
@@ -178,7 +178,7 @@ class TestOneCamera:
         assert np.isnan(layer.points_m[0, 0, [2, 5]]).all()
 
 
-def test_long_recordings_are_worked_through_in_ranges(rng):
+def test_long_recordings_are_reconstructed_in_ranges(rng):
     rig = ring(3)
     detections = simulate_detections(rig, body_points(rng, 5000, 2), rng)
     whole = reconstruct(rig, detections)
@@ -197,7 +197,7 @@ def test_triangulate_measures(rng):
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "m"), (0.1, None)])
-def test_a_wrong_scale_is_noticed(factor, unit, rng):
+def test_a_wrong_scale_is_reported(factor, unit, rng):
     from posefuse.synthetic.options import SceneOptions
     from posefuse.synthetic.scenes import simulate
 

@@ -94,9 +94,10 @@ def test_an_interruption_leaves_a_partial_result_that_resumes(recording, tmp_pat
         yield next(parts)
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patched, pytest.warns(PosefuseWarning, match="finished chunks"):
+    with monkeypatch.context() as patched:
         patched.setattr(recipe, "reconstruct_chunks", interrupted)
-        outcome = posefuse.reconstruct_recording(recording, tmp_path / "out", options)
+        with pytest.warns(PosefuseWarning, match="finished chunks"):
+            outcome = posefuse.reconstruct_recording(recording, tmp_path / "out", options)
     assert outcome.partial.startswith("Partial: made of the first 120 of 180 frames")
     assert outcome.open().n_frames == 120
     assert (tmp_path / "out" / CHECKPOINT_FOLDER).is_dir()

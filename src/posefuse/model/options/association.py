@@ -27,6 +27,10 @@ class RptOptions:
         outlier_distance_m: Maximum distance of a pair's keypoint from the mean of all pairs; others are not merged.
         merged_pairs: Number of pairs nearest to the mean that are merged.
         min_pairs: Minimum number of pairs that support a person.
+        score_steepness: Factor on the relative error in the score 1 / (1 + factor * error).
+        max_error_share: Upper limit of a keypoint's reprojection error, as a fraction of the image size.
+        reference_distance_m: Distance from the cameras at which the error counts once; farther away it counts more.
+        dropped_share: Fraction of a body's worst core keypoints that its score leaves out.
     """
 
     min_score: float = option(0.92, at_least=0.0, at_most=1.0)
@@ -36,6 +40,10 @@ class RptOptions:
     outlier_distance_m: float = option(0.5, above=0.0)
     merged_pairs: int = option(3, at_least=1)
     min_pairs: int = option(1, at_least=1)
+    score_steepness: float = option(10.0, above=0.0)
+    max_error_share: float = option(0.25, above=0.0)
+    reference_distance_m: float = option(3.5, above=0.0)
+    dropped_share: float = option(0.2, at_least=0.0, below=1.0)
 
     def __post_init__(self) -> None:
         check_fields(self, "association.rpt")

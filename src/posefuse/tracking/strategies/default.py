@@ -88,10 +88,7 @@ class LogOddsScore:
         return settings.options.initiation.promote_log_odds
 
     def min_age_s(self, track: TentativeTrack, settings: TrackerSettings) -> float:
-        """Return the age a track needs.
-
-        Two views fit by chance, so that they must accumulate ``two_views_log_odds``.
-        """
+        """Return the age that a track needs; two views must accumulate ``two_views_log_odds``."""
         initiation = settings.options.initiation
         if not is_of_two_views(track, settings):
             return initiation.min_age_s

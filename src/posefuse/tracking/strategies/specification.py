@@ -106,7 +106,7 @@ class WeightedScore:
     def match(
         self, projected: ProjectedBodies, frame: Frame, recent: RecentHistory, noise: Noise, settings: TrackerSettings
     ) -> MatchScores:
-        """Score matches by the sum of squared normalized distances, minus a bonus for an unchanged 2D track identity."""
+        """Score matches by squared normalized distances, with a bonus for an unchanged 2D track identity."""
         o = settings.options.specification
         off = frame.keypoints_px[None] - projected.pixels[:, frame.view]
         squared = (off**2).sum(axis=-1) / noise.variance_px2(projected, frame, recent, settings)
@@ -265,10 +265,7 @@ def _bone_variation(track: TentativeTrack, settings: TrackerSettings) -> float:
 
 
 def _mean_sigma(off_px: np.ndarray, outcome: FrameOutcome, settings: TrackerSettings) -> np.ndarray:
-    """Return the mean residual of used keypoints in standard deviations at confidence 1, shape (track,).
-
-    0 without any.
-    """
+    """Return the mean residual of used keypoints, in standard deviations at confidence 1, shape (track,)."""
     counted = outcome.used & np.isfinite(off_px)
     relative = np.where(counted, off_px, 0.0) / settings.law.scale_px[:, None]
     return relative.sum(axis=(1, 2)) / np.maximum(counted.sum(axis=(1, 2)), 1)
