@@ -194,7 +194,7 @@ def show_wire(scene: CrowdScene) -> None:
     for line in lines:
         session.take(line, 0.0)
         while session.waiting:
-            said.append(session.follow(time.monotonic) or b"")
+            said.append(session.process_frame(time.monotonic) or b"")
     detected = np.asarray(scene.detections.people_counts).sum() * len(scene.detections.skeleton)
     there = sum(out.count(b'"id":') for out in said) * len(scene.detections.skeleton)
     line, frame = np.mean([len(each) for each in lines]), np.mean([len(each) for each in said])

@@ -103,7 +103,7 @@ def clean_run(scene: CrowdScene, messages: list[list[tuple[bytes, bytes]]], numb
         for before, after in messages[frame_at(number, len(messages))]:
             session.take(before + b"%.6f" % (number / rate_hz) + after, 0.0)
         while session.waiting:
-            line = decoder.decode(session.follow(time.monotonic) or b"{}")
+            line = decoder.decode(session.process_frame(time.monotonic) or b"{}")
             heard.frames[round(line.time_s * rate_hz)] = positions(line.people)
     return heard
 

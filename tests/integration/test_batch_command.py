@@ -312,7 +312,7 @@ def test_a_long_recording_is_divided_and_a_worker_that_dies_changes_nothing(run,
 @pytest.mark.parametrize(
     ("more", "code", "said"),
     [
-        ((), 2, "No recording is given"),
+        ((), 2, "No recording given"),
         (("x", "--window-s", "0"), 2, "--window-s must be more than 0"),
         (("x", "--jobs", "0"), 2, "--jobs must be at least 1"),
         (("x", "--jobs", "2", "--scheduler", "tcp://x"), 2, "--jobs is for this machine"),

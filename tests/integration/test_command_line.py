@@ -171,7 +171,7 @@ def test_one_camera_is_said_to_be_one(run, recording, tmp_path):
     code, said, _ = run("reconstruct", recording, "-o", tmp_path / "o", "--cameras", "cam_1")
     assert code == 0
     assert "1 camera," in said
-    assert "coordinates are px" in said
+    assert "coordinates are pixels" in said
     assert "person_1.c3d" not in [entry.name for entry in (tmp_path / "o").iterdir()]
     code, _, said = run("evaluate", tmp_path / "o", tmp_path / "truth.nc")
     assert code == 1

@@ -101,7 +101,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert "Partial: made of the first 20 of 30 frames" in (tmp_path / "out" / "report.html").read_text("utf-8")
     code, said, wrong = run(*command)
     assert (code, wrong) == (0, "")
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     whole = posefuse.read_reconstruction(tmp_path / "out" / "reconstruction.nc")
     assert whole.n_frames == 30
     assert whole.layers["measured"].frames(0, 20) == part.layers["measured"].frames(0, 20)
@@ -109,7 +109,7 @@ def test_an_interruption_leaves_a_partial_result_and_the_parts(run, recording, t
     assert not (tmp_path / "out" / CHECKPOINT_FOLDER).exists()
 
 
-def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
+def test_an_interruption_while_files_are_written_resumes_from_the_reconstruction(run, recording, tmp_path, monkeypatch):
     command = ("reconstruct", recording, "--chunk-frames", 10, "--triangulation.min-views", 9, "-o")
     code, _, warned = run(*command, tmp_path / "whole")
     assert code == 0
@@ -119,16 +119,16 @@ def test_what_is_ended_while_files_are_written_goes_on_from_the_reconstruction(r
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("posefuse.cli.reconstruct.write_beside", ended)
+        patched.setattr("posefuse.pipeline.reconstruct_recording.write_outputs", ended)
         assert run(*command, tmp_path / "out")[0] == 130
     kept = {path.name for path in (tmp_path / "out" / CHECKPOINT_FOLDER).rglob("*")}
     assert kept == {"manifest.json", "whole.file", "whole.part"}
     with monkeypatch.context() as patched:
         # Nothing is followed or triangulated again.
-        patched.setattr("posefuse.pipeline.reconstruct.prepare", ended)
+        patched.setattr("posefuse.pipeline.reconstruct_recording.prepare", ended)
         code, said, wrong = run(*command, tmp_path / "out")
     assert (code, wrong) == (0, warned)
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
@@ -138,12 +138,12 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(run, two_people, uninterru
     stop_when(
         start(two_people, output, 20), output / CHECKPOINT_FOLDER / "frames_60" / "measured_000001.part", signal.SIGKILL
     )
-    finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "following.part"]
+    finished = [path for path in (output / CHECKPOINT_FOLDER).rglob("*.part") if path.name != "tracking.part"]
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert len(before) >= 3
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
-    assert "going on from the finished parts" in " ".join(said.split())
+    assert "Resuming from the finished parts" in " ".join(said.split())
     assert contents(output) == contents(uninterrupted)
 
 
@@ -153,7 +153,7 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
     # All frames may be followed before the signal comes: then there is nothing partial about what is made of them.
     for attempt in range(10):
         output = tmp_path / f"out_{attempt}"
-        said = stop_when(start(recording, output, 20), output / CHECKPOINT_FOLDER / "following.part", signal.SIGINT)
+        said = stop_when(start(recording, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGINT)
         if "Partial" in said:
             break
     assert "Partial: made of the first" in " ".join(said.split())
@@ -171,7 +171,7 @@ def test_an_interrupted_recording_leaves_a_result_that_says_so(run, tmp_path):
 @pytest.mark.long
 def test_parts_of_other_input_are_not_used(run, uninterrupted, two_people, tmp_path):
     other, output = write(tmp_path / "recording", 2.4, seed=1), tmp_path / "out"
-    stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "following.part", signal.SIGKILL)
+    stop_when(start(other, output, 20), output / CHECKPOINT_FOLDER / "tracking.part", signal.SIGKILL)
     code, said, _ = run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)
     assert code == 0
     assert "held 1 part of other input, options or versions; they are not used" in " ".join(said.split())
@@ -202,10 +202,7 @@ def ended_at(n: int, after: bool, recording: Path, output: Path) -> int:
 @pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that are copies of this one")
 def test_ended_whenever_a_file_takes_its_place(run, two_people, uninterrupted, tmp_path):
-    """CheckpointFolder, files of the result as they are written, and as they come to its folder.
-
-    Before and after in turn.
-    """
+    """Interrupt before or after each rename: of parts, of result files, and of files moved to the output folder."""
     n, output = 1, tmp_path / "out"
     while ended_at(n, n % 2 == 0, two_people, output) == 9:
         assert run("reconstruct", two_people, "-o", output, "--chunk-frames", 20)[0] == 0

@@ -118,8 +118,8 @@ def test_edits_that_leave_nobody(run, folder, monkeypatch):
     code, said, warned = run("edit", folder / "result", folder / "edits.toml", "-o", folder / "out")
     assert code == 0
     assert "nan" not in said
-    assert "- of the points of people who are followed have coordinates" in said
-    assert "nobody is left in any frame; there is no TRC or C3D to write" in warned
+    assert "- of the points of tracked people have coordinates" in said
+    assert "no person is left in any frame; there is no TRC or C3D to write" in warned
     assert not [entry for entry in (folder / "out").iterdir() if entry.suffix in (".trc", ".c3d")]
     assert "nan" not in (folder / "out" / "model.csv").read_text()
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("to /"))

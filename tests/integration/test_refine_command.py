@@ -62,7 +62,7 @@ def test_the_calibration_that_is_read_is_not_written_over(run, turned_recording)
     before = place.read_bytes()
     code, _, err = run("refine-calibration", turned_recording, "--output", place)
     assert code != 0
-    assert "Name another" in err
+    assert "Choose another file" in err
     assert place.read_bytes() == before
 
 

@@ -139,8 +139,8 @@ def _lines(process: subprocess.Popen) -> Iterator[bytes]:
     ("more", "code", "said"),
     [
         ((), 2, "Add --skeleton"),
-        (("--skeleton", "body_20", "--input", "tcp://"), 2, "lacks the port"),
-        (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number of more than 0"),
+        (("--skeleton", "body_20", "--input", "tcp://"), 2, "the port is missing"),
+        (("--skeleton", "body_20", "--max-wait-s", "-1"), 2, "max_wait_s must be a finite number above 0"),
         (("--skeleton", "fly_38", "--noise.cameras", "x", "--noise.scale-px", "1"), 2, "noise.cameras has no scale"),
     ],
 )

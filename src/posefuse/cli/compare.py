@@ -7,7 +7,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from posefuse.cli.console import Bars, count, note, say, table, wrote
-from posefuse.cli.types import CalibrationPath, KeypointsPath, OptionFlags, Output, Recording, TimestampsPath
+from posefuse.cli.types import InputFlags, Inputs, OptionFlags, Output, Recording
 from posefuse.errors import OptionsError, choices, suggestion
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
@@ -25,9 +25,7 @@ def compare(
     methods: Annotated[
         tuple[str, ...], Parameter(help="Comma-separated names that `posefuse methods` lists; by default all.")
     ] = (),
-    calibration: CalibrationPath = None,
-    keypoints: KeypointsPath = None,
-    timestamps: TimestampsPath = None,
+    inputs: Inputs = InputFlags(),  # noqa: B008
     truth: Annotated[
         Path | None, Parameter(help="File of known positions: a truth.nc, another reconstruction.nc, or a TRC file.")
     ] = None,
@@ -44,17 +42,17 @@ def compare(
 
     from posefuse.cli.evaluate import known_of
     from posefuse.io.files import must_exist, replacing_folder
-    from posefuse.io.open_recording import RecordingInputs, open_recording
+    from posefuse.io.open_recording import open_recording
     from posefuse.io.results.comparison import write
     from posefuse.pipeline.compare_methods import compare_methods
     from posefuse.report.comparison import comparison_figure
 
     truth_of = None if truth is None else known_of(must_exist(truth, "truth"))
     progress = Bars()
-    inputs = open_recording(recording, RecordingInputs(calibration, keypoints, timestamps), options, progress)
+    opened = open_recording(recording, inputs.paths(), options, progress)
     with replacing_folder(output, marker=TABLE, owned=(TABLE, PNG, SVG)) as staging:
         found = compare_methods(
-            inputs.rig, inputs.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
+            opened.rig, opened.detections, chosen, options, truth_of=truth_of, timed=timing, progress=progress
         )
         write(found, staging / TABLE)
         picture = comparison_figure(found)

@@ -32,9 +32,7 @@ def describe_result(result: Reconstruction) -> None:
     for finding in result.findings:
         note(f"finding: {finding}")
     if result.unit == "px":
-        note(
-            "note: one camera: coordinates are pixels in its image plane, not world coordinates; C3D cannot hold them."
-        )
+        note("note: one camera: coordinates are pixels in its image plane, not in the world; C3D cannot hold them.")
     _describe_points(result, name, summary)
     _describe_cameras(result, summary)
 

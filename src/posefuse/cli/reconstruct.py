@@ -1,7 +1,7 @@
 """``posefuse reconstruct``."""
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -10,31 +10,42 @@ from posefuse.cli.console import Bars, note, warn, wrote
 from posefuse.cli.describe_result import describe_result
 from posefuse.cli.types import (
     Also,
-    CalibrationPath,
     EditsPath,
-    KeypointsPath,
+    InputFlags,
+    Inputs,
     OptionFlags,
     Output,
     Recording,
     SyncPath,
-    TimestampsPath,
 )
 from posefuse.model.options.options import Options
 from posefuse.model.options.tracker import Smoother
+
+
+@dataclass(frozen=True)
+class Shortcuts:
+    """Short flags for frequently used options."""
+
+    smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None
+    max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None
+    align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None
+
+    def applied_to(self, options: Options) -> Options:
+        """Return the options with the values of the short flags."""
+        values = {"smoother": self.smoother, "max_people": self.max_people}
+        given = {name: value for name, value in values.items() if value is not None}
+        options = replace(options, tracker=replace(options.tracker, **given))
+        return options if self.align is None else replace(options, align=replace(options.align, floor="feet"))
 
 
 def reconstruct(
     recording: Recording,
     *,
     output: Output,
-    calibration: CalibrationPath = None,
-    keypoints: KeypointsPath = None,
-    timestamps: TimestampsPath = None,
+    inputs: Inputs = InputFlags(),  # noqa: B008
     edits: EditsPath = None,
     sync: SyncPath = None,
-    smoother: Annotated[Smoother | None, Parameter(help="Short for --tracker.smoother.")] = None,
-    max_people: Annotated[int | None, Parameter(help="Short for --tracker.max-people.")] = None,
-    align: Annotated[Literal["floor"] | None, Parameter(help="Short for --align.floor feet.")] = None,
+    shortcuts: Annotated[Shortcuts, Parameter(name="*")] = Shortcuts(),
     also: Also = (),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
@@ -48,19 +59,14 @@ def reconstruct(
     OUTPUT/.parts until the result is complete: after an interruption of any kind, the same command resumes from the
     last finished chunk. Ctrl-C writes a partial result of the finished chunks.
     """
-    from posefuse.io.open_recording import RecordingInputs
     from posefuse.pipeline.reconstruct_recording import reconstruct_recording
 
-    short = {name: value for name, value in (("smoother", smoother), ("max_people", max_people)) if value is not None}
-    options = replace(options, tracker=replace(options.tracker, **short))
-    if align == "floor":
-        options = replace(options, align=replace(options.align, floor="feet"))
+    options = shortcuts.applied_to(options)
     if sync is not None:
         from posefuse.io.options import read_sync
 
         options = replace(options, sync=read_sync(sync))
-    inputs = RecordingInputs(calibration, keypoints, timestamps, edits)
-    outcome = reconstruct_recording(recording, output, options, inputs=inputs, also=also, progress=Bars())
+    outcome = reconstruct_recording(recording, output, options, inputs=inputs.paths(edits), also=also, progress=Bars())
     describe_result(outcome.open())
     for remark in outcome.remarks:
         note(f"note: {remark}")

@@ -1,5 +1,6 @@
 """``posefuse refine-calibration``."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,6 +13,19 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.refinement import Refine, RefineOptions
 
 Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RefineFlags:
+    """Flags that choose what is refined."""
+
+    refine: Annotated[
+        Refine,
+        Parameter(help="Parameters to refine: extrinsics; focal (also focal lengths); lens (also k1 and k2)."),
+    ] = "extrinsics"
+    fix: Annotated[Names, Parameter(help="Cameras that are not refined and define the world.")] = ()
+    relocate: Annotated[Names, Parameter(help="Cameras to locate from scratch, ignoring their poses.")] = ()
+    seed: Annotated[int, Parameter(help="Random seed of the samples that locate cameras.")] = 0
 
 
 def refine_calibration(
@@ -31,13 +45,7 @@ def refine_calibration(
         Literal["keypoints", "board"],
         Parameter(name="--from", help="Refine by the keypoints of a moving subject, or by the corners of a board."),
     ] = "keypoints",
-    refine: Annotated[
-        Refine,
-        Parameter(help="Parameters to refine: extrinsics; focal (also focal lengths); lens (also k1 and k2)."),
-    ] = "extrinsics",
-    fix: Annotated[Names, Parameter(help="Cameras that are not refined and define the world.")] = (),
-    relocate: Annotated[Names, Parameter(help="Cameras to locate from scratch, ignoring their poses.")] = (),
-    seed: Annotated[int, Parameter(help="Random seed of the samples that locate cameras.")] = 0,
+    refining: Annotated[RefineFlags, Parameter(name="*")] = RefineFlags(),
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
     """Refine the poses of cameras, and optionally their lenses, from a recording; print the changes and uncertainties.
@@ -47,9 +55,9 @@ def refine_calibration(
     from posefuse.io.open_recording import RecordingInputs
     from posefuse.pipeline.refine_recording import refine_recording
 
-    refining = RefineOptions(refine, fix, relocate, seed=seed)
+    chosen = RefineOptions(refining.refine, refining.fix, refining.relocate, seed=refining.seed)
     inputs = RecordingInputs(calibration, keypoints)
-    result, form = refine_recording(recording, output, options, refining, source=source, inputs=inputs, progress=Bars())
+    result, form = refine_recording(recording, output, options, chosen, source=source, inputs=inputs, progress=Bars())
     describe(result)
     note(f"Wrote {output} {form}")
     say(f"Use it: posefuse reconstruct RECORDING --calibration {output}")

@@ -24,24 +24,24 @@ if TYPE_CHECKING:
     from posefuse.live.line_queue import LineQueue
     from posefuse.live.session import Session
 
-_TURN_S = 0.0005
+_SWITCH_INTERVAL_S = 0.0005
 _INPUT_HELP = (
-    "Where lines come from: - (stdin), tcp://127.0.0.1:PORT or unix:PATH (listens), zmq+pull://127.0.0.1:PORT "
+    "Source of lines: - (stdin), tcp://127.0.0.1:PORT or unix:PATH (listens), zmq+pull://127.0.0.1:PORT "
     "(listens), zmq+sub://HOST:PORT or nats://HOST:PORT/SUBJECT (connects)."
 )
 
 
 def stream(
     *,
-    calibration: Annotated[Path, Parameter(help="Calibration file; messages call cameras by its names.")],
+    calibration: Annotated[Path, Parameter(help="Calibration file; messages use its camera names.")],
     input: Annotated[str, Parameter(name=["--input", "-i"], help=_INPUT_HELP)] = "-",  # noqa: A002
     stream: Annotated[StreamOptions, Parameter(name="*", group=Group("Stream", sort_key=1))] = StreamOptions(),  # noqa: B008
     options: OptionFlags = Options(),  # noqa: B008
 ) -> None:
-    """Follow people live: a JSON line of each camera and time in, a JSON line of everybody in each frame out.
+    """Track people live: one JSON line per camera and time in, one JSON line per frame out.
 
-    docs/live.md says what the lines hold. --skeleton says what keypoints are. Ends with the input, or with Ctrl-C; what
-    was late, lost or malformed is counted in the stream's report lines, and told on stderr at the end.
+    docs/live.md describes the lines. --skeleton names the keypoints. The command ends with the input or with Ctrl-C.
+    Late, lost and malformed lines are counted in the stream's report lines and printed on stderr at the end.
     """
     from posefuse.live.addresses import parse_address
     from posefuse.live.line_queue import LineQueue
@@ -50,30 +50,38 @@ def stream(
     from posefuse.live.warm_up import warm_up
 
     address = parse_address(input)
-    # Where messages tell the time, the same lines are to give the same bytes: none is dropped for being many.
+    # If messages define the time, the same lines must give the same bytes, so none is dropped.
     waits = address.kind == "stdin" or stream.clock == "messages"
     stream = replace(stream, when_behind=stream.when_behind or ("wait" if waits else "drop"))
     session = _session(calibration, stream, options)
     if address.is_open:
+<<<<<<< HEAD
         warn(f"{address} accepts lines from other machines without authentication. Use it in trusted networks only.")
+=======
+        warn(f"{address} accepts unauthenticated connections from the network; use only on a trusted network.")
+>>>>>>> hub/main
     warm_up(session, options)
-    inbox = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
-    source = Source(address, inbox, stream)
-    with _ended_by_signals(inbox):
-        _say_ready(source.start())
+    queue = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
+    source = Source(address, queue, stream)
+    with _end_on_signals(queue):
+        _print_ready(source.start())
         gc.collect()
-        # What is there by now stays: looking through it again and again would take milliseconds of a frame.
+        # The objects created so far are permanent; collecting them repeatedly would take milliseconds of a frame.
         gc.freeze()
         try:
-            with _taking_turns():
-                run_stream(session, inbox, _write, warn)
+            with _short_switch_interval():
+                run_stream(session, queue, _write, warn)
         except BrokenPipeError:
+<<<<<<< HEAD
             warn("the reader of the lines closed the connection.")
+=======
+            warn("The output was closed by its reader.")
+>>>>>>> hub/main
             sys.stdout = open("/dev/null", "w")  # noqa: SIM115
         finally:
             gc.unfreeze()
             source.close()
-            tell(session)
+            print_counts(session)
     if session.counts.lines and not any(each.received for each in session.grouper.counts):
         warn("No line could be used.")
         sys.exit(1)
@@ -87,15 +95,15 @@ def _session(calibration: Path, stream: StreamOptions, options: Options) -> "Ses
 
     if options.skeleton is None:
         raise OptionsError(
-            f"Add --skeleton: what the keypoints of the messages are, in which order. A shipped one "
-            f"({choices(shipped_skeletons(), 20)}), or a TOML file."
+            f"Add --skeleton: the keypoints of the messages and their order. Give a shipped skeleton "
+            f"({choices(shipped_skeletons(), 20)}) or a TOML file."
         )
     rig = read_cameras(must_exist(calibration, "calibration"), length_unit=options.length_unit, up=options.up)
     wanted = options.cameras or tuple(name for name in rig.names if name not in options.exclude_camera)
     return Session(rig.select(wanted), options.skeleton, options, stream)
 
 
-def _say_ready(address: "Address") -> None:
+def _print_ready(address: "Address") -> None:
     where = f"listening on {address}" if address.listens else f"reading {address}"
     err.print(Text(f"posefuse stream: ready, {where}"), soft_wrap=True)
 
@@ -106,16 +114,20 @@ def _write(line: bytes) -> None:
 
 
 @contextmanager
-def _ended_by_signals(inbox: "LineQueue") -> Iterator[None]:
-    """Ctrl-C and the system's request to end are how a stream ends: what has come is still worked on.
+def _end_on_signals(queue: "LineQueue") -> Iterator[None]:
+    """End the stream on SIGINT and SIGTERM after the received lines are processed.
 
+<<<<<<< HEAD
     The second interrupt stops at once, because the reader of the lines may have stopped and block the output.
+=======
+    A second signal ends it at once, since the reader of the output may have stopped.
+>>>>>>> hub/main
     """
 
     def end(*_: Any) -> None:
-        if inbox.closed:
+        if queue.closed:
             raise KeyboardInterrupt
-        inbox.close()
+        queue.close()
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -126,21 +138,28 @@ def _ended_by_signals(inbox: "LineQueue") -> Iterator[None]:
 
 
 @contextmanager
+<<<<<<< HEAD
 def _taking_turns() -> Iterator[None]:
     """Shorten the switch interval, so that the receiving thread runs soon after a line arrives."""
     usual_s = sys.getswitchinterval()
     sys.setswitchinterval(_TURN_S)
+=======
+def _short_switch_interval() -> Iterator[None]:
+    """Shorten the interpreter's switch interval, so that lines are received soon after they arrive."""
+    default_s = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+>>>>>>> hub/main
     try:
         yield
     finally:
-        sys.setswitchinterval(usual_s)
+        sys.setswitchinterval(default_s)
 
 
-def tell(session: "Session") -> None:
-    """Say on stderr what was counted."""
+def print_counts(session: "Session") -> None:
+    """Print the counts of a stream on stderr."""
     counts = session.counts
     frames = counts.complete + counts.incomplete
-    _say(
+    _print(
         f"{count(counts.lines, 'line')}, {count(frames, 'frame')}: {counts.complete} complete, "
         f"{counts.incomplete} without some camera; dropped {counts.frames_dropped}"
     )
@@ -149,15 +168,15 @@ def tell(session: "Session") -> None:
             p50, p99, most = (
                 1e3 * x for x in (latencies.quantile_s(0.5), latencies.quantile_s(0.99), latencies.most_s)
             )
-            _say(f"latency of {kind} frames: p50 {p50:.1f} ms, p99 {p99:.1f} ms, most {most:.1f} ms")
+            _print(f"latency of {kind} frames: p50 {p50:.1f} ms, p99 {p99:.1f} ms, most {most:.1f} ms")
     for what, number in sorted(counts.malformed.items()):
-        _say(f"malformed: {count(number, 'line')}, {what}")
+        _print(f"malformed: {count(number, 'line')}, {what}")
     for why, number in sorted(counts.lost.items()):
-        _say(f"dropped: {count(number, 'line')}, {why}")
+        _print(f"dropped: {count(number, 'line')}, {why}")
     if counts.refused:
-        _say(f"refused by the tracker: {count(counts.refused, 'frame')}")
+        _print(f"refused by the tracker: {count(counts.refused, 'frame')}")
     if session.grouper.jumps:
-        _say(f"clocks of most cameras jumped {count(session.grouper.jumps, 'time')}")
+        _print(f"clocks of most cameras jumped {count(session.grouper.jumps, 'time')}")
     columns = ("used", "missing", "late", "early", "duplicate", "out_of_order", "malformed")
     view = Table(box=None, pad_edge=False, header_style="bold")
     view.add_column("camera", overflow="fold")
@@ -168,5 +187,5 @@ def tell(session: "Session") -> None:
     err.print(view)
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     err.print(Text(text))

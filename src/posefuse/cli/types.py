@@ -1,12 +1,16 @@
 """Parameters that several commands share."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
 from posefuse.cli.help import OPTIONS_GROUP
 from posefuse.model.options.options import Options
+
+if TYPE_CHECKING:
+    from posefuse.io.open_recording import RecordingInputs
 
 OptionFlags = Annotated[Options, Parameter(name="*", group=Group(OPTIONS_GROUP, sort_key=2))]
 Recording = Annotated[Path, Parameter(help="Folder of the recording.")]
@@ -26,3 +30,21 @@ Also = Annotated[
     Parameter(help="Further formats to write, such as parquet or opensim; posefuse formats lists them."),
 ]
 SyncPath = Annotated[Path | None, Parameter(help="TOML file of time offsets that posefuse sync wrote.")]
+
+
+@dataclass(frozen=True)
+class InputFlags:
+    """Flags that name the inputs of a recording."""
+
+    calibration: CalibrationPath = None
+    keypoints: KeypointsPath = None
+    timestamps: TimestampsPath = None
+
+    def paths(self, edits: Path | None = None) -> "RecordingInputs":
+        """Return the paths of the inputs."""
+        from posefuse.io.open_recording import RecordingInputs
+
+        return RecordingInputs(self.calibration, self.keypoints, self.timestamps, edits)
+
+
+Inputs = Annotated[InputFlags, Parameter(name="*")]

@@ -110,7 +110,7 @@ def method_numbers(
     min_views = result.resolved.triangulation.min_views
     assert min_views is not None
     return MethodNumbers(
-        method=result.options.triangulation.method,
+        method=result.resolved.triangulation.method,
         min_views=min_views,
         used_error=_used_error(layer),
         all_error=_all_error(layer),

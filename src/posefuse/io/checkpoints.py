@@ -1,10 +1,10 @@
-"""Finished parts of a long reconstruction in a folder, from which the same command goes on after it was ended.
+"""Store finished parts of a long reconstruction in a folder, so that the same command can resume.
 
-``manifest.json`` says what the parts are of: a digest of all that they depend on, contents of the input, options
-and versions. Every other file is one part, written beside and moved to its place when it is whole, which begins with a
-line of JSON: that digest, the part's own, and its size. Of other input, of another layout, or damaged, it is not used.
-Spools (``*.spool``) are files at whose end values are added; a part that is kept says how long they were then.
-In the end one file (``whole.file``), with a part that says its digest, takes the place of them all.
+``manifest.json`` holds a digest of everything the parts depend on: contents of the inputs, options and versions. Every
+other file is one part, written to a temporary file and renamed when it is complete. A part starts with a line of JSON:
+the digest of the manifest, the part's own digest, and its size. Parts of other inputs, of another layout, or damaged
+ones are not used. Spools (``*.spool``) are append-only files; each part records their length when it was saved. A
+finished result (``whole.file``), with a part that holds its digest, finally replaces all other parts.
 """
 
 import contextlib
@@ -48,29 +48,40 @@ _FOREIGN = {
 _FUNCTIONS = {("posefuse.pipeline.people.initial_noise", "propose_people")}
 
 
-def digest_of(told: Mapping[str, Any]) -> str:
-    """A digest of what parts depend on; values are those of JSON."""
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+def digest_of(values: Mapping[str, Any]) -> str:
+    """Return a digest of what parts depend on, given as JSON values."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 @contextlib.contextmanager
-def _keeping(path: Path) -> Iterator[None]:
-    """Say in a sentence why something cannot be kept."""
+def _explain_write_errors(path: Path) -> Iterator[None]:
+    """Turn an operating system error into a sentence.
+
+    Raises:
+        FileError: if writing fails.
+    """
     try:
         yield
     except OSError as error:
         raise FileError(
+<<<<<<< HEAD
             f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are kept there "
             "until the result is complete. Free disk space and run the same command again; finished parts are reused."
+=======
+            f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are stored "
+            "there until the result is complete, and are kept. Free some space and run the command again to resume."
+>>>>>>> hub/main
         ) from None
 
 
 class CheckpointFolder:
-    """Keeps parts in a folder, which is made with the first of them; see :class:`posefuse.checkpoint.Checkpoint`.
+    """Stores parts in a folder; implements :class:`posefuse.checkpoint.Checkpoint`.
+
+    The folder is created with the first part.
 
     Args:
-        folder: of parts alone.
-        key: what they depend on, from :func:`digest_of`.
+        folder: folder that holds parts only.
+        key: digest of what the parts depend on, from :func:`digest_of`.
     """
 
     enabled = True
@@ -80,10 +91,13 @@ class CheckpointFolder:
 
     @classmethod
     def opened(cls, folder: Path, key: str) -> tuple[Self, int]:
-        """The parts in a folder, and how many others were in it, of other input or options: those are removed.
+        """Open a folder, and remove parts of another key.
+
+        Returns:
+            The checkpoint, and the number of parts removed.
 
         Raises:
-            FileError: if the folder is no such folder.
+            FileError: if the folder holds other files, or is a file.
         """
         others = 0
         if folder.is_dir() and any(folder.iterdir()):
@@ -91,18 +105,20 @@ class CheckpointFolder:
                 others = sum(1 for file in folder.rglob("*") if file.suffix == ".part")
                 remove_parts(folder)
         elif folder.exists() and not folder.is_dir():
-            raise FileError(f"{folder} is a file, and finished parts go into a folder of that name. Move it away.")
+            raise FileError(f"{folder} is a file, but finished parts need a folder of this name. Move the file away.")
         return cls(folder, key), others
 
     def contains(self, name: str) -> bool:
-        """Whether a part of that name was kept."""
+        """Return whether a part of this name is stored."""
         return self._path(name).is_file()
 
     def load(self, name: str) -> Any:
-        """The part of that name; None where there is none that is whole and of the same work.
+        """Return the part of this name; None if it is absent, damaged or of another key.
+
+        Spools of the part are truncated to their length when it was saved.
 
         Raises:
-            FileError: if it holds what no part does.
+            FileError: if it holds objects that parts never hold.
         """
         try:
             with self._path(name).open("rb") as file:
@@ -118,16 +134,16 @@ class CheckpointFolder:
         try:
             return _loaded(_unpacked(packed, head["size"]))
         except pickle.UnpicklingError as error:
-            raise FileError(f"{self._path(name)}: {error}. Where is it from? Remove {self.folder}.") from None
+            raise FileError(f"{self._path(name)}: {error}. Its origin is unknown; remove {self.folder}.") from None
 
     def save(self, name: str, value: Any) -> Any:
-        """Keep a part, in place of one of that name; the part as :meth:`load` gives it."""
+        """Store a part, replacing one of the same name, and return it as :meth:`load` would."""
         content = pickle.dumps(value, protocol=5)
         packed = _packed(content)
         spools = {each: size for each, size in self._spool_sizes().items() if each.startswith(f"{name}.")}
         head = {"key": self.key, "size": len(content), "spools": spools}
         self.begin()
-        with _keeping(self.folder):
+        with _explain_write_errors(self.folder):
             for each in spools:
                 with self._spool_path(each).open("rb+") as file:
                     os.fsync(file.fileno())
@@ -149,28 +165,28 @@ class CheckpointFolder:
             temporary.unlink(missing_ok=True)
 
     def spool(self, name: str) -> "FileSpool":
-        """A file at whose end values are added, of the part whose name is that before the first dot."""
+        """Open the spool of a name; it belongs to the part named before the first dot."""
         self.begin()
         return FileSpool(self._spool_path(name))
 
     def child(self, name: str) -> "CheckpointFolder":
-        """Parts in a folder of their own."""
+        """Return a checkpoint in a subfolder."""
         return CheckpointFolder(self.folder / name, self.key)
 
     def begin(self) -> None:
-        """Make the folder, which says what it is of, if it is not there."""
+        """Create the folder and its manifest if they do not exist."""
         if (self.folder / _MANIFEST).exists():
             return
-        with _keeping(self.folder):
+        with _explain_write_errors(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             temporary = self.folder / f"{_MANIFEST}.partial"
             temporary.write_text(json.dumps({"layout": _LAYOUT, "key": self.key}) + "\n", "utf-8")
             os.replace(temporary, self.folder / _MANIFEST)
 
-    def save_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
-        """Keep a finished file instead of all parts, which takes no room, and what was said while it was made.
+    def save_file(self, file: Path, warnings: tuple[str, ...] = ()) -> None:
+        """Store a finished file as a hard link in place of all parts, with the warnings given while it was made.
 
-        Where a file cannot have a second name, the parts stay.
+        Where the file system has no hard links, the parts are kept instead.
         """
         self.begin()
         kept = self._file_path()
@@ -179,17 +195,21 @@ class CheckpointFolder:
             os.link(file, kept)
         except OSError:
             return
-        with _keeping(kept), kept.open("rb+") as opened:
+        with _explain_write_errors(kept), kept.open("rb+") as opened:
             os.fsync(opened.fileno())
-            self.save(_WHOLE, (hashlib.file_digest(opened, "sha256").hexdigest(), said))
-        _remove_but(self.folder, (kept, self._path(_WHOLE), self.folder / _MANIFEST))
+            self.save(_WHOLE, (hashlib.file_digest(opened, "sha256").hexdigest(), warnings))
+        _remove_except(self.folder, (kept, self._path(_WHOLE), self.folder / _MANIFEST))
 
     def load_file(self, target: Path) -> tuple[str, ...] | None:
-        """Put the file that is kept at a place; what was said while it was made, None if none is there and whole."""
-        known, kept = self.load(_WHOLE), self._file_path()
-        if known is None or not kept.is_file():
+        """Restore the stored file at a path.
+
+        Returns:
+            The warnings given while it was made; None if no intact file is stored.
+        """
+        stored, kept = self.load(_WHOLE), self._file_path()
+        if stored is None or not kept.is_file():
             return None
-        digest, said = known
+        digest, warnings = stored
         with kept.open("rb") as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != digest:
                 return None
@@ -197,10 +217,14 @@ class CheckpointFolder:
             os.link(kept, target)
         except OSError:
             shutil.copyfile(kept, target)
-        return said
+        return warnings
 
     def remove(self) -> None:
+<<<<<<< HEAD
         """Remove all parts."""
+=======
+        """Remove the folder."""
+>>>>>>> hub/main
         remove_parts(self.folder)
 
     def _path(self, name: str) -> Path:
@@ -217,12 +241,17 @@ class CheckpointFolder:
 
 
 def remove_parts(folder: Path) -> None:
+<<<<<<< HEAD
     """Remove a folder of parts; the manifest goes last, so that an interrupted removal can be recognized."""
     _remove_but(folder, (folder / _MANIFEST,))
+=======
+    """Remove a folder of parts, the manifest last, so that an interrupted removal leaves a recognizable folder."""
+    _remove_except(folder, (folder / _MANIFEST,))
+>>>>>>> hub/main
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_but(folder: Path, kept: tuple[Path, ...]) -> None:
+def _remove_except(folder: Path, kept: tuple[Path, ...]) -> None:
     for entry in folder.iterdir() if folder.is_dir() else ():
         if entry.is_dir():
             shutil.rmtree(entry, ignore_errors=True)
@@ -232,43 +261,43 @@ def _remove_but(folder: Path, kept: tuple[Path, ...]) -> None:
 
 
 def _key_in(folder: Path) -> str:
-    """What the parts in a folder depend on.
+    """Return the key of the parts in a folder; empty if it cannot be read.
 
     Raises:
-        FileError: if it has other files, and no manifest.
+        FileError: if the folder has other files and no manifest.
     """
     manifest = next((file for file in (folder / _MANIFEST, *folder.glob(f"*/{_MANIFEST}")) if file.is_file()), None)
     if manifest is None and any(file.is_file() and file.suffix != ".partial" for file in folder.rglob("*")):
-        raise FileError(f"{folder} holds files that are no parts of a reconstruction. Move it away.")
+        raise FileError(f"{folder} holds files that are not parts of a reconstruction. Move it away.")
     try:
-        told = json.loads(manifest.read_text("utf-8")) if manifest is not None else {}
+        content = json.loads(manifest.read_text("utf-8")) if manifest is not None else {}
     except (OSError, ValueError):
         return ""
-    return str(told.get("key")) if told.get("layout") == _LAYOUT else ""
+    return str(content.get("key")) if content.get("layout") == _LAYOUT else ""
 
 
 class FileSpool:
-    """Values one after the other in a file; see :class:`posefuse.checkpoint.Spool`."""
+    """Appends values to a file; implements :class:`posefuse.checkpoint.Spool`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         path.touch()
 
     def add(self, value: Any) -> int:
-        """Take a value; where in the file it begins."""
+        """Append a value and return its position."""
         content = pickle.dumps(value, protocol=5)
         packed = _packed(content)
-        with _keeping(self._path), self._path.open("ab") as file:
+        with _explain_write_errors(self._path), self._path.open("ab") as file:
             place = file.tell()
             sizes = _SIZES.pack(len(packed), len(content))
             file.write(sizes + zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") + packed)
         return place
 
     def read(self, place: int) -> Any:
-        """The value that begins there.
+        """Return the value at a position.
 
         Raises:
-            FileError: if it is not what was written.
+            FileError: if the file is damaged there.
         """
         with self._path.open("rb") as file:
             file.seek(place)
@@ -277,18 +306,27 @@ class FileSpool:
             packed = file.read(min(length, self._path.stat().st_size))
         if not check or zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") != check:
             folder = self._path.parent
+<<<<<<< HEAD
             raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and run the command again.")
+=======
+            raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and start again.")
+>>>>>>> hub/main
         return _loaded(_unpacked(packed, size))
 
 
 _SIZES = struct.Struct("<QQ")
-"""Of a value in a spool: its bytes there, and those that it unfolds to; then comes a check sum, then the value."""
+"""Header of a value in a spool: its packed and unpacked sizes. A checksum and the value follow."""
 
 
 def _digest(head: Mapping[str, Any], packed: bytes) -> str:
     """Return the digest of a part and its header."""
+<<<<<<< HEAD
     told = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
     return hashlib.sha256(told.encode() + packed).hexdigest()
+=======
+    header = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
+    return hashlib.sha256(header.encode() + packed).hexdigest()
+>>>>>>> hub/main
 
 
 def _packed(content: bytes) -> bytes:
@@ -304,13 +342,17 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 class _Unpickler(pickle.Unpickler):
+<<<<<<< HEAD
     """Unpickle arrays and the data types of posefuse only; a folder of parts may come from an unknown source."""
+=======
+    """Creates arrays and posefuse's own records only, since a folder of parts may come from an untrusted source."""
+>>>>>>> hub/main
 
     def find_class(self, module: str, name: str) -> Any:
-        """A class that parts are made of.
+        """Return a class that parts consist of.
 
         Raises:
-            pickle.UnpicklingError: of any other.
+            pickle.UnpicklingError: for any other class or function.
         """
         if (module, name) in _FOREIGN:
             return super().find_class(module, name)
@@ -318,7 +360,7 @@ class _Unpickler(pickle.Unpickler):
             found = super().find_class(module, name)
             if (module, name) in _FUNCTIONS or (isinstance(found, type) and found.__module__ == module):
                 return found
-        raise pickle.UnpicklingError(f"a part of a reconstruction has no {module}.{name}")
+        raise pickle.UnpicklingError(f"a part of a reconstruction cannot hold {module}.{name}")
 
 
 def _loaded(content: bytes) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from posefuse.errors import DetectionsError, suggestion
 from posefuse.model.detections import Detections
-from posefuse.model.view_message import SeenView
+from posefuse.model.view_message import ViewMessage
 
 PROTOCOL = 1
 MAX_TIME_S = 1e11
@@ -72,7 +72,7 @@ class LineReader:
     def _view_of(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.cameras)}
 
-    def read(self, line: bytes) -> SeenView | RejectedLine:
+    def read(self, line: bytes) -> ViewMessage | RejectedLine:
         """Return the content of a line, or why it is rejected. No input raises an exception or executes code."""
         try:
             message = self._decoder.decode(line)
@@ -93,7 +93,7 @@ class LineReader:
             return RejectedLine("too many people", reason, view)
         return self._detections(message, view)
 
-    def _detections(self, message: _Message, view: int) -> SeenView | RejectedLine:
+    def _detections(self, message: _Message, view: int) -> ViewMessage | RejectedLine:
         people, keypoints = len(message.people), self.n_keypoints
         numbers = np.full((people, keypoints, 3), np.nan)
         for p, person in enumerate(message.people):
@@ -120,7 +120,7 @@ class LineReader:
         ids = np.array([person.track_id for person in message.people], dtype=np.int64)
         # One coordinate alone is not a detection.
         numbers[np.isnan(numbers[..., 0]) | np.isnan(numbers[..., 1])] = np.nan
-        return SeenView(view, message.time_s, numbers[..., :2].copy(), numbers[..., 2].copy(), ids)
+        return ViewMessage(view, message.time_s, numbers[..., :2].copy(), numbers[..., 2].copy(), ids)
 
 
 def _impossible(numbers: np.ndarray) -> str | None:
@@ -143,7 +143,7 @@ def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:160]
 
 
-def line_of(camera: str, view: SeenView) -> bytes:
+def line_of(camera: str, view: ViewMessage) -> bytes:
     """Return one view as a line for :class:`LineReader`, with a line break. Numbers keep their full precision."""
     people = []
     for keypoints, confidence, track in zip(view.keypoints_px, view.confidence, view.track_ids, strict=True):
@@ -175,7 +175,7 @@ def lines_of(detections: Detections, cameras: Sequence[str] | None = None) -> It
             cell = f * chunk.n_views + v
             rows = slice(int(chunk.offsets[cell]), int(chunk.offsets[cell + 1]))
             time_s = float(chunk.time_s[f, v])
-            seen = SeenView(
+            seen = ViewMessage(
                 v, time_s, np.asarray(chunk.keypoints_px[rows]), np.asarray(chunk.confidence[rows]),
                 np.asarray(chunk.track_ids[rows]),
             )  # fmt: skip

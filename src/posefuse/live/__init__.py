@@ -1,1 +1,1 @@
-"""A stream of views in, a stream of people out: grouped by time with a bounded wait, followed, and counted."""
+"""Live tracking: views in, people out, grouped by time with a bounded wait, tracked and counted."""

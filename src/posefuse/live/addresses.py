@@ -1,4 +1,4 @@
-"""Where a stream comes from, as an address."""
+"""Parse the address that a stream comes from."""
 
 import ipaddress
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ EXAMPLES = {
 
 @dataclass(frozen=True)
 class Address:
-    """Where lines come from.
+    """The source of a stream.
 
     Attributes:
-        kind: how.
-        host: to listen on, or to connect to.
-        port: likewise; 0 lets the system choose where it listens.
-        name: path of a UNIX socket, subject of NATS, prefix of the messages of a ZeroMQ publisher.
+        kind: transport.
+        host: host to listen on or to connect to.
+        port: port to listen on or to connect to; 0 lets the system choose a port to listen on.
+        name: path of a UNIX socket, NATS subject, or message prefix of a ZeroMQ publisher.
     """
 
     kind: Kind
@@ -37,12 +37,12 @@ class Address:
 
     @property
     def listens(self) -> bool:
-        """Whether others connect to us."""
+        """Whether senders connect to this process."""
         return self.kind in ("tcp", "unix", "zmq+pull")
 
     @property
     def is_open(self) -> bool:
-        """Whether it listens to other machines."""
+        """Whether it accepts connections from other machines."""
         return self.listens and self.kind != "unix" and not _is_loopback(self.host)
 
     def __str__(self) -> str:
@@ -55,17 +55,17 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """An address from what a user writes.
+    """Return the address that a text denotes.
 
     Raises:
-        OptionsError: if it is none, or lacks what it needs.
+        OptionsError: if the text is not an address, or a part is missing.
     """
     if text in ("-", "stdin"):
         return Address("stdin")
     if text.startswith("unix:"):
         path = text.removeprefix("unix:").removeprefix("//")
         if not path:
-            raise OptionsError("--input unix: lacks the path of the socket, such as unix:/tmp/posefuse.sock.")
+            raise OptionsError("--input unix: the path of the socket is missing, such as unix:/tmp/posefuse.sock.")
         return Address("unix", name=path)
     kinds: dict[str, Kind] = {"tcp": "tcp", "zmq+pull": "zmq+pull", "zmq+sub": "zmq+sub", "nats": "nats"}
     kind = text.partition("://")[0]
@@ -73,7 +73,7 @@ def parse_address(text: str) -> Address:
         listed = "".join(f"\n  {example}  ({meaning})" for example, meaning in EXAMPLES.items())
         near = suggestion(kind, kinds)
         meant = f" {near}" if "://" in text and near.startswith("Did") else ""
-        raise OptionsError(f"--input: no address {text!r}.{meant} Addresses look like one of these:{listed}")
+        raise OptionsError(f"--input: {text!r} is not an address.{meant} Valid forms:{listed}")
     return _network(kinds[kind], text)
 
 
@@ -84,15 +84,15 @@ def _network(kind: Kind, text: str) -> Address:
     except ValueError as error:
         raise OptionsError(f"--input {text}: {error}.") from None
     if parts.username is not None or parts.query or parts.fragment:
-        raise OptionsError(f"--input {text}: an address has a host, a port and perhaps a name, nothing else.")
+        raise OptionsError(f"--input {text}: an address has a host, a port and optionally a name.")
     name = unquote(parts.path.removeprefix("/"))
     if kind == "nats":
         if not name or any(character.isspace() for character in name):
-            raise OptionsError(f"--input {text}: lacks the subject: nats://host:4222/subject.")
+            raise OptionsError(f"--input {text}: the subject is missing: nats://host:4222/subject.")
         port = port or 4222
     if port is None:
         meant = f"{kind}://{LOOPBACK}:{host}" if host and host.isdigit() else f"{kind}://{host or LOOPBACK}:5570"
-        raise OptionsError(f"--input {text}: lacks the port, as in {meant}.")
+        raise OptionsError(f"--input {text}: the port is missing, as in {meant}.")
     if kind in ("tcp", "zmq+pull") and name:
         raise OptionsError(f"--input {text}: {kind} takes no name after the port, got {name!r}.")
     return Address(kind, host or LOOPBACK, port, name)

@@ -14,7 +14,7 @@ from posefuse.live.lines import Sender
 from posefuse.model.options.stream import StreamOptions
 
 _POLL_MS = 100
-_MOST_HELD = 256
+_MAX_BUFFERED = 256
 """Maximum number of messages that ZeroMQ buffers per peer, each of up to ``max_line_bytes``."""
 _CONNECT_S = 5.0
 _EXTRA = "Install it: pip install 'posefuse[live]'."
@@ -23,10 +23,13 @@ _EXTRA = "Install it: pip install 'posefuse[live]'."
 def open_zeromq(
     address: Address, queue: LineQueue, options: StreamOptions, stop: threading.Event, limited: bool
 ) -> tuple[Address, Callable[[], None]]:
-    """Bind a PULL socket or connect a SUB socket; return its address and the receiving function.
+    """Bind a PULL socket, or connect a SUB socket.
+
+    Returns:
+        The address, with the port if the system chose it, and a function that receives until ``stop`` is set.
 
     Raises:
-        StreamError: if pyzmq is not installed, or the address cannot be opened.
+        StreamError: if pyzmq is not installed, or the socket cannot be bound.
     """
     try:
         import zmq
@@ -37,7 +40,7 @@ def open_zeromq(
     receiver: Any = context.socket(zmq.PULL if pulls else zmq.SUB)
     receiver.setsockopt(zmq.LINGER, 0)
     receiver.setsockopt(zmq.MAXMSGSIZE, options.max_line_bytes)
-    receiver.setsockopt(zmq.RCVHWM, min(options.queue_messages, _MOST_HELD))
+    receiver.setsockopt(zmq.RCVHWM, min(options.queue_messages, _MAX_BUFFERED))
     try:
         if pulls:
             receiver.bind(f"tcp://{address.host}:{address.port or '*'}")
@@ -54,7 +57,7 @@ def open_zeromq(
         try:
             while not stop.is_set():
                 if receiver.poll(_POLL_MS):
-                    # A publisher may put a topic before the message.
+                    # A publisher may send a topic before the message.
                     sender.feed(receiver.recv_multipart()[-1] + b"\n")
         finally:
             context.destroy(linger=0)
@@ -65,10 +68,10 @@ def open_zeromq(
 def open_nats(
     address: Address, queue: LineQueue, options: StreamOptions, stop: threading.Event, limited: bool
 ) -> Callable[[], None]:
-    """Return a function that subscribes to a subject and receives until it is stopped; lost connections are restored.
+    """Return a function that subscribes to a subject and receives until ``stop`` is set, reconnecting when necessary.
 
     Raises:
-        StreamError: if nats-py is not installed, or no server answers.
+        StreamError: if nats-py is not installed, or no server can be reached.
     """
     try:
         import nats
@@ -88,7 +91,7 @@ def open_nats(
             sender.feed(message.data + b"\n")
 
         async def ignore(_: Exception) -> None:
-            """Ignore the error: the client reconnects, and missing messages are counted."""
+            """Do nothing: the client reconnects, and lost messages are counted as missing."""
 
         # After the first connection the client reconnects without limit.
         connecting = nats.connect(server, connect_timeout=_CONNECT_S, max_reconnect_attempts=-1, error_cb=ignore)
@@ -96,7 +99,7 @@ def open_nats(
             client = await asyncio.wait_for(connecting, 2.0 * _CONNECT_S)
         except Exception as error:
             why = str(error) or type(error).__name__
-            raise StreamError(f"No NATS server answers at {server}: {why}.") from None
+            raise StreamError(f"No NATS server answers at {server}: {why}. Check the address.") from None
         await client.subscribe(address.name, cb=take, pending_msgs_limit=options.queue_messages)
         while not stop.is_set():
             await asyncio.sleep(_POLL_MS / 1000.0)

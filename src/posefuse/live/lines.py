@@ -1,4 +1,4 @@
-"""Split bytes into lines, with limits on their length and rate."""
+"""Split bytes into lines of limited length and rate."""
 
 from codecs import BOM_UTF8
 
@@ -9,10 +9,10 @@ TOO_LONG, TOO_FAST = "longer than max_line_bytes", "more than max_messages_hz"
 
 
 class LineSplitter:
-    """Split a stream of bytes into lines, in bounded memory.
+    """Splits a stream of bytes into lines in bounded memory.
 
     Args:
-        most_bytes: maximum length of a line; longer ones are dropped.
+        most_bytes: maximum length of a line; longer lines are dropped.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -24,14 +24,14 @@ class LineSplitter:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Return numbers (from 1) and contents of the lines completed by these bytes; empty lines are skipped."""
+        """Return the non-empty lines that end in these bytes, with their numbers from 1 on."""
         *ended, rest = data.split(b"\n")
         lines = []
         for piece in ended:
             self.number += 1
             whole = self._begun + piece
             if self.number == 1:
-                # Byte order mark written by some editors and consoles.
+                # Some editors and consoles write a byte order mark.
                 whole = whole.removeprefix(BOM_UTF8)
             if self._skipping or len(whole) > self.most_bytes:
                 self.too_long += 1
@@ -46,15 +46,15 @@ class LineSplitter:
         return lines
 
     def end(self) -> list[tuple[int, bytes]]:
-        """Return the last line if it has no line feed."""
+        """Return the last line if it has no line ending."""
         return self.feed(b"\n") if self._begun or self._skipping else []
 
 
-class Allowance:
-    """Rate limit of a sender, with a burst of one second.
+class RateLimiter:
+    """Limits the rate of messages, allowing bursts of one second.
 
     Args:
-        rate_hz: average rate.
+        rate_hz: maximum average rate.
         now_s: current time.
     """
 
@@ -63,7 +63,7 @@ class Allowance:
         self._left, self._last_s = max(rate_hz, 1.0), now_s
 
     def spend(self, now_s: float) -> bool:
-        """Return whether one more message is allowed."""
+        """Return whether one more message is allowed, and count it."""
         earned = (now_s - self._last_s) * self.rate_hz
         self._left = min(max(self.rate_hz, 1.0), self._left + max(0.0, earned))
         self._last_s = now_s
@@ -74,19 +74,19 @@ class Allowance:
 
 
 class Sender:
-    """Add the lines of one sender to the queue and count those beyond its limits.
+    """Puts the lines of one sender into the queue and counts those beyond its limits.
 
     Args:
-        queue: destination.
-        options: stream options.
-        limited: whether the rate is limited; not needed for a sender that waits.
+        queue: queue of the stream.
+        options: options of the stream.
+        limited: whether the message rate is limited; not needed where senders wait.
         name: name of the sender, if there are several.
     """
 
     def __init__(self, queue: LineQueue, options: StreamOptions, *, limited: bool, name: str = "") -> None:
-        self._queue, self._name = queue, name
+        self._inbox, self._name = queue, name
         self._splitter = LineSplitter(options.max_line_bytes)
-        self._allowance = Allowance(options.max_messages_hz, queue.clock()) if limited else None
+        self._limiter = RateLimiter(options.max_messages_hz, queue.clock()) if limited else None
 
     def feed(self, data: bytes) -> None:
         """Process received bytes."""
@@ -98,10 +98,10 @@ class Sender:
 
     def _put(self, lines: list[tuple[int, bytes]]) -> None:
         for _ in range(self._splitter.too_long):
-            self._queue.lose(TOO_LONG)
+            self._inbox.lose(TOO_LONG)
         self._splitter.too_long = 0
         for number, line in lines:
-            if self._allowance is None or self._allowance.spend(self._queue.clock()):
-                self._queue.put(line, self._name, number)
+            if self._limiter is None or self._limiter.spend(self._inbox.clock()):
+                self._inbox.put(line, self._name, number)
             else:
-                self._queue.lose(TOO_FAST)
+                self._inbox.lose(TOO_FAST)

@@ -1,4 +1,4 @@
-"""Output records of people in a stream."""
+"""People and events in the form of a stream's output lines."""
 
 from collections.abc import Sequence
 
@@ -13,14 +13,14 @@ from posefuse.tracking.records import Person
 _LABELS = {int(code): code.label for code in PointStatus}
 
 
-def person_record(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
-    """Return the output record of one person.
+def person_message(person: Person, place: int, measured: MeasuredPoints, cameras: Sequence[str]) -> dict[str, object]:
+    """Return the fields of one person.
 
     Args:
         person: tracked person.
         place: index among the people of the frame.
-        measured: measured points of all people.
-        cameras: camera names.
+        measured: triangulated points of all people.
+        cameras: names of the cameras.
     """
     points = measured.points_m[place]
     return {
@@ -38,6 +38,6 @@ def person_record(person: Person, place: int, measured: MeasuredPoints, cameras:
     }
 
 
-def told_events(events: Sequence[Event]) -> list[dict[str, str]]:
-    """What happened."""
+def event_messages(events: Sequence[Event]) -> list[dict[str, str]]:
+    """Return the fields of events."""
     return [{"person": event.person, "what": event.what, "why": event.why} for event in events]

@@ -1,4 +1,4 @@
-"""Receive lines from stdin and sockets in a separate thread; see :mod:`posefuse.live.brokers` for brokers."""
+"""Receive lines from stdin and sockets in a thread; see :mod:`posefuse.live.brokers` for ZeroMQ and NATS."""
 
 import contextlib
 import os
@@ -20,16 +20,16 @@ from posefuse.model.options.stream import StreamOptions
 
 _BLOCK = 1 << 16
 _POLL_S = 0.1
-REFUSED = "more senders than max_connections"
+TOO_MANY_SENDERS = "more senders than max_connections"
 
 
 class Source:
-    """Receive lines in a thread until it is closed.
+    """Receives lines until it is closed.
 
     Args:
-        address: address of the source.
-        queue: destination.
-        options: stream options.
+        address: address to receive from.
+        queue: queue to put lines into.
+        options: options of the stream.
     """
 
     def __init__(self, address: Address, queue: LineQueue, options: StreamOptions) -> None:
@@ -40,10 +40,10 @@ class Source:
         self._thread = threading.Thread(target=self._receive, name=f"posefuse {address.kind}", daemon=True)
 
     def start(self) -> Address:
-        """Start receiving and return the address, with the port chosen by the system.
+        """Start receiving, and return the address, with the port if the system chose it.
 
         Raises:
-            StreamError: if the address cannot be opened or reached.
+            StreamError: if it cannot listen on the address, or the address cannot be reached.
         """
         receive = {
             "stdin": self._stdin,
@@ -71,7 +71,7 @@ class Source:
         except PosefuseError as error:
             self.queue.close(error)
         except Exception as error:
-            self.queue.close(StreamError(f"{self.address}: receiving ended: {type(error).__name__}: {error}"))
+            self.queue.close(StreamError(f"{self.address}: receiving failed: {type(error).__name__}: {error}"))
 
     def _zeromq(self) -> Callable[[], None]:
         from posefuse.live.brokers import open_zeromq
@@ -128,7 +128,7 @@ class Source:
             self._connections += 1
             name = f"{peer[0]}:{peer[1]}" if peer else f"connection {self._connections}"
             if len(selector.get_map()) > self.options.max_connections:
-                self.queue.lose(REFUSED)
+                self.queue.lose(TOO_MANY_SENDERS)
                 connection.close()
                 return
             connection.setblocking(False)
@@ -167,7 +167,7 @@ def _unix(address: Address) -> socket.socket:
     path = Path(address.name)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        if path.exists() and stat.S_ISSOCK(path.stat().st_mode) and not _is_in_use(path):
+        if path.exists() and stat.S_ISSOCK(path.stat().st_mode) and not _answers(path):
             path.unlink()
         listener.bind(str(path))
         path.chmod(0o600)
@@ -178,8 +178,8 @@ def _unix(address: Address) -> socket.socket:
     return listener
 
 
-def _is_in_use(path: Path) -> bool:
-    """Return whether another process listens on the socket file."""
+def _answers(path: Path) -> bool:
+    """Return whether a process listens on a socket's file."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
         try:
             other.connect(str(path))

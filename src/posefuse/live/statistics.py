@@ -9,16 +9,16 @@ _LEAST_S, _MOST_S, _PER_DECADE = 1e-5, 1e3, 40
 
 @dataclass
 class ViewCounts:
-    """Statistics of one camera's messages.
+    """Counts of one camera's messages.
 
     Attributes:
-        received: valid messages.
-        used: messages used in a frame.
-        late: messages whose frame was already processed, or more than ``max_jump_s`` in the past.
-        early: messages more than ``max_jump_s`` in the future.
+        received: messages that could be read.
+        used: messages that became part of a frame.
+        late: messages whose frame had been processed, or that were more than ``max_jump_s`` behind.
+        early: messages more than ``max_jump_s`` ahead.
         duplicate: second messages of the same time.
         out_of_order: used messages that arrived after a later one.
-        malformed: malformed messages that name the camera.
+        malformed: messages that named the camera and could not be used.
         missing: frames processed without the camera.
     """
 
@@ -33,7 +33,7 @@ class ViewCounts:
 
 
 class Latencies:
-    """Histogram of latencies with bins of 6 %."""
+    """A histogram of latencies with bins of 6 %."""
 
     def __init__(self) -> None:
         self._counts: Counter[int] = Counter()
@@ -49,26 +49,26 @@ class Latencies:
         return self._counts.total()
 
     def quantile_s(self, share: float) -> float:
-        """Return a quantile, at most 6 % too large; NaN without latencies."""
-        target, seen = share * len(self), 0
+        """Return a quantile of the latencies, at most 6 % too large; NaN if there is none."""
+        target, count = share * len(self), 0
         for step in sorted(self._counts):
-            seen += self._counts[step]
-            if seen >= target:
+            count += self._counts[step]
+            if count >= target:
                 return min(_LEAST_S * 10.0 ** (step / _PER_DECADE), self.most_s)
         return math.nan
 
 
 @dataclass
 class StreamCounts:
-    """Statistics of a stream.
+    """Counts of a whole stream.
 
     Attributes:
-        lines: received lines.
-        malformed: malformed lines by cause.
-        lost: dropped lines by cause.
-        complete: frames with all cameras.
-        incomplete: frames without some cameras.
-        frames_dropped: frames dropped in overload.
+        lines: lines read.
+        malformed: malformed lines by fault.
+        lost: input that never became a line or was not read, by reason.
+        complete: frames with every camera.
+        incomplete: frames without some camera.
+        frames_dropped: frames dropped because tracking was behind.
         refused: frames that the tracker rejected.
         complete_s: latencies of complete frames.
         incomplete_s: latencies of incomplete frames.

@@ -15,24 +15,24 @@ _SCENE = CrowdOptions("crowd", people=2, cameras=4, duration_s=1.0, seed=0)
 
 
 def warm_up(session: Session, options: Options) -> None:
-    """Track two simulated people for a second with the kernels of the coming stream.
+    """Track two simulated people for a second with the kernels that the session will use.
 
     Args:
-        session: session of the stream; it is not changed.
-        options: options of the stream.
+        session: the session to prepare; it is not changed.
+        options: options of the session.
     """
     _, distorted, fisheye = session.rig.packed
     lens = "fisheye" if fisheye else "pinhole" if distorted is None else "barrel"
     try:
         scene = simulate_crowd(replace(_SCENE, lens=lens, skeleton=options.skeleton or _SCENE.skeleton))
     except PosefuseError:
-        # Not a human skeleton; the kernels are the same.
+        # The skeleton is not human; the kernels are the same.
         scene = simulate_crowd(replace(_SCENE, lens=lens))
-    # Leave out options that warn or that depend on the rig or body.
+    # Keep only the options that select kernels, so that no warning is repeated.
     tracker = replace(options.tracker, known_m=(), stature_m=None)
     options = Options(triangulation=options.triangulation, association=options.association, tracker=tracker)
     trial = Session(scene.rig, scene.detections.skeleton, options, StreamOptions(clock="messages"))
     for _, line in lines_of(scene.detections):
         trial.take(line, 0.0)
         while trial.waiting:
-            trial.follow(time.monotonic)
+            trial.process_frame(time.monotonic)

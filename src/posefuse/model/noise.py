@@ -1,4 +1,4 @@
-"""How noisy the detections are."""
+"""The noise model of detections."""
 
 import math
 from dataclasses import dataclass, fields
@@ -14,16 +14,16 @@ class NoiseModel(PickledByFields):
     """The standard deviation of a detection, per axis: ``scale_px / confidence^exponent``.
 
     Attributes:
-        scale_px: shape (view,).
-        exponent: 0 where confidence says nothing about noise.
+        scale_px: shape (view,): standard deviation at a confidence of 1, per axis.
+        exponent: exponent of the confidence; 0 where the noise does not depend on it.
         origin: ``fixed`` by the user, ``calibrated`` before, ``estimated`` from this recording's residuals, or
-            ``assumed``, where there were too few of them to tell.
-        spread: how far accepted observations err in these units, 1 if as the law says. Covariances count with it, the
-            choice between right and wrong views does not.
-        nu: degrees of freedom of the errors' Student t, NaN where it is not known.
+            ``assumed`` where there were too few residuals.
+        spread: standard deviation of inlier residuals in units of the noise, 1 for Gaussian errors. Covariances are
+            scaled by its square; outlier rejection does not use it.
+        nu: degrees of freedom of the Student t distribution of errors, NaN where unknown.
 
     Raises:
-        OptionsError: on a scale that is not positive or an exponent that is negative.
+        OptionsError: if a scale is not positive or the exponent is negative.
     """
 
     scale_px: np.ndarray

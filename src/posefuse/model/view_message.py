@@ -1,4 +1,4 @@
-"""What one camera saw at one time, as it comes in live."""
+"""One camera's detections at one time, as a live stream receives them."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,15 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class SeenView:
+class ViewMessage:
     """One camera's people at one time.
 
     Attributes:
-        view: number of the camera in the rig.
-        time_s: when it took the frame, by the sender's clock.
+        view: index of the camera in the rig.
+        time_s: time of the frame by the sender's clock.
         keypoints_px: shape (person, keypoint, 2), NaN where not detected.
         confidence: shape (person, keypoint), NaN where the detector gives none.
-        track_ids: shape (person,), int64: the detector's own identities, -1 where it has none.
+        track_ids: shape (person,), int64: the detector's identities, -1 where it gives none.
     """
 
     view: int

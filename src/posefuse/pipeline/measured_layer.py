@@ -74,8 +74,7 @@ def partial_note(done: int, n_frames: int) -> str:
     """Return the note of a result that does not cover the whole recording."""
     return (
         f"{PARTIAL}made of the first {done} of {n_frames} frames, because the run was interrupted. Run the same "
-        "command "
-        "again to resume it."
+        "command again to resume it."
     )
 
 

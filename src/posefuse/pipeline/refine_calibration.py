@@ -1,4 +1,4 @@
-"""The wiring of a refinement: a recording's detections, triangulated, as the source of a refinement."""
+"""Refine a calibration from the triangulated detections of a recording."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -28,17 +28,17 @@ from posefuse.pipeline.reconstruct import examine
 from posefuse.preprocess.match_cameras import match_views
 from posefuse.progress import Progress, Silent
 
-_MOST_KEYPOINTS = 60_000
-_FEWEST_FRAMES = 300
+_MAX_KEYPOINTS = 60_000
+_MIN_FRAMES = 300
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
-    """A recording as the source of a refinement; implements the protocol of :mod:`posefuse.calibration.refine`.
+class RecordingSource:
+    """The observations of a recording; implements the protocol of :mod:`posefuse.calibration.refine`.
 
     Attributes:
-        detections: of all views that have a camera, cut to the frames that are looked at.
-        options: of triangulation.
+        detections: detections of all views with a camera, in the frames used.
+        options: options of triangulation.
     """
 
     detections: Detections
@@ -46,30 +46,34 @@ class Recorded:
 
     @property
     def n_frames(self) -> int:
-        """How many frames are looked at."""
+        """Number of frames used."""
         return self.detections.n_frames
 
     def triangulate(self, rig: CameraRig) -> TriangulatedObservations:
+<<<<<<< HEAD
         """Triangulate with some cameras; labels are trusted, outlier views are rejected."""
+=======
+        """Triangulate with some cameras, using left and right labels as they are and rejecting outliers."""
+>>>>>>> hub/main
         options = replace(self.options, cameras=rig.names, exclude_camera=(), camera_order=())
         with warnings.catch_warnings():
-            # That views do not agree is why we are here.
+            # Views that disagree are expected before the refinement.
             warnings.simplefilter("ignore", PosefuseWarning)
             plan = examine(rig, self.detections.views(rig.names), options, Silent())
-            parts = [_gathered(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
-        return _joined(parts)
+            parts = [_observations(plan, *span) for span in ranges(self.n_frames, CHUNK_FRAMES)]
+        return _concatenate(parts)
 
     def pixels_of(self, name: str, observations: PointObservations) -> np.ndarray:
-        """What one more camera saw of points: shape (point, 2), NaN where nothing.
+        """Return another camera's pixels of points, shape (point, 2), NaN where it has none.
 
         Raises:
-            CalibrationError: if the view shows several people: which of them is whose cannot be told without a pose.
+            CalibrationError: if the view shows several people, who cannot be assigned without a pose.
         """
         if self.several:
             raise CalibrationError(
-                f"Camera {name!r} cannot be located from scratch by keypoints of several people: which of them it sees "
-                "cannot be told before its place is known. Take a part of the recording with one person (--start-s, "
-                "--end-s), or a board (--from board)."
+                f"Camera {name!r} cannot be located from scratch by keypoints of several people, since they cannot be "
+                "assigned before its pose is known. Use a part of the recording with one person (--start-s, --end-s) "
+                "or a board (--from board)."
             )
         one = self.detections.views([name])
         pixels = np.full((self.n_frames, len(one.skeleton), 2), np.nan)
@@ -80,44 +84,47 @@ class Recorded:
 
     @cached_property
     def several(self) -> bool:
-        """Whether a view ever shows several people."""
+        """Whether a view shows several people."""
         return bool((self.detections.people_counts > 1).any())
 
 
-def _gathered(plan: Plan, start: int, stop: int) -> TriangulatedObservations:
-    """The observations of a range of frames."""
+def _observations(plan: Plan, start: int, stop: int) -> TriangulatedObservations:
+    """Return the observations of a range of frames."""
     result = measure(plan, start, stop)
     layer, detections = result.layers["measured"], plan.detections.frames(start, stop)
     points, status = np.asarray(layer.points_m), np.asarray(layer.view_status)
     assert result.tracks is not None
     rows = result.tracks.rows(detections)
     n_keypoints = points.shape[2]
-    there = rows >= 0
+    present = rows >= 0
     shape = (*rows.shape, n_keypoints)
     pixels = np.full((*shape, 2), np.nan)
-    trust = np.full(shape, np.nan)
-    pixels[there] = np.asarray(detections.keypoints_px)[rows[there]]
-    trust[there] = np.asarray(detections.confidence)[rows[there]]
+    confidence = np.full(shape, np.nan)
+    pixels[present] = np.asarray(detections.keypoints_px)[rows[present]]
+    confidence[present] = np.asarray(detections.confidence)[rows[present]]
     # (frame, person, keypoint, view)
-    pixels, trust = np.moveaxis(pixels, 2, 3), np.moveaxis(trust, 2, 3)
+    pixels, confidence = np.moveaxis(pixels, 2, 3), np.moveaxis(confidence, 2, 3)
     projected = np.moveaxis(plan.rig.project(points), 0, 3)
     error = np.linalg.norm(projected - pixels, axis=-1)
-    seen = np.isfinite(error) & ~(trust < plan.options.triangulation.min_confidence)
+    seen = np.isfinite(error) & ~(confidence < plan.options.triangulation.min_confidence)
     seen &= seen.sum(axis=-1, keepdims=True) >= 2
     chosen = seen.any(axis=-1)
     frame, person, keypoint = np.nonzero(chosen)
     point, view = np.nonzero(seen[chosen])
     at = (frame[point], person[point], keypoint[point], view)
     noise = plan.noise
-    sigma = noise.scale_px[view] / np.maximum(np.where(np.isnan(trust[at]), 1.0, trust[at]), 0.05) ** noise.exponent
+    sigma = (
+        noise.scale_px[view]
+        / np.maximum(np.where(np.isnan(confidence[at]), 1.0, confidence[at]), 0.05) ** noise.exponent
+    )
     observations = PointObservations(
         view, point, pixels[at], sigma, points[chosen], frame + start, person * n_keypoints + keypoint
     )
     return TriangulatedObservations(observations, status[at] == ViewStatus.USED, error[at])
 
 
-def _joined(parts: list[TriangulatedObservations]) -> TriangulatedObservations:
-    """Consecutive ranges of frames as one."""
+def _concatenate(parts: list[TriangulatedObservations]) -> TriangulatedObservations:
+    """Concatenate the observations of consecutive ranges of frames."""
     observations = [part.observations for part in parts]
     first = np.cumsum([0] + [each.n_points for each in observations[:-1]])
     return TriangulatedObservations(
@@ -143,21 +150,25 @@ def refine_calibration(
     *,
     progress: Progress | None = None,
 ) -> Refinement:
-    """Refine a calibration from what its cameras saw, see docs/calibration.md.
+    """Refine a calibration from a recording, see docs/calibration.md.
 
     Args:
-        rig: the calibration.
-        detections: 2D keypoints of a recording, or a board's corners.
-        options: which views and frames, and how these are triangulated.
-        refining: what may change.
-        progress: told how far the work is.
+        rig: calibrated cameras.
+        detections: 2D keypoints of a recording, or the corners of a board.
+        options: views and frames to use, and options of triangulation.
+        refining: parameters to refine.
+        progress: receives the progress.
 
     Returns:
+<<<<<<< HEAD
         The refined cameras in the world of the original ones, and the assessment of each.
+=======
+        The refined cameras in the world of the original ones, and the change and uncertainty of each.
+>>>>>>> hub/main
 
     Raises:
-        CalibrationError: if what was seen does not determine the cameras.
-        MatchError: if views and cameras do not belong together.
+        CalibrationError: if the observations do not determine the cameras.
+        MatchError: if views and cameras do not match.
     """
     options = replace(
         options or Options(), solve="frame", postprocess=PostprocessOptions(), pairs="labels", bodies="none"
@@ -169,16 +180,16 @@ def refine_calibration(
     detections = cut_time(detections, options)
     options = replace(options, start_s=None, end_s=None)
     if len(matched) < 2:
-        raise CalibrationError(f"One camera, {choices(matched.names)}, has nothing to be refined by.")
-    source = Recorded(_thinned(detections, options), options)
+        raise CalibrationError(f"The rig has one camera, {choices(matched.names)}; a refinement needs two or more.")
+    source = RecordingSource(_sample_frames(detections, options), options)
     state, known = refine(matched, source, refining, progress)
     return _outcome(matched, source, refining, state, known)
 
 
-def _thinned(detections: Detections, options: Options) -> Detections:
-    """Frames spread over the recording, as many as are worth looking at; all of people who have to be followed."""
+def _sample_frames(detections: Detections, options: Options) -> Detections:
+    """Return frames evenly spread over the recording, or all frames of people who must be tracked."""
     several = options.people != "one" and options.pick is None and bool((detections.people_counts > 1).any())
-    most = max(_MOST_KEYPOINTS // len(detections.skeleton), _FEWEST_FRAMES)
+    most = max(_MAX_KEYPOINTS // len(detections.skeleton), _MIN_FRAMES)
     if several or detections.n_frames <= most:
         return detections
     frames = np.linspace(0, detections.n_frames - 1, most).astype(int)
@@ -186,15 +197,15 @@ def _thinned(detections: Detections, options: Options) -> Detections:
 
 
 def _outcome(
-    matched: CameraRig, source: Recorded, refining: RefineOptions, state: RefinementState, known: Uncertainty
+    matched: CameraRig, source: RecordingSource, refining: RefineOptions, state: RefinementState, known: Uncertainty
 ) -> Refinement:
-    """What is to be said, judged by the frames that were kept back."""
-    judged = held_out_frames(source.n_frames)
+    """Return the refinement, evaluated on the frames held out."""
+    held_out = held_out_frames(source.n_frames)
     kept = state.rig.names
     old, new = source.triangulate(matched), source.triangulate(state.rig)
     n_old, n = len(matched), len(kept)
-    before_px, before_used = old.medians(n_old, judged), old.shares(n_old, judged)
-    after_px, after_used = new.medians(n, judged), new.shares(n, judged)
+    before_px, before_used = old.medians(n_old, held_out), old.shares(n_old, held_out)
+    after_px, after_used = new.medians(n, held_out), new.shares(n, held_out)
     moved = pose_changes(matched.select(kept), state.rig)
     rows = []
     for u, camera in enumerate(matched.cameras):
@@ -219,15 +230,15 @@ def _outcome(
         refine=refining.refine,
         n_points=state.observations.n_points,
         n_frames=len(np.unique(state.observations.frame)),
-        n_held_out=int(judged.sum()),
-        before_px=_median_of(old, judged),
-        after_px=_median_of(new, judged),
+        n_held_out=int(held_out.sum()),
+        before_px=_median_of(old, held_out),
+        after_px=_median_of(new, held_out),
     )
 
 
-def _median_of(gathered: TriangulatedObservations, judged: np.ndarray) -> float:
-    seen = gathered.observations
-    errors = gathered.error_px[judged[seen.frame][seen.point]]
+def _median_of(triangulated: TriangulatedObservations, held_out: np.ndarray) -> float:
+    seen = triangulated.observations
+    errors = triangulated.error_px[held_out[seen.frame][seen.point]]
     return float(np.median(errors)) if len(errors) else float("nan")
 
 

@@ -1,6 +1,7 @@
 """Refine the calibration of a recording and write it."""
 
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
@@ -83,11 +84,9 @@ def _read(
 
 def _with_notes(result: Refinement, calibration: Path, source: Source) -> CameraRig:
     """Return the refined rig with notes on how it was made, without clock or path."""
-    from posefuse import __version__
-
     frames = f"{result.n_held_out} frame" + ("" if result.n_held_out == 1 else "s")
     notes = [
-        f"Refined by posefuse {__version__} refine-calibration --refine {result.refine} --from {source} from "
+        f"Refined by posefuse {version('posefuse')} refine-calibration --refine {result.refine} --from {source} from "
         f"{calibration.name} (SHA-256 {digest_path(calibration)}).",
         f"Median error in {frames} held out: {result.before_px:.2f} px before, {result.after_px:.2f} px after.",
     ]

@@ -1,4 +1,4 @@
-"""Which camera each view belongs to."""
+"""Match views to cameras."""
 
 from dataclasses import replace
 
@@ -12,20 +12,25 @@ from posefuse.model.view_names import has_name, plain_name
 def match_views(
     rig: CameraRig, detections: Detections, options: Options
 ) -> tuple[CameraRig, Detections, tuple[str, ...]]:
-    """Give every view its camera: by name, or by ``options.camera_order``; never silently by position.
+    """Match every view to its camera by name, or by ``options.camera_order``; never by position alone.
 
-    Names match when they are equal, or equal once case, punctuation and the endings that keypoint folders add
-    (``_json``, ``_keypoints``) are left out, and no other name is; or when a camera's name is a word of the view's,
-    with or without ``cam`` before it, and no other camera's is (``trial1-camA`` is camera A's).
+    A view matches a camera of the same name. Otherwise it matches the only camera whose name is equal without case,
+    punctuation and the suffixes of keypoint folders (``_json``, ``_keypoints``). Otherwise it matches the only camera
+    whose name is a word of the view's name, with or without ``cam`` before it (``trial1-camA`` is camera A).
+
+    Args:
+        rig: calibrated cameras.
+        detections: detections of all views.
+        options: options that choose, exclude or order cameras.
 
     Returns:
-        The cameras in the views' order, the chosen views, and what is worth saying.
+        The cameras in the order of the views, the chosen views, and notes.
 
     Raises:
-        MatchError: if a view has no camera, or two might be its.
+        MatchError: if a view has no camera or several candidates.
     """
     order = options.camera_order
-    rig, detections, left_out = _without_left_out(rig, detections, options)
+    rig, detections, left_out = _without_uncalibrated(rig, detections, options)
     names = _by_order(rig, detections, order) if order else _by_name(rig, detections)
     wanted = options.cameras or tuple(name for name in names if name not in options.exclude_camera)
     for name in (*options.cameras, *options.exclude_camera):
@@ -47,17 +52,21 @@ def match_views(
     return rig.select(wanted), detections, tuple(notes)
 
 
-def _without_left_out(
+def _without_uncalibrated(
     rig: CameraRig, detections: Detections, options: Options
 ) -> tuple[CameraRig, Detections, tuple[str, ...]]:
+<<<<<<< HEAD
     """Remove the views of cameras that the calibration does not cover; return the rest and warnings."""
+=======
+    """Drop the views of cameras that the refinement of the calibration left out, with a note."""
+>>>>>>> hub/main
     left_out = {plain_name(name) for name in rig.left_out}
     rig = replace(rig, left_out=())
     kept = [view for view in detections.view_names if plain_name(view) not in left_out]
     if options.camera_order or not kept or len(kept) == detections.n_views:
         return rig, detections, ()
     gone = [view for view in detections.view_names if view not in kept]
-    note = f"Views not used, whose cameras were left out when the calibration was refined: {choices(gone)}."
+    note = f"Views not used because their cameras were left out when the calibration was refined: {choices(gone)}."
     return rig, detections.views(kept), (note,)
 
 
@@ -80,8 +89,8 @@ def _by_name(rig: CameraRig, detections: Detections) -> tuple[str, ...]:
             problem = "has no camera of its name" if not found else f"could be any of {choices(found)}"
             raise MatchError(
                 f"View {view!r} {problem}. Views: {choices(detections.view_names)}. Cameras: {choices(rig.names)}. "
-                "If they belong together in another way, say so: --camera-order takes one camera name for each view, "
-                "in the views' order above."
+                "To match them in another way, use --camera-order: one camera name per view, in the order of the views "
+                "above."
             )
         names.append(found[0])
     if len(set(names)) != len(names):

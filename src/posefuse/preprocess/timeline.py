@@ -1,4 +1,4 @@
-"""Views of unequal length, start or rate on one line of frames: put together by when they took them, not by index."""
+"""Align views of different length, start or rate on a common timeline, by time instead of by frame index."""
 
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -10,19 +10,19 @@ from posefuse.model.detections import Detections
 
 _SAME_RATE = 0.01
 _SAME_STEP = 0.2
-# Half an interval, but for what rounding makes of frames that lie exactly between two others.
+# Half a frame period, minus a margin for rounding of frames exactly between two others.
 _HALF = 0.5 * (1.0 - 1e-6)
 
 
 @dataclass(frozen=True, eq=False)
-class _Line:
-    """The frames that there are to be.
+class _Timeline:
+    """The common frames of all views.
 
     Attributes:
-        view: number of the view that it follows.
-        period_s: between frames.
+        view: index of the reference view.
+        period_s: time between frames.
         time_s: shape (frame,), ascending.
-        source: shape (frame, view), int64: which of the given frames each view has there, -1 for none.
+        source: shape (frame, view), int64: index of each view's own frame, -1 for none.
     """
 
     view: int
@@ -32,42 +32,49 @@ class _Line:
 
 
 def align_views(detections: Detections, reference: str | None = None) -> Detections:
-    """Put the views together by their times.
+    """Align the views on a common timeline by their times.
 
-    Each frame of the line holds what every view took nearest to it, within half a frame interval of the view that the
-    line follows; nothing is interpolated. Where a view took nothing near enough it has not recorded the frame. Each
-    view keeps the times at which it truly took what is used. Frames that the followed view lacks, between its others
-    and beyond its ends, are those of other views.
+    Each frame of the timeline holds the nearest frame of every view, within half a frame period of the reference view;
+    nothing is interpolated. A view without a near frame has not recorded the frame. Each view keeps the true times of
+    the frames used. Where the reference view has no frames, between or beyond its own, the timeline follows the other
+    views.
 
     Args:
-        detections: with ``time_s`` of every recorded frame; without any times nothing is done.
-        reference: the view that the line follows; by default the slowest, and of the slowest the longest.
+        detections: detections with ``time_s`` of every recorded frame; without any times they are returned unchanged.
+        reference: reference view; by default the slowest view, and the longest of several slowest ones.
 
     Returns:
+<<<<<<< HEAD
         The detections, with a note on the line and one on every view that lost or lacks frames; the same object where
         its frames are together already. Frame numbers continue from the first frame of most views.
+=======
+        The detections, with a note on the timeline and one on every view that lost or lacks frames; the same object if
+        the views are aligned already. Frame numbers continue from where most views begin.
+>>>>>>> hub/main
 
     Raises:
-        DetectionsError: if there is no such view, a view's times are missing or go backwards, or no two views have
-            taken anything at the same time.
+        DetectionsError: if the reference view does not exist, a view's times are missing or decrease, or no two views
+            recorded a frame at the same time.
     """
     if reference is not None and reference not in detections.view_names:
-        raise DetectionsError(f"No view {reference!r} to follow. {suggestion(reference, detections.view_names)}")
+        raise DetectionsError(
+            f"No view {reference!r} to use as reference. {suggestion(reference, detections.view_names)}"
+        )
     known = detections.recorded & np.isfinite(detections.time_s)
     if detections.n_views == 1 or not known.any():
         return detections
     _check_times(detections, known)
-    if _together(detections, known, reference):
+    if _are_aligned(detections, known, reference):
         return detections
     view = _slowest(detections, known) if reference is None else detections.view_names.index(reference)
-    line = _line(detections, known, view)
-    if (np.sum(line.source >= 0, axis=1) > 1).sum() == 0:
+    timeline = _timeline_of(detections, known, view)
+    if (np.sum(timeline.source >= 0, axis=1) > 1).sum() == 0:
         raise DetectionsError(
-            "No two views have taken anything at the same time, by their times: "
+            "No two views recorded a frame at the same time: "
             + ", ".join(_span(detections, known, v) for v in range(detections.n_views))
-            + ". Times must be of one clock."
+            + ". Times must be of the same clock."
         )
-    return _gathered(detections, line, known)
+    return _aligned(detections, timeline, known)
 
 
 def _check_times(detections: Detections, known: np.ndarray) -> None:
@@ -84,26 +91,26 @@ def _check_times(detections: Detections, known: np.ndarray) -> None:
             at = detections.frame_numbers[known[:, v]][backwards[0]]
             raise DetectionsError(
                 f"The times of view {name!r} go backwards after frame {at}: {times[backwards[0]]:.6f} s is followed by "
-                f"{times[backwards[0] + 1]:.6f} s. Mend the times."
+                f"{times[backwards[0] + 1]:.6f} s. Correct the times."
             )
 
 
 def _period(times: np.ndarray) -> float:
-    """Seconds between a view's frames; NaN where fewer than two differ."""
+    """Return the frame period of a view; NaN with fewer than two different times."""
     steps = np.diff(times)
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else float("nan")
 
 
 def nominal_rate_hz(frame_numbers: np.ndarray, time_s: np.ndarray) -> float | None:
-    """The rate of frames by their numbers and times, in five digits: more are not in clocks' times.
+    """Return the frame rate from frame numbers and times, to five digits, the precision of clock times.
 
     Args:
         frame_numbers: shape (frame,), increasing.
         time_s: shape (frame,), NaN where unknown.
 
     Returns:
-        Over the whole time, where that is as over the median step: single times may be rounded, and clocks may stop
-        for a while. None where fewer than two times are known.
+        The rate over the whole time if it agrees with the median step, else that of the median step: single times may
+        be rounded, and clocks may stop for a while. None with fewer than two known times.
     """
     known = np.flatnonzero(np.isfinite(time_s))
     numbers, times = np.asarray(frame_numbers)[known], time_s[known]
@@ -119,8 +126,8 @@ def _periods(detections: Detections, known: np.ndarray) -> np.ndarray:
     return np.array([_period(detections.time_s[known[:, v], v]) for v in range(detections.n_views)])
 
 
-def _together(detections: Detections, known: np.ndarray, reference: str | None) -> bool:
-    """Whether there is a view that all others keep within half an interval of."""
+def _are_aligned(detections: Detections, known: np.ndarray, reference: str | None) -> bool:
+    """Return whether the frames of all views are within half a frame period of one view's frames."""
     periods = _periods(detections, known)
     times = np.where(known, detections.time_s, np.nan)
     first = np.fmin.reduce(times, axis=1)
@@ -144,13 +151,13 @@ def _slowest(detections: Detections, known: np.ndarray) -> int:
     return int(np.argmax(np.where(slow, known.sum(axis=0), -1)))
 
 
-def _line(detections: Detections, known: np.ndarray, view: int) -> _Line:
+def _timeline_of(detections: Detections, known: np.ndarray, view: int) -> _Timeline:
     times = [detections.time_s[known[:, v], v] for v in range(detections.n_views)]
     period = _period(times[view])
     if not np.isfinite(period):
         raise DetectionsError(
-            f"View {detections.view_names[view]!r} has no two frames of different times, so that it has no rate to "
-            "follow."
+            f"View {detections.view_names[view]!r} has no two frames at different times, so it has no frame rate and "
+            "cannot be the reference."
         )
     others = np.sort(np.concatenate([each for v, each in enumerate(times) if v != view]))
     ticks = _ticks(np.unique(times[view]), others, period)
@@ -159,13 +166,17 @@ def _line(detections: Detections, known: np.ndarray, view: int) -> _Line:
         frames = np.flatnonzero(known[:, v])
         tick, used = _nearest(each, ticks, period)
         source[tick, v] = frames[used]
+<<<<<<< HEAD
     # A tick without a nearest frame in any view has no frame.
+=======
+    # Drop times to which no frame of any view is nearest.
+>>>>>>> hub/main
     there = (source >= 0).any(axis=1)
-    return _Line(view, period, ticks[there], source[there])
+    return _Timeline(view, period, ticks[there], source[there])
 
 
 def _ticks(own: np.ndarray, others: np.ndarray, period: float) -> np.ndarray:
-    """The times of the followed view, and of others where it has none: every interval about one."""
+    """Return the times of the reference view and, in its gaps, of other views: about one per frame period."""
     before = _walk(own[0], np.inf, -others[::-1], period, backwards=True)
     after = _walk(own[-1], np.inf, others, period)
     holes = np.flatnonzero(np.diff(own) > 1.5 * period)
@@ -174,17 +185,23 @@ def _ticks(own: np.ndarray, others: np.ndarray, period: float) -> np.ndarray:
 
 
 def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backwards: bool = False) -> np.ndarray:
-    """Times of others from ``start`` to ``stop``, one an interval; backwards they are given and walked negative."""
+    """Return times of other views from ``start`` to ``stop``, one per frame period; negated times if backwards."""
     last = -start if backwards else start
     found = []
     while True:
-        wanted = last + period
-        first = int(np.searchsorted(others, wanted - _HALF * period, side="right"))
+        expected = last + period
+        first = int(np.searchsorted(others, expected - _HALF * period, side="right"))
         if first == len(others):
             break
+<<<<<<< HEAD
         near = others[first : int(np.searchsorted(others, wanted + _HALF * period))]
         # After a gap without frames nearby, alignment restarts.
         last = float(near[np.abs(near - wanted).argmin()]) if len(near) else float(others[first])
+=======
+        near = others[first : int(np.searchsorted(others, expected + _HALF * period))]
+        # After a gap without near frames, continue from the next frame.
+        last = float(near[np.abs(near - expected).argmin()]) if len(near) else float(others[first])
+>>>>>>> hub/main
         if last >= stop:
             break
         found.append(last)
@@ -192,7 +209,7 @@ def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backw
 
 
 def _nearest(times: np.ndarray, ticks: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which tick each used frame goes to, and which frames those are: the nearest to each tick, each once."""
+    """Return the tick of each used frame, and the frames: the nearest one to each tick, each used once."""
     tick = np.searchsorted(0.5 * (ticks[1:] + ticks[:-1]), times)
     off = np.abs(times - ticks[tick])
     frames = np.flatnonzero(off <= 0.5 * period * (1.0 + 1e-6))
@@ -201,52 +218,52 @@ def _nearest(times: np.ndarray, ticks: np.ndarray, period: float) -> tuple[np.nd
     return chosen, order[first]
 
 
-def _numbers(detections: Detections, line: _Line, periods: np.ndarray) -> np.ndarray:
-    """Numbers of the line's frames: a step an interval, from where most of the views of its rate begin."""
-    steps = np.maximum(1, np.round(np.diff(line.time_s) / line.period_s)).astype(np.int64)
+def _numbers(detections: Detections, timeline: _Timeline, periods: np.ndarray) -> np.ndarray:
+    """Return frame numbers: one step per frame period, starting where most views of the same rate begin."""
+    steps = np.maximum(1, np.round(np.diff(timeline.time_s) / timeline.period_s)).astype(np.int64)
     count = np.concatenate([[0], np.cumsum(steps)])
     begins = Counter[int]()
-    # Of numbers that as many views begin with, those of the view that is followed.
-    for v in (line.view, *(v for v in range(detections.n_views) if v != line.view)):
-        there = np.flatnonzero(line.source[:, v] >= 0)
-        if len(there) and abs(periods[v] / line.period_s - 1.0) < _SAME_STEP:
-            begins[int(detections.frame_numbers[line.source[there[0], v]] - count[there[0]])] += 1
+    # Between equally common starts, prefer that of the reference view.
+    for v in (timeline.view, *(v for v in range(detections.n_views) if v != timeline.view)):
+        there = np.flatnonzero(timeline.source[:, v] >= 0)
+        if len(there) and abs(periods[v] / timeline.period_s - 1.0) < _SAME_STEP:
+            begins[int(detections.frame_numbers[timeline.source[there[0], v]] - count[there[0]])] += 1
     return count + max(begins.most_common(1)[0][0], 0)
 
 
-def _gathered(detections: Detections, line: _Line, known: np.ndarray) -> Detections:
-    """The frames of the line."""
+def _aligned(detections: Detections, timeline: _Timeline, known: np.ndarray) -> Detections:
+    """Return the detections on the timeline."""
     periods = _periods(detections, known)
-    has = line.source >= 0
-    cells = np.where(has, line.source, 0) * detections.n_views + np.arange(detections.n_views)
+    has = timeline.source >= 0
+    cells = np.where(has, timeline.source, 0) * detections.n_views + np.arange(detections.n_views)
     counts = np.where(has, np.diff(detections.offsets)[cells], 0)
     offsets = np.concatenate([[0], np.cumsum(counts.ravel())])
     rows = np.repeat(detections.offsets[:-1][cells].ravel() - offsets[:-1], counts.ravel()) + np.arange(offsets[-1])
-    numbers = _numbers(detections, line, periods)
-    rate = nominal_rate_hz(numbers, line.time_s) or 1.0 / line.period_s
-    told = detections.rate_hz
+    numbers = _numbers(detections, timeline, periods)
+    rate = nominal_rate_hz(numbers, timeline.time_s) or 1.0 / timeline.period_s
+    stated_hz = detections.rate_hz
     return replace(
         detections,
         frame_numbers=numbers,
         time_s=np.where(has, detections.time_s.ravel()[cells], np.nan),
         offsets=offsets,
         recorded=has,
-        rate_hz=told if told is not None and abs(told / rate - 1.0) < _SAME_RATE else rate,
-        notes=(*detections.notes, *_notes(detections, line, known, periods)),
+        rate_hz=stated_hz if stated_hz is not None and abs(stated_hz / rate - 1.0) < _SAME_RATE else rate,
+        notes=(*detections.notes, *_notes(detections, timeline, known, periods)),
         **detections.rows(rows),
     )
 
 
-def _notes(detections: Detections, line: _Line, known: np.ndarray, periods: np.ndarray) -> tuple[str, ...]:
-    """A sentence on the line, and one on every view that lost or lacks frames."""
-    rate = f"{1.0 / line.period_s:.4g}"
-    n_frames = len(line.time_s)
-    said = [
-        f"Views are put together by time: {n_frames} frames, {rate} Hz as {detections.view_names[line.view]}; of each "
-        f"view what it took within {500.0 * line.period_s:.1f} ms."
+def _notes(detections: Detections, timeline: _Timeline, known: np.ndarray, periods: np.ndarray) -> tuple[str, ...]:
+    """Return a note on the timeline, and one on every view that lost or lacks frames."""
+    rate = f"{1.0 / timeline.period_s:.4g}"
+    n_frames = len(timeline.time_s)
+    notes = [
+        f"Views are aligned by time: {n_frames} frames at {rate} Hz, following {detections.view_names[timeline.view]}; "
+        f"each view contributes its frame within {500.0 * timeline.period_s:.1f} ms."
     ]
     for v, name in enumerate(detections.view_names):
-        has = line.source[:, v] >= 0
+        has = timeline.source[:, v] >= 0
         total, used = int(known[:, v].sum()), int(has.sum())
         if total == used == n_frames:
             continue
@@ -254,9 +271,9 @@ def _notes(detections: Detections, line: _Line, known: np.ndarray, periods: np.n
         words += [f"{n_frames - used} of the {n_frames} frames it did not record"] if used < n_frames else []
         off_ms = 0.0
         if used:
-            off_ms = 1000.0 * float(np.abs(detections.time_s[line.source[has, v], v] - line.time_s[has]).max())
-        said.append(f"View {name} ({1.0 / periods[v]:.4g} Hz): {', '.join(words)}; at most {off_ms:.1f} ms off.")
-    return tuple(said)
+            off_ms = 1000.0 * float(np.abs(detections.time_s[timeline.source[has, v], v] - timeline.time_s[has]).max())
+        notes.append(f"View {name} ({1.0 / periods[v]:.4g} Hz): {', '.join(words)}; at most {off_ms:.1f} ms off.")
+    return tuple(notes)
 
 
 def _span(detections: Detections, known: np.ndarray, view: int) -> str:
@@ -266,7 +283,7 @@ def _span(detections: Detections, known: np.ndarray, view: int) -> str:
 
 
 def uneven_lengths(detections: Detections) -> str | None:
-    """What there is to say of views of unequal length that no times tell how to put together, or None."""
+    """Return a note if views of unequal length have no times to align them by, or None."""
     if not _by_number(detections):
         return None
     counts = detections.recorded.sum(axis=0)
@@ -274,13 +291,13 @@ def uneven_lengths(detections: Detections) -> str | None:
         return None
     listed = choices([f"{name} {n}" for name, n in zip(detections.view_names, counts.tolist(), strict=True)])
     return (
-        f"Views have unequal numbers of frames ({listed}), and no times: they are put together by frame number. "
-        "--timestamps, or --view-rates-hz, says when frames were taken."
+        f"Views have unequal numbers of frames ({listed}) and no times, so they are aligned by frame number. "
+        "--timestamps or --view-rates-hz gives the times of frames."
     )
 
 
 def _by_number(detections: Detections) -> bool:
-    """Whether all that is known of times is the frames' numbers and a rate."""
+    """Return whether times follow from frame numbers and a frame rate alone."""
     known = np.isfinite(detections.time_s)
     if detections.rate_hz is None or not known.any():
         return not known.any()

@@ -24,7 +24,7 @@ def jobs(folder: Path, *names: str) -> list[Job]:
     return [Job(name, Path(name), folder, None, Options()) for name in names]
 
 
-def test_results_are_called_after_folders(tmp_path):
+def test_results_are_named_after_folders(tmp_path):
     one, other = tmp_path / "a" / "rec", tmp_path / "b" / "rec"
     found = jobs_of([one, tmp_path / "c", one, other, tmp_path / "out"], tmp_path / "out", None, Options())
     assert [job.name for job in found] == ["a-rec", "c", "b-rec"]
@@ -32,7 +32,7 @@ def test_results_are_called_after_folders(tmp_path):
     assert all(job.folder.is_absolute() for job in found)
 
 
-def test_names_that_cannot_be_told_apart_are_refused(tmp_path):
+def test_equal_names_are_refused(tmp_path):
     with pytest.raises(OptionsError, match="have the same name"):
         jobs_of([tmp_path / "x" / "a" / "rec", tmp_path / "y" / "a" / "rec"], tmp_path / "out", None, Options())
     with pytest.raises(OptionsError, match="have the same name"):
@@ -45,7 +45,7 @@ def test_names_that_cannot_be_told_apart_are_refused(tmp_path):
         jobs_of([tmp_path / "batch.csv"], tmp_path / "out", None, Options())
 
 
-def test_recordings_in_the_output_are_refused_and_results_there_are_none(tmp_path):
+def test_recordings_in_the_output_are_refused_and_results_are_skipped(tmp_path):
     out = tmp_path / "out"
     for name in ("made", "begun", "rec"):
         (out / name).mkdir(parents=True)
@@ -57,12 +57,12 @@ def test_recordings_in_the_output_are_refused_and_results_there_are_none(tmp_pat
     assert [job.name for job in jobs_of(given, out, None, Options())] == ["other"]
 
 
-def test_a_name_that_is_no_text_is_spelled_out(tmp_path):
+def test_undecodable_names_are_escaped(tmp_path):
     (job,) = jobs_of([tmp_path / os.fsdecode(b"rec\xff")], tmp_path / "out", None, Options())
     assert (job.name, job.output.name) == ("rec\\xff", "rec\\xff")
 
 
-def test_a_process_that_dies_takes_nobody_along(tmp_path):
+def test_a_dying_process_does_not_affect_other_jobs(tmp_path):
     todo = jobs(tmp_path, "dies", "a", "diesonce", "b", "c")
     found = {outcome.name: outcome for outcome in in_processes(do, todo, 2)}
     assert {name: outcome.state for name, outcome in found.items()} == {
@@ -73,7 +73,7 @@ def test_a_process_that_dies_takes_nobody_along(tmp_path):
     assert [name for name in os.environ if name == "NUMBA_NUM_THREADS"] == []
 
 
-def test_a_worker_of_a_cluster_that_dies_has_its_work_done_by_another(tmp_path):
+def test_tasks_of_a_dying_cluster_worker_run_elsewhere(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     names = [f"slow_{i}" for i in range(6)]
     with distributed.LocalCluster(
@@ -87,13 +87,13 @@ def test_a_worker_of_a_cluster_that_dies_has_its_work_done_by_another(tmp_path):
     assert {name: outcome.state for name, outcome in found.items()} == dict.fromkeys(names, "done")
 
 
-def test_no_cluster_is_said():
+def test_a_missing_scheduler_is_an_error():
     pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
     with pytest.raises(StreamError, match="No Dask scheduler answers at nowhere"):
         list(on_cluster(do, [], "nowhere"))
 
 
-def test_a_result_is_kept_until_anything_changes(tmp_path):
+def test_a_result_is_kept_until_something_changes(tmp_path):
     def digest(path: Path) -> str:
         return path.read_text()
 
@@ -122,7 +122,7 @@ def test_a_result_is_kept_until_anything_changes(tmp_path):
     assert not (tmp_path / "batch.json").exists()
 
 
-def test_the_page_runs_nothing_that_names_hold():
+def test_names_are_escaped_in_the_page():
     evil = '<script>alert("x")</script>'
     page = batch_page([JobResult(evil, "failed", evil), JobResult("../" + evil, "done", "", STATISTICS, (evil,))])
     assert "<script" not in page
@@ -133,6 +133,6 @@ def test_the_page_runs_nothing_that_names_hold():
     assert table.endswith("c,reconstructed,30,1.0,4,2,0.98,12.0,24.0,,,\n")
 
 
-def test_what_was_done_before_is_written_as_what_is_done_now():
+def test_kept_results_are_written_like_new_ones():
     done, before = (JobResult("c", state, "", STATISTICS) for state in ("done", "kept"))
     assert (batch_csv([done]), batch_page([done])) == (batch_csv([before]), batch_page([before]))

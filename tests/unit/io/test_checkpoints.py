@@ -1,4 +1,4 @@
-"""Long work that is ended, however, and gone on with: the same bytes; and parts that are not its own are not used."""
+"""Interrupted work resumes to the same bytes, and parts of other work are not used."""
 
 import os
 import pickle
@@ -36,11 +36,11 @@ SMOOTHED = replace(MANY, postprocess=PostprocessOptions(smooth=("butterworth",))
 
 
 class Ended(BaseException):
-    """Nothing catches it, and nothing is put right after it."""
+    """An exception that no code catches or cleans up after."""
 
 
 class Ending:
-    """A checkpoint that ends the work when it is given so many parts: before or after they are kept."""
+    """A checkpoint that ends the work at a certain part, before or after it is stored."""
 
     enabled = True
 
@@ -93,8 +93,8 @@ def whole(crowd, tmp_path_factory) -> bytes:
 @pytest.mark.parametrize(("who", "options", "moments", "after"), [
     ("crowd", MANY, (2, 3, 4), True), ("crowd", SMOOTHED, (2, 4, 4), False), ("walker", ONE, (2, 2), False),
 ])  # fmt: skip
-def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_path, who, options, moments, after):
-    """While people are followed, chunks are measured and smoothed, and windows are solved."""
+def test_work_interrupted_at_any_moment_resumes_to_the_same_bytes(request, tmp_path, who, options, moments, after):
+    """During tracking, measuring, smoothing and solving."""
     recording = request.getfixturevalue(who)
     whole = request.getfixturevalue("whole") if options is MANY else made(recording, options, tmp_path / "whole.nc")
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
@@ -107,17 +107,17 @@ def test_work_that_ends_at_any_moment_goes_on_to_the_same_bytes(request, tmp_pat
     assert not (tmp_path / "parts").exists()
 
 
-def test_what_is_finished_is_not_made_again(crowd, whole, tmp_path, monkeypatch):
+def test_finished_work_is_not_repeated(crowd, whole, tmp_path, monkeypatch):
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
     monkeypatch.setattr("posefuse.pipeline.measured_layer.measure", None)
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", None)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", None)
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
 @pytest.mark.parametrize(("moment", "frames"), [(3, 32), (7, 16)])
-def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment, frames):
-    """While people are followed the recording ends there; afterwards, what is made of it is a result that says so."""
+def test_an_interruption_keeps_finished_work(crowd, whole, tmp_path, moment, frames):
+    """During tracking the recording ends there; later, the finished chunks become a partial result."""
     checkpoint = CheckpointFolder(tmp_path / "parts", "key")
     ending = Ending(checkpoint, [moment], KeyboardInterrupt, after=False)
     if moment == 3:
@@ -135,11 +135,11 @@ def test_an_interruption_leaves_what_is_finished(crowd, whole, tmp_path, moment,
     assert made(crowd, MANY, tmp_path / "made.nc", checkpoint) == whole
 
 
-def test_an_interruption_without_a_keeper_is_one(crowd, monkeypatch):
+def test_an_interruption_without_a_checkpoint_is_raised(crowd, monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.update", interrupted)
+    monkeypatch.setattr("posefuse.tracking.tracker.ArticulatedTracker.process", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare(*crowd, MANY, Silent())
 
@@ -155,8 +155,8 @@ while True:
 """
 
 
-def test_a_part_is_whole_or_not_there(tmp_path):
-    """Whenever SIGKILL comes."""
+def test_a_part_is_complete_or_absent(tmp_path):
+    """At any time of a SIGKILL."""
     process = subprocess.Popen([sys.executable, "-c", KILLED.format(folder=str(tmp_path / "parts"))])
     until = time.monotonic() + 120.0
     while not (tmp_path / "parts" / "second.part").exists():
@@ -180,7 +180,7 @@ def with_parts(folder: Path) -> CheckpointFolder:
     return parts
 
 
-def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
+def test_a_finished_file_replaces_its_parts(tmp_path):
     parts = with_parts(tmp_path)
     assert parts.load_file(tmp_path / "nothing") is None
     parts.save_file(tmp_path / "made", ("a warning",))
@@ -191,7 +191,7 @@ def test_a_finished_file_takes_the_place_of_its_parts(tmp_path):
     assert ((tmp_path / "again").read_bytes(), others) == (b"all of it", 0)
 
 
-def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_path):
+def test_a_damaged_or_foreign_finished_file_is_not_restored(tmp_path):
     parts = with_parts(tmp_path)
     parts.save_file(tmp_path / "made")
     assert CheckpointFolder(parts.folder, "other").load_file(tmp_path / "again") is None
@@ -200,7 +200,7 @@ def test_a_finished_file_that_is_damaged_or_of_something_else_is_not_taken(tmp_p
     assert not (tmp_path / "again").exists()
 
 
-def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
+def test_parts_are_kept_without_hard_links(tmp_path, monkeypatch):
     parts = with_parts(tmp_path)
 
     def refused(*_: object) -> None:
@@ -212,7 +212,7 @@ def test_where_files_have_no_second_name_the_parts_stay(tmp_path, monkeypatch):
     assert parts.load_file(tmp_path / "again") is None
 
 
-def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
+def test_reconstruct_in_python_resumes_from_parts(tmp_path):
     scene = simulate(SceneOptions(duration_s=2.0, cameras=3, seed=2))
     options = Options(solve="frame", pairs="labels", chunk_frames=20)
     whole = posefuse.reconstruct(scene.rig, scene.detections, options)
@@ -228,9 +228,9 @@ def test_reconstruct_in_python_goes_on_from_parts(tmp_path):
 
 
 class TestParts:
-    """What a folder of them gives back, and what it does not."""
+    """Parts that a folder returns, and parts that it does not."""
 
-    def test_what_was_kept_comes_back(self, tmp_path):
+    def test_saved_parts_are_loaded(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         assert not parts.contains("a")
         assert parts.load("a") is None
@@ -239,7 +239,7 @@ class TestParts:
         np.testing.assert_array_equal(CheckpointFolder(tmp_path / "parts", "key").load("a")["x"], np.arange(5.0))
         assert parts.child("b").load("a") is None
 
-    def test_those_of_other_work_are_removed(self, tmp_path):
+    def test_parts_of_other_work_are_removed(self, tmp_path):
         CheckpointFolder(tmp_path / "parts", "key").child("sub").save("a", 1)
         parts, others = CheckpointFolder.opened(tmp_path / "parts", "key")
         assert (parts.child("sub").load("a"), others) == (1, 0)
@@ -247,34 +247,34 @@ class TestParts:
         assert (parts.child("sub").load("a"), others) == (None, 1)
         assert not (tmp_path / "parts").exists()
 
-    def test_one_of_other_work_among_them_is_not_used(self, tmp_path):
+    def test_a_part_of_another_key_is_not_loaded(self, tmp_path):
         CheckpointFolder(tmp_path / "parts", "key").save("a", 1)
         assert CheckpointFolder(tmp_path / "parts", "another").load("a") is None
 
     @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda _: b""])
-    def test_a_damaged_one_is_not_used(self, tmp_path, change: Callable[[bytes], bytes]):
+    def test_a_damaged_part_is_not_loaded(self, tmp_path, change: Callable[[bytes], bytes]):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.save("a", 1)
         file = tmp_path / "parts" / "a.part"
         file.write_bytes(change(file.read_bytes()))
         assert parts.load("a") is None
 
-    def test_other_files_are_nobodys_to_remove(self, tmp_path):
+    def test_other_files_are_not_removed(self, tmp_path):
         (tmp_path / "parts").mkdir()
         (tmp_path / "parts" / "thesis.txt").write_text("mine")
-        with pytest.raises(FileError, match="no parts of a reconstruction"):
+        with pytest.raises(FileError, match="not parts of a reconstruction"):
             CheckpointFolder.opened(tmp_path / "parts", "key")
         assert (tmp_path / "parts" / "thesis.txt").exists()
 
     @pytest.mark.parametrize("evil", [os.system, eval, pickle.loads, subprocess.Popen])
-    def test_nothing_but_nouns_is_made_of_one(self, tmp_path, evil):
+    def test_only_records_and_arrays_are_unpickled(self, tmp_path, evil):
         parts = CheckpointFolder(tmp_path / "parts", "key")
-        with pytest.raises(pickle.UnpicklingError, match="has no"):
+        with pytest.raises(pickle.UnpicklingError, match="cannot hold"):
             parts.save("a", evil)
-        with pytest.raises(FileError, match="Where is it from"):
+        with pytest.raises(FileError, match="Its origin is unknown"):
             parts.load("a")
 
-    def test_a_part_that_is_damaged_anywhere_is_none(self, tmp_path):
+    def test_a_part_damaged_at_any_byte_is_not_loaded(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         parts.spool("a.b").add(np.arange(3))
         parts.save("a", np.arange(5))
@@ -287,7 +287,7 @@ class TestParts:
         np.testing.assert_array_equal(parts.load("a"), np.arange(5))
 
     @pytest.mark.parametrize("at", [0, 9, 17, 40])
-    def test_a_damaged_spool_is_said(self, tmp_path, at):
+    def test_a_damaged_spool_is_an_error(self, tmp_path, at):
         spool = CheckpointFolder(tmp_path / "parts", "key").spool("a.b")
         place = spool.add(np.arange(3))
         path = tmp_path / "parts" / "a.b.spool"
@@ -297,7 +297,7 @@ class TestParts:
         with pytest.raises(FileError, match="damaged at byte 0. Remove .*parts"):
             spool.read(place)
 
-    def test_a_spool_is_as_long_as_its_part_knows(self, tmp_path):
+    def test_a_spool_is_truncated_to_the_length_of_its_part(self, tmp_path):
         parts = CheckpointFolder(tmp_path / "parts", "key")
         spool = parts.spool("a.b")
         first = spool.add(np.arange(3))

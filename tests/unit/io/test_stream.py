@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posefuse.io.stream import LineReader, RejectedLine, line_of
-from posefuse.model.view_message import SeenView
+from posefuse.model.view_message import ViewMessage
 from tests.laws import examples
 
 CAMERAS = ("left", "right\n", "mitte ü")
@@ -28,7 +28,7 @@ def person(*keypoints: object, **more: object) -> list[dict[str, object]]:
 
 def test_a_hand_written_line_is_read():
     seen = READER.read(json.dumps(GOOD | {"frame": 3, "comment": "more is allowed"}).encode())
-    assert isinstance(seen, SeenView)
+    assert isinstance(seen, ViewMessage)
     assert (seen.view, seen.time_s, seen.track_ids.tolist()) == (0, 0.5, [7])
     nan = np.nan
     np.testing.assert_array_equal(seen.keypoints_px, [[[1, 2], [3.5, 4], [nan, nan]]])
@@ -37,13 +37,13 @@ def test_a_hand_written_line_is_read():
 
 def test_a_line_without_people_is_read():
     seen = READER.read(b'{"camera": "left", "time_s": -3, "people": []}')
-    assert isinstance(seen, SeenView)
+    assert isinstance(seen, ViewMessage)
     assert seen.keypoints_px.shape == (0, 3, 2)
 
 
 def test_one_coordinate_alone_is_missing():
     seen = READER.read(json.dumps(GOOD | {"people": person([1, None, 0.9], [None, None, None], [1, 2, None])}).encode())
-    assert isinstance(seen, SeenView)
+    assert isinstance(seen, ViewMessage)
     assert np.isnan(seen.keypoints_px[0, :2]).all()
     assert np.isnan(seen.confidence[0]).all()
 
@@ -98,11 +98,11 @@ def test_lines_survive_a_round_trip(seed, people):
     confidence[rng.random((people, 3)) < 0.3] = np.nan
     gone = rng.random((people, 3)) < 0.3
     pixels[gone], confidence[gone] = np.nan, np.nan
-    view = SeenView(int(rng.integers(3)), rng.normal() * 1e6, pixels, confidence, rng.integers(-1, 99, people))
+    view = ViewMessage(int(rng.integers(3)), rng.normal() * 1e6, pixels, confidence, rng.integers(-1, 99, people))
     line = line_of(CAMERAS[view.view], view)
     assert line.count(b"\n") == 1
     seen = READER.read(line)
-    assert isinstance(seen, SeenView)
+    assert isinstance(seen, ViewMessage)
     assert (seen.view, seen.time_s) == (view.view, view.time_s)
     for name in ("keypoints_px", "confidence", "track_ids"):
         np.testing.assert_array_equal(getattr(seen, name), getattr(view, name))

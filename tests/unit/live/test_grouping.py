@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from posefuse.live.grouping import Group, Grouper
 from posefuse.model.options.stream import StreamOptions
-from posefuse.model.view_message import SeenView
+from posefuse.model.view_message import ViewMessage
 from tests.laws import examples
 
 OPTIONS = StreamOptions()
 PERIOD_S = 0.02
 
 
-def view(camera: int, time_s: float) -> SeenView:
-    return SeenView(camera, time_s, np.empty((0, 17, 2)), np.empty((0, 17)), np.empty(0, dtype=np.int64))
+def view(camera: int, time_s: float) -> ViewMessage:
+    return ViewMessage(camera, time_s, np.empty((0, 17, 2)), np.empty((0, 17)), np.empty(0, dtype=np.int64))
 
 
 def feed(grouper: Grouper, messages: Iterable[tuple[float, int, float]]) -> list[Group]:
@@ -49,7 +49,7 @@ def stream_times(groups: Iterable[Group]) -> list[float]:
     return [group.time_s + group.shift_s for group in groups]
 
 
-def test_whole_frames_go_on_with_their_last_view():
+def test_complete_frames_are_closed_with_their_last_view():
     grouper = Grouper(4, OPTIONS)
     for now_s, camera, time_s in steady(3):
         grouper.take(view(camera, time_s), now_s)
@@ -61,7 +61,7 @@ def test_whole_frames_go_on_with_their_last_view():
             assert [each.view for each in group.views] == [0, 1, 2, 3]
 
 
-def test_a_frame_waits_so_long_and_no_longer():
+def test_a_frame_waits_for_max_wait_s_only():
     grouper = Grouper(3, OPTIONS)
     for camera in (0, 1):
         grouper.take(view(camera, 5.0), 100.0)
@@ -78,7 +78,7 @@ def test_a_frame_waits_so_long_and_no_longer():
     assert (grouper.counts[2].late, grouper.counts[0].duplicate) == (1, 1)
 
 
-def test_a_lost_view_does_not_hold_up_the_frame_after_it():
+def test_a_lost_view_does_not_delay_the_next_frame():
     grouper = Grouper(4, OPTIONS)
     messages = steady(2)
     del messages[2]
@@ -90,7 +90,7 @@ def test_a_lost_view_does_not_hold_up_the_frame_after_it():
     assert (second.reason, second.complete) == ("complete", True)
 
 
-def test_views_that_come_in_any_order_within_the_wait_are_used():
+def test_views_in_any_order_within_the_wait_are_used():
     messages = steady(10)
     messages[8], messages[12] = (messages[12][0], *messages[8][1:]), (messages[8][0], *messages[12][1:])
     grouper = Grouper(4, OPTIONS)
@@ -100,7 +100,7 @@ def test_views_that_come_in_any_order_within_the_wait_are_used():
     assert [count.out_of_order for count in grouper.counts] == [1, 0, 0, 0]
 
 
-def test_a_dead_camera_is_not_waited_for_until_it_is_back():
+def test_a_silent_camera_is_not_waited_for_until_it_returns():
     messages = [each for each in steady(150) if not (each[1] == 2 and 0.5 <= each[2] < 2.0)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)
@@ -118,7 +118,7 @@ def test_a_pause_of_all_cameras_makes_none_of_them_silent():
     assert all(group.complete for group in groups)
 
 
-def test_a_camera_whose_clock_is_ahead_holds_up_nobody():
+def test_a_clock_that_is_ahead_delays_no_other_camera():
     """By more than the wait, and less than what counts as a jump: its views still find their frames."""
     messages = [(now, v, t + 0.3 * (v == 1)) for now, v, t in steady(100)]
     grouper = Grouper(4, OPTIONS)
@@ -129,7 +129,7 @@ def test_a_camera_whose_clock_is_ahead_holds_up_nobody():
 
 
 @pytest.mark.parametrize(("hours", "counted"), [(1.0, "early"), (-1.0, "late")])
-def test_one_clock_that_jumps_is_left_out(hours: float, counted: str):
+def test_a_single_clock_that_jumps_is_ignored(hours: float, counted: str):
     messages = [(now, v, t + 3600.0 * hours * (v == 1 and t >= 1.0)) for now, v, t in steady(100)]
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, messages)
@@ -156,14 +156,14 @@ def test_the_stream_follows_when_most_clocks_jump(hours: float, clock: str):
     assert not gone_by or {group.shift_s for group in groups} == {0.0}
 
 
-def test_times_of_the_day_are_as_good_as_any():
+def test_times_of_day_are_accepted():
     grouper = Grouper(4, OPTIONS)
     groups = feed(grouper, [(now, v, 1.7e9 + t) for now, v, t in steady(20)])
     assert [group.complete for group in groups] == [True] * 20
     assert {group.shift_s for group in groups} == {0.0}
 
 
-def test_no_more_frames_wait_than_said():
+def test_at_most_open_frames_wait():
     grouper = Grouper(3, replace(OPTIONS, open_frames=4, max_wait_s=0.9))
     for f in range(20):
         for camera in (0, 1):
@@ -171,7 +171,7 @@ def test_no_more_frames_wait_than_said():
     assert [group.reason for group in grouper.ready()] == ["crowded"] * 16
 
 
-def test_a_clock_that_is_ahead_takes_no_room_of_the_others():
+def test_a_clock_that_is_ahead_does_not_crowd_out_other_frames():
     """What one camera alone has come to waits, so many frames of it that others' would have to go on unfinished."""
     rate_hz, ahead_s = 120.0, 0.6
     grouper = Grouper(4, OPTIONS)
@@ -183,7 +183,7 @@ def test_a_clock_that_is_ahead_takes_no_room_of_the_others():
 
 
 @pytest.mark.parametrize("error_s", [0.6, 5.0, 1e6])
-def test_a_wrong_clock_is_not_believed_while_the_others_stall(error_s: float):
+def test_a_wrong_clock_is_not_accepted_while_the_others_stall(error_s: float):
     grouper = Grouper(4, OPTIONS)
     messages = [(now, v, t + error_s * (v == 0)) for now, v, t in steady(200) if v == 0 or not 2.0 <= t < 2.25]
     groups = feed(grouper, messages)
@@ -192,7 +192,7 @@ def test_a_wrong_clock_is_not_believed_while_the_others_stall(error_s: float):
     assert [grouper.counts[v].late for v in (1, 2, 3)] == [0, 0, 0]
 
 
-def test_by_messages_a_gap_of_some_views_costs_the_others_nothing():
+def test_with_message_clocks_a_gap_of_some_views_does_not_affect_the_others():
     rate_hz = 120.0
     messages = [(0.0, v, f / rate_hz) for f in range(600) for v in range(2) if v == 0 or not 2.0 <= f / rate_hz < 2.9]
     grouper = Grouper(2, replace(OPTIONS, clock="messages"))
@@ -202,14 +202,14 @@ def test_by_messages_a_gap_of_some_views_costs_the_others_nothing():
 
 
 @pytest.mark.parametrize(("cameras", "left"), [(2, 1), (3, 1), (6, 2)])
-def test_by_messages_those_who_are_left_go_on(cameras: int, left: int):
+def test_with_message_clocks_the_remaining_cameras_continue(cameras: int, left: int):
     messages = [(now, v, t) for now, v, t in steady(500, cameras) if v < left or t < 2.0]
     grouper = Grouper(cameras, replace(OPTIONS, clock="messages"))
     assert len(feed(grouper, messages)) == 500
 
 
 @pytest.mark.parametrize("cameras", [2, 3, 4])
-def test_where_all_but_one_die_frames_wait_no_longer(cameras: int):
+def test_frames_of_the_last_active_camera_do_not_wait(cameras: int):
     grouper, waited = Grouper(cameras, OPTIONS), []
     for now_s, camera, time_s in steady(200, cameras):
         if camera == 0 or time_s < 2.0:
@@ -266,7 +266,7 @@ def test_every_view_is_in_one_frame_or_counted_once(stream, clock):
 
 @given(streams())
 @examples(50)
-def test_by_messages_times_alone_arrival_does_not_matter(stream):
+def test_with_message_clocks_arrival_times_do_not_matter(stream):
     cameras, messages = stream
     options = replace(OPTIONS, clock="messages")
     one = feed(Grouper(cameras, options), messages)

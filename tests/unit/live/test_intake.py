@@ -1,4 +1,4 @@
-"""Bytes to lines to the inbox: bounded whatever comes."""
+"""Bytes to lines to the queue: bounded whatever comes."""
 
 import threading
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from posefuse.errors import OptionsError
 from posefuse.live.addresses import parse_address
 from posefuse.live.line_queue import LineQueue
-from posefuse.live.lines import Allowance, LineSplitter, Sender
+from posefuse.live.lines import LineSplitter, RateLimiter, Sender
 from posefuse.live.statistics import Latencies
 from posefuse.model.options.stream import StreamOptions
 from tests.laws import examples
@@ -17,7 +17,7 @@ from tests.laws import examples
 
 @given(st.lists(st.binary(max_size=30), max_size=12), st.lists(st.integers(1, 9), min_size=1, max_size=9))
 @examples(150)
-def test_lines_do_not_depend_on_how_bytes_come(pieces, sizes):
+def test_lines_do_not_depend_on_how_bytes_are_split(pieces, sizes):
     whole = b"\n".join(pieces)
     splitter, lines, at = LineSplitter(10), [], 0
     for i in range(len(whole)):
@@ -31,7 +31,7 @@ def test_lines_do_not_depend_on_how_bytes_come(pieces, sizes):
     assert splitter.too_long == sum(len(line) > 10 for line in whole.split(b"\n"))
 
 
-def test_a_line_without_end_takes_no_memory():
+def test_a_line_without_ending_takes_bounded_memory():
     splitter = LineSplitter(1000)
     for _ in range(100):
         assert splitter.feed(b"x" * 900) == []
@@ -40,63 +40,63 @@ def test_a_line_without_end_takes_no_memory():
     assert splitter.too_long == 1
 
 
-def test_what_stands_before_a_text_is_no_part_of_its_first_line():
+def test_a_byte_order_mark_is_removed():
     splitter = LineSplitter(100)
     assert splitter.feed(b"\xef\xbb\xbf{}\n\n[]\n") == [(1, b"{}"), (3, b"[]")]
 
 
-def test_a_line_is_known_by_its_sender_and_number():
-    inbox = LineQueue(10, waits=False)
-    Sender(inbox, StreamOptions(), limited=False).feed(b"\na\n")
-    Sender(inbox, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
-    assert [each.origin for each in inbox.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
+def test_the_origin_of_a_line_is_its_sender_and_number():
+    queue = LineQueue(10, waits=False)
+    Sender(queue, StreamOptions(), limited=False).feed(b"\na\n")
+    Sender(queue, StreamOptions(), limited=False, name="10.0.0.7:4711").feed(b"b\n")
+    assert [each.origin for each in queue.take(0.0)[0]] == ["line 2", "10.0.0.7:4711 line 1"]
 
 
-def test_so_many_a_second_and_those_of_one_at_once():
-    allowance = Allowance(10.0, 0.0)
+def test_the_rate_limit_allows_bursts_of_one_second():
+    allowance = RateLimiter(10.0, 0.0)
     assert [allowance.spend(0.0) for _ in range(12)].count(True) == 10
     assert sum(allowance.spend(1.0 + 0.01 * i) for i in range(1000)) == pytest.approx(10 + 100, abs=1)
 
 
 def test_a_flood_is_counted():
-    inbox = LineQueue(1000, waits=False, clock=lambda: 0.0)
-    sender = Sender(inbox, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
+    queue = LineQueue(1000, waits=False, clock=lambda: 0.0)
+    sender = Sender(queue, StreamOptions(max_messages_hz=5.0, max_line_bytes=8), limited=True)
     sender.feed(b"a\n" * 7 + b"much too long\n")
-    assert [each.line for each in inbox.take(0.0)[0]] == [b"a"] * 5
-    assert inbox.lost == {"more than max_messages_hz": 2, "longer than max_line_bytes": 1}
+    assert [each.line for each in queue.take(0.0)[0]] == [b"a"] * 5
+    assert queue.lost == {"more than max_messages_hz": 2, "longer than max_line_bytes": 1}
 
 
 def test_the_oldest_are_dropped_and_counted():
-    inbox = LineQueue(3, waits=False)
+    queue = LineQueue(3, waits=False)
     for i in range(5):
-        inbox.put(b"%d" % i)
-    assert [each.line for each in inbox.take(0.0)[0]] == [b"2", b"3", b"4"]
-    assert inbox.lost == {"queue full": 2}
+        queue.put(b"%d" % i)
+    assert [each.line for each in queue.take(0.0)[0]] == [b"2", b"3", b"4"]
+    assert queue.lost == {"queue full": 2}
 
 
-def test_the_sender_waits_where_it_is_to():
-    inbox = LineQueue(3, waits=True)
-    thread = threading.Thread(target=lambda: [inbox.put(b"%d" % i) for i in range(50)])
+def test_the_sender_waits_while_the_queue_is_full():
+    queue = LineQueue(3, waits=True)
+    thread = threading.Thread(target=lambda: [queue.put(b"%d" % i) for i in range(50)])
     thread.start()
     taken = []
     while len(taken) < 50:
-        lines, _ = inbox.take(1.0, 1)
+        lines, _ = queue.take(1.0, 1)
         taken += [int(each.line) for each in lines]
     thread.join()
     assert taken == list(range(50))
-    assert not inbox.lost
+    assert not queue.lost
 
 
-def test_nothing_waits_for_ever_for_a_closed_inbox():
-    inbox = LineQueue(1, waits=True)
-    inbox.put(b"a")
-    inbox.close()
-    inbox.put(b"b")
-    assert not inbox.finished
-    assert [each.line for each in inbox.take(60.0)[0]] == [b"a"]
-    assert inbox.lost == {"received after the end": 1}
-    assert inbox.finished
-    assert inbox.take(60.0)[0] == []
+def test_a_closed_queue_blocks_neither_side():
+    queue = LineQueue(1, waits=True)
+    queue.put(b"a")
+    queue.close()
+    queue.put(b"b")
+    assert not queue.finished
+    assert [each.line for each in queue.take(60.0)[0]] == [b"a"]
+    assert queue.lost == {"received after the end": 1}
+    assert queue.finished
+    assert queue.take(60.0)[0] == []
 
 
 @pytest.mark.parametrize(
@@ -123,19 +123,19 @@ def test_addresses(text, shown, is_open):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("5570", "Addresses look like"),
+        ("5570", "Valid forms"),
         ("tpc://x:1", "Did you mean 'tcp'?"),
         ("udp://:1", "unix:/tmp/posefuse.sock"),
-        ("tcp://x", "lacks the port"),
+        ("tcp://x", "the port is missing"),
         ("tcp://5570", "as in tcp://127.0.0.1:5570"),
         ("tcp://x:99999", "Port out of range"),
         ("tcp://x:1/y", "takes no name"),
-        ("nats://x", "lacks the subject"),
-        ("unix:", "lacks the path"),
-        ("tcp://me:secret@x:1", "nothing else"),
+        ("nats://x", "the subject is missing"),
+        ("unix:", "the path of the socket is missing"),
+        ("tcp://me:secret@x:1", "optionally a name"),
     ],
 )
-def test_addresses_that_are_none(text, said):
+def test_invalid_addresses(text, said):
     with pytest.raises(OptionsError, match=said.replace("?", r"\?")):
         parse_address(text)
 

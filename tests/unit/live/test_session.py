@@ -36,7 +36,7 @@ def session_of(scene: CrowdScene, stream: StreamOptions = ARRIVAL) -> Session:
 def told(session: Session, now_s: float = 0.0) -> list[dict]:
     found = []
     while session.waiting:
-        line = session.follow(lambda: now_s)
+        line = session.process_frame(lambda: now_s)
         if line is not None:
             assert line.endswith(b"\n")
             assert line.count(b"\n") == 1
@@ -44,7 +44,7 @@ def told(session: Session, now_s: float = 0.0) -> list[dict]:
     return found
 
 
-def test_lines_say_who_is_where(scene, lines):
+def test_output_lines_give_all_people(scene, lines):
     session = session_of(scene, replace(ARRIVAL, clock="messages"))
     frames = []
     for _, line in lines:
@@ -73,7 +73,7 @@ def test_lines_say_who_is_where(scene, lines):
     assert [event["what"] for frame in frames for event in frame["events"]].count("confirmed") == 2
 
 
-def test_it_goes_on_without_a_camera_and_says_which(scene, lines):
+def test_tracking_continues_without_a_camera_and_names_it(scene, lines):
     """Camera 1 dies at 1 s and returns at 2 s; of another, a line is lost; frames go on within the wait."""
     session, name = session_of(scene), scene.rig.names[1]
     frames, latest = [], 0.0
@@ -95,7 +95,7 @@ def test_it_goes_on_without_a_camera_and_says_which(scene, lines):
     assert report["cameras"][name]["missing"] == 25  # type: ignore[index]
 
 
-def test_times_of_the_day_give_the_same_people(scene, lines):
+def test_times_of_day_give_the_same_people(scene, lines):
     """A double tells them to 0.24 us; no birth or loss is to depend on that."""
 
     def people(beginning_s: float) -> list[list[dict]]:
@@ -113,14 +113,14 @@ def test_times_of_the_day_give_the_same_people(scene, lines):
             np.testing.assert_allclose(*models, atol=1e-5)
 
 
-def test_the_last_that_is_told_of_a_kind_says_so(scene):
+def test_the_last_reported_fault_of_a_kind_says_so(scene):
     session = session_of(scene)
     said = [session.take(b"[]", 0.0) for _ in range(7)]
     assert [each is None for each in said] == [False] * 5 + [True] * 2
-    assert "More like this (wrong shape) are counted alone." in (said[4] or "")
+    assert "Further lines with this fault (wrong shape) are only counted." in (said[4] or "")
 
 
-def test_when_it_is_behind_the_oldest_frames_are_dropped(scene, lines):
+def test_the_oldest_frames_are_dropped_when_tracking_is_behind(scene, lines):
     session = session_of(scene)
     for time_s, line in lines[:80]:
         session.take(line, time_s)
@@ -129,7 +129,7 @@ def test_when_it_is_behind_the_oldest_frames_are_dropped(scene, lines):
     assert session.counts.frames_dropped == 12
 
 
-def test_people_stay_who_they_are_where_clocks_jump(scene, lines):
+def test_identities_survive_clock_jumps(scene, lines):
     session = session_of(scene)
     frames = []
     for time_s, line in lines:
@@ -144,16 +144,16 @@ def test_people_stay_who_they_are_where_clocks_jump(scene, lines):
     assert sum(event["what"] == "confirmed" for frame in frames for event in frame["events"]) == 2
 
 
-def test_one_camera_is_none_to_follow_by(scene):
+def test_one_camera_cannot_track(scene):
     with pytest.raises(OptionsError, match="two cameras or more"):
         Session(replace(scene.rig, cameras=scene.rig.cameras[:1]), "body_20", Options(), ARRIVAL)
 
 
-def test_what_needs_a_whole_recording_is_refused_or_said(scene):
+def test_options_that_need_a_whole_recording_are_refused_or_warned_of(scene):
     filtered = Options(triangulation=TriangulationOptions(method="percentile_filter"))
     with pytest.raises(OptionsError, match="needs the whole recording"):
         Session(scene.rig, "body_20", filtered, ARRIVAL)
-    with pytest.warns(PosefuseWarning, match="do nothing in a stream: end_s, solve, pairs"):
+    with pytest.warns(PosefuseWarning, match="have no effect in a stream: end_s, solve, pairs"):
         Session(scene.rig, "body_20", Options(end_s=3.0, solve="trajectory", pairs="enumerate"), ARRIVAL)
 
 
@@ -224,10 +224,10 @@ def follow_fuzzed(scene: CrowdScene, lines: list[tuple[float, bytes]], number: i
     return session
 
 
-def test_no_line_makes_it_stop(scene, lines):
+def test_no_input_line_stops_the_session(scene, lines):
     follow_fuzzed(scene, lines, 20_000, 1)
 
 
 @pytest.mark.long
-def test_no_line_of_a_million_makes_it_stop(scene, lines):
+def test_none_of_a_million_lines_stops_the_session(scene, lines):
     follow_fuzzed(scene, lines, 1_000_000, 2)

@@ -26,20 +26,20 @@ PATIENCE_S = 20.0
 
 @contextmanager
 def receiving(text: str, options: StreamOptions = OPTIONS) -> Iterator[tuple[Address, LineQueue]]:
-    inbox = LineQueue(options.queue_messages, waits=False)
-    source = Source(parse_address(text), inbox, options)
+    queue = LineQueue(options.queue_messages, waits=False)
+    source = Source(parse_address(text), queue, options)
     try:
-        yield source.start(), inbox
+        yield source.start(), queue
     finally:
         source.close()
         assert not source._thread.is_alive()
 
 
-def taken(inbox: LineQueue, number: int) -> list[bytes]:
+def taken(queue: LineQueue, number: int) -> list[bytes]:
     lines: list[bytes] = []
     until = time.monotonic() + PATIENCE_S
     while len(lines) < number and time.monotonic() < until:
-        lines += [each.line for each in inbox.take(0.05)[0]]
+        lines += [each.line for each in queue.take(0.05)[0]]
     return lines
 
 
@@ -51,30 +51,30 @@ def until(true: Callable[[], bool]) -> None:
 
 
 def test_tcp():
-    with receiving("tcp://:0") as (address, inbox):
+    with receiving("tcp://:0") as (address, queue):
         assert address.host == "127.0.0.1"
         place = (address.host, address.port)
         with socket.create_connection(place) as one, socket.create_connection(place) as other:
             one.sendall(b"begun ")
             other.sendall(b"whole\n")
-            assert taken(inbox, 1) == [b"whole"]
+            assert taken(queue, 1) == [b"whole"]
             one.sendall(b"and ended\nx" + b"x" * 5000 + b"\nlast")
-        assert taken(inbox, 2) == [b"begun and ended", b"last"]
-        assert inbox.lost == {"longer than max_line_bytes": 1}
+        assert taken(queue, 2) == [b"begun and ended", b"last"]
+        assert queue.lost == {"longer than max_line_bytes": 1}
 
 
-def test_tcp_turns_away_who_is_too_many():
-    with receiving("tcp://:0", replace(OPTIONS, max_connections=1)) as (address, inbox):
+def test_tcp_rejects_too_many_senders():
+    with receiving("tcp://:0", replace(OPTIONS, max_connections=1)) as (address, queue):
         one = socket.create_connection((address.host, address.port))
         one.sendall(b"first\n")
-        assert taken(inbox, 1) == [b"first"]
+        assert taken(queue, 1) == [b"first"]
         with one, socket.create_connection((address.host, address.port)) as other:
             other.settimeout(PATIENCE_S)
             assert other.recv(1) == b""
-        assert inbox.lost == {"more senders than max_connections": 1}
+        assert queue.lost == {"more senders than max_connections": 1}
 
 
-def test_a_port_that_is_taken_is_said():
+def test_a_port_in_use_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         for kind in ("tcp", "zmq+pull"):
@@ -86,12 +86,12 @@ def test_unix(tmp_path: Path):
     path = tmp_path / "s"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left_behind:
         left_behind.bind(str(path))
-    with receiving(f"unix:{path}") as (_, inbox):
+    with receiving(f"unix:{path}") as (_, queue):
         assert path.stat().st_mode & 0o077 == 0
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sender:
             sender.connect(str(path))
             sender.sendall(b"one\ntwo\n")
-        assert taken(inbox, 2) == [b"one", b"two"]
+        assert taken(queue, 2) == [b"one", b"two"]
         with pytest.raises(StreamError, match="Cannot listen"), receiving(f"unix:{path}"):
             pass
     assert not path.exists()
@@ -104,26 +104,26 @@ def test_unix(tmp_path: Path):
 def test_zeromq_pushed():
     zmq = pytest.importorskip("zmq", reason="pyzmq is not installed (extra live)")
     with (
-        receiving("zmq+pull://127.0.0.1:0") as (address, inbox),
+        receiving("zmq+pull://127.0.0.1:0") as (address, queue),
         zmq.Context() as context,
         context.socket(zmq.PUSH) as sender,
     ):
         sender.connect(f"tcp://127.0.0.1:{address.port}")
         sender.send(b"one")
         sender.send(b"two\nthree\n")
-        assert taken(inbox, 3) == [b"one", b"two", b"three"]
+        assert taken(queue, 3) == [b"one", b"two", b"three"]
 
 
 def test_zeromq_published():
     zmq = pytest.importorskip("zmq", reason="pyzmq is not installed (extra live)")
     with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
         port = publisher.bind_to_random_port("tcp://127.0.0.1")
-        with receiving(f"zmq+sub://127.0.0.1:{port}/pose") as (_, inbox):
+        with receiving(f"zmq+sub://127.0.0.1:{port}/pose") as (_, queue):
             assert publisher.poll(1000 * PATIENCE_S)
             assert publisher.recv() == b"\x01pose"
             publisher.send_multipart([b"other", b"not asked for"])
             publisher.send_multipart([b"pose.left", b"one"])
-            assert taken(inbox, 1) == [b"one"]
+            assert taken(queue, 1) == [b"one"]
 
 
 class TinyNats(socketserver.StreamRequestHandler):
@@ -148,8 +148,8 @@ def test_nats_protocol():
     with socketserver.ThreadingTCPServer(("127.0.0.1", 0), TinyNats) as server:
         server.daemon_threads = True
         threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-        with receiving(f"nats://127.0.0.1:{server.server_address[1]}/pose") as (_, inbox):
-            assert taken(inbox, 3) == [b"one", b"two", b"three"]
+        with receiving(f"nats://127.0.0.1:{server.server_address[1]}/pose") as (_, queue):
+            assert taken(queue, 3) == [b"one", b"two", b"three"]
         server.shutdown()
 
 
@@ -179,15 +179,15 @@ def test_nats_server():
 
     try:
         until(listens)
-        with receiving(f"nats://127.0.0.1:{port}/pose") as (_, inbox):
+        with receiving(f"nats://127.0.0.1:{port}/pose") as (_, queue):
             asyncio.run(publish())
-            assert taken(inbox, 1)[0] == b"one"
+            assert taken(queue, 1)[0] == b"one"
     finally:
         server.terminate()
         server.wait()
 
 
-def test_a_nats_server_that_is_not_there():
+def test_a_missing_nats_server_is_an_error():
     pytest.importorskip("nats", reason="nats-py is not installed (extra live)")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

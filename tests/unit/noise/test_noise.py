@@ -15,19 +15,19 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.calibrate_noise import calibrate_noise
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.scenes import body_points, build_rig, ring, seen, skeleton_of
+from tests.scenes import body_points, build_rig, ring, simulate_detections, skeleton_of
 
 
 @pytest.mark.parametrize("sigma", [0.5, 2.0, 8.0])
 @pytest.mark.parametrize("lens", ["pinhole", "barrel"])
-def test_estimated_from_the_residuals(sigma, lens, rng):
+def test_noise_is_estimated_from_residuals(sigma, lens, rng):
     rig = ring(4, lens)
-    result = reconstruct(rig, seen(rig, body_points(rng, 300), rng, sigma))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 300), rng, sigma))
     assert result.noise.origin == "estimated"
     np.testing.assert_allclose(result.noise.scale_px, sigma, rtol=0.04)
 
 
-def test_estimated_whatever_the_confidence_says(rng):
+def test_noise_is_estimated_with_a_confidence_exponent(rng):
     rig = ring(4)
     truth = body_points(rng, 300)
     confidence = rng.uniform(0.3, 1.0, (300, 4, 17))
@@ -40,7 +40,7 @@ def test_estimated_whatever_the_confidence_says(rng):
 
 
 @pytest.mark.parametrize(("views", "share", "most"), [(5, 0.05, 1.15), (8, 0.05, 1.15), (12, 0.1, 1.35)])
-def test_outliers_move_it_little_with_any_number_of_views(views, share, most, rng):
+def test_outliers_change_the_estimate_little_with_any_number_of_views(views, share, most, rng):
     rig = ring(views)
     truth = body_points(rng, 300)
     pixels = np.moveaxis(rig.project(truth), 0, 1) + 2.0 * rng.standard_normal((300, views, 17, 2))
@@ -54,13 +54,13 @@ def test_outliers_move_it_little_with_any_number_of_views(views, share, most, rn
 
 @pytest.mark.filterwarnings("ignore:The views do not agree")
 @pytest.mark.parametrize(("views", "share"), [(8, 0.4), (16, 0.4)])
-def test_many_outliers_move_it_little(views, share):
+def test_many_outliers_change_the_estimate_little(views, share):
     data = walk(60, views, outlier_share=share)
     result = reconstruct(data.rig, data.detections)
     np.testing.assert_allclose(result.noise.scale_px, 2.0, rtol=0.05)
 
 
-def test_each_camera_has_its_own_where_they_differ(rng):
+def test_cameras_have_different_scales_where_noise_differs(rng):
     data = walk(200)
     noisier = np.array([1.0, 1.0, 2.5, 1.0, 1.5])
     pixels = np.moveaxis(data.rig.project(data.points_m), 0, 1)
@@ -69,7 +69,7 @@ def test_each_camera_has_its_own_where_they_differ(rng):
     np.testing.assert_allclose(result.noise.scale_px, 2.0 * noisier, rtol=0.25)
 
 
-def test_a_camera_that_is_off_is_not_taken_for_a_noisy_one(rng):
+def test_a_constant_camera_error_is_not_taken_for_noise(rng):
     """What lasts says of no camera that it is the wrong one: all count alike."""
     data = walk(200)
     pixels = data.pixels.copy()
@@ -78,7 +78,7 @@ def test_a_camera_that_is_off_is_not_taken_for_a_noisy_one(rng):
     assert np.ptp(result.noise.scale_px) < 0.2 * result.noise.scale_px.mean()
 
 
-def test_regions_hold_what_they_say_under_heavy_tails(rng):
+def test_confidence_regions_have_the_stated_coverage_under_heavy_tails(rng):
     data = walk(300)
     pixels = np.moveaxis(data.rig.project(data.points_m), 0, 1)
     pixels = pixels + 2.0 * rng.standard_t(3.0, pixels.shape)
@@ -91,7 +91,7 @@ def test_regions_hold_what_they_say_under_heavy_tails(rng):
     assert 0.90 < inside.mean() < 0.97
 
 
-def test_a_point_past_a_fold_is_no_reason_to_stop(rng):
+def test_a_point_beyond_the_fold_of_a_lens_is_tolerated(rng):
     rig = build_rig("ring", 4, "barrel")
     pixels = np.moveaxis(rig.project(body_points(rng, 60)), 0, 1) + rng.standard_normal((60, 4, 17, 2))
     pixels[7, :, 3] = [[1825.77, 639.55], [111.71, 688.24], [643.61, 464.68], [1437.14, 416.14]]
@@ -102,22 +102,22 @@ def test_a_point_past_a_fold_is_no_reason_to_stop(rng):
     np.testing.assert_allclose(result.noise.scale_px, 1.0, rtol=0.06)
 
 
-def test_fixed_by_the_user(rng):
+def test_noise_fixed_by_the_user(rng):
     rig = ring(4)
-    result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), Options(noise_scale_px=7.0))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 5), rng), Options(noise_scale_px=7.0))
     assert result.noise.origin == "fixed"
     assert (result.noise.scale_px == 7.0).all()
 
 
-def test_assumed_where_there_is_too_little_to_tell(rng):
+def test_noise_is_assumed_with_too_few_points(rng):
     rig = ring(4)
-    result = reconstruct(rig, seen(rig, body_points(rng, 1), rng))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 1), rng))
     assert result.noise.origin == "assumed"
     np.testing.assert_allclose(result.noise.scale_px, 4.5 * 1.92)
 
 
 @pytest.mark.parametrize(("exponent", "nu"), [(0.0, 100.0), (1.0, 3.0), (0.5, 6.0)])
-def test_the_law_is_found_by_leaving_views_out(exponent, nu, rng):
+def test_the_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
     rig = ring(5)
     truth = body_points(rng, 300)
     confidence = rng.uniform(0.3, 1.0, (300, 5, 17))
@@ -130,15 +130,15 @@ def test_the_law_is_found_by_leaving_views_out(exponent, nu, rng):
     assert 3.0 * 0.95 < noise.scale_px[0] < 3.0 * 1.25
 
 
-def test_the_law_of_too_little_is_an_error(rng):
+def test_calibration_with_too_few_points_is_an_error(rng):
     rig = ring(4)
     with pytest.raises(DetectionsError, match="seen by three views that agree"):
-        calibrate_noise(rig, seen(rig, body_points(rng, 1), rng))
+        calibrate_noise(rig, simulate_detections(rig, body_points(rng, 1), rng))
 
 
 def test_a_calibrated_noise_is_used_by_camera_name(rng):
     rig = ring(4)
-    detections = seen(rig, body_points(rng, 20), rng)
+    detections = simulate_detections(rig, body_points(rng, 20), rng)
     noise = NoiseOptions(("cam_3", "cam_1", "cam_0", "cam_2", "spare"), (4.0, 2.0, 1.0, 3.0, 9.0), 1.5, 3.0)
     found = reconstruct(rig, detections, Options(noise=noise)).noise
     assert found.scale_px.tolist() == [1.0, 2.0, 3.0, 4.0]

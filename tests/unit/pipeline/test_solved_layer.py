@@ -22,7 +22,7 @@ from posefuse.pipeline.solved_layer import frame_windows, training_spans
 from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 from tests.unit.trajectory.problems import ARM, exact_pixels, swinging
 
 EVERYTHING = PostprocessOptions(
@@ -41,12 +41,12 @@ def with_gaps(scene, **postprocess):
     )
 
 
-def test_nothing_asked_for_is_no_layer(scene):
+def test_no_postprocessing_gives_no_solved_layer(scene):
     result = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
     assert list(result.layers) == ["measured"]
 
 
-def test_measured_stays_as_measured_and_every_point_says_what_it_is(scene):
+def test_the_measured_layer_is_unchanged_and_sources_are_correct(scene):
     result = with_gaps(scene, fill="pchip", smooth=("butterworth",))
     plain = posefuse.reconstruct(scene.rig, scene.detections, Options(solve="frame"))
     assert list(result.layers) == ["measured", "solved"]
@@ -63,7 +63,7 @@ def test_measured_stays_as_measured_and_every_point_says_what_it_is(scene):
     assert solved.has_point[kept].all()
 
 
-def test_errors_are_those_of_the_points_themselves(scene):
+def test_reprojection_errors_are_those_of_the_processed_points(scene):
     result = with_gaps(scene, smooth=("butterworth",))
     solved = result.layers["solved"]
     pixels = np.moveaxis(result.rig.project(np.asarray(solved.points_m)), 0, 3)
@@ -77,7 +77,7 @@ def test_errors_are_those_of_the_points_themselves(scene):
 
 
 @pytest.mark.parametrize("size", [37, 64, 1000])
-def test_the_same_bytes_whatever_the_range(scene, size):
+def test_results_do_not_depend_on_the_chunk_length(scene, size):
     options = Options(solve="frame", postprocess=EVERYTHING, pairs="labels")
     plan = prepare(scene.rig, scene.detections, options, Silent())
     whole = Reconstruction.concatenate(list(reconstruct_chunks(plan, Silent())))
@@ -86,7 +86,7 @@ def test_the_same_bytes_whatever_the_range(scene, size):
     assert replace(pieces, resolved=whole.resolved) == whole
 
 
-def test_seams_do_not_show(scene):
+def test_windows_equal_the_whole_recording(scene):
     options = Options(solve="frame", postprocess=EVERYTHING, pairs="labels")
     plan = prepare(scene.rig, scene.detections, options, Silent())
     whole = plan.solver.steps[0].apply(
@@ -104,9 +104,9 @@ def measured(plan) -> Reconstruction:
     return measure(plan, 0, plan.detections.n_frames)
 
 
-def test_windows_hold_what_they_say():
+def test_windows_hold_their_frames_and_margins():
     rig = ring(3)
-    detections = seen(
+    detections = simulate_detections(
         rig, np.broadcast_to(body_points(np.random.default_rng(0), 1), (50, 17, 3)), np.random.default_rng(1)
     )
     plan = prepare(rig, detections, Options(solve="frame"), Silent())
@@ -130,7 +130,7 @@ def test_rigid_bones(scene):
     assert np.nanstd(length) < 1e-9
 
 
-def test_unreliable_points_are_dropped_and_say_so(scene):
+def test_unreliable_points_are_dropped_with_a_status(scene):
     result = with_gaps(scene, drop_beyond_px=8.0)
     solved = result.layers["solved"]
     gone = np.asarray(result.layers["measured"].reprojection_error_px) > 8.0
@@ -140,7 +140,7 @@ def test_unreliable_points_are_dropped_and_say_so(scene):
     assert not is_used(np.asarray(solved.view_status))[gone].any()
 
 
-def test_without_times_it_says_so(scene):
+def test_filters_without_times_are_an_error(scene):
     timeless = replace(scene.detections, time_s=np.full_like(scene.detections.time_s, np.nan), rate_hz=None)
     with pytest.raises(DetectionsError, match="--rate-hz"):
         posefuse.reconstruct(scene.rig, timeless, Options(solve="frame", postprocess=EVERYTHING))
@@ -160,7 +160,7 @@ def trajectory_plan(scene):
     return prepare(scene.rig, scene.detections, Options(solve="trajectory"), Silent())
 
 
-def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, trajectory_plan):
+def test_the_trajectory_is_more_accurate_than_single_frames(scene, trajectory_plan):
     assert trajectory_plan.options.solve == "trajectory"
     result = Reconstruction.concatenate(list(reconstruct_chunks(trajectory_plan, Silent())))
     solved = result.layers["solved"]
@@ -185,14 +185,14 @@ def test_the_trajectory_is_better_than_its_frames_and_the_result_says_so(scene, 
         ({"solve": "trajectory", "people": "many"}, 3, 1.0, "trajectory"),
     ],
 )
-def test_auto_solves_one_subject_together_who_is_seen_for_long_enough(scene, changes, cameras, seconds, expected):
+def test_auto_solves_one_subject_over_time_in_long_recordings(scene, changes, cameras, seconds, expected):
     detections = scene.detections.with_rate(scene.detections.n_frames / seconds)
     assert (
         resolve_solve(Options(**{"people": "one"} | changes), RecordingFacts.of(detections), cameras).solve == expected
     )
 
 
-def test_where_windows_of_a_trajectory_meet_does_not_show():
+def test_windows_of_a_trajectory_join_smoothly():
     """Motion rougher than any smooth path, gross errors, and a wrist that one camera sees across a seam."""
     rng = np.random.default_rng(4)
     rig, frames = ring(4), 1300
@@ -208,7 +208,7 @@ def test_where_windows_of_a_trajectory_meet_does_not_show():
         for block in (frames, 200)
     )
     assert plan.solver.margin < 120
-    assert (np.asarray(plan.solver.steps[0].laws.roughness_m2) > 1e-6).all()
+    assert (np.asarray(plan.solver.steps[0].priors.roughness_m2) > 1e-6).all()
     there = np.asarray(whole.has_point)
     assert there.mean() > 0.98
     np.testing.assert_array_equal(cut.status, whole.status)
@@ -226,7 +226,7 @@ def test_a_trajectory_needs_times_and_two_cameras(scene):
         resolve_solve(Options(solve="trajectory"), RecordingFacts.of(scene.detections), 1)
 
 
-def test_everybody_is_looked_at_to_learn_how_they_move():
+def test_training_spans_cover_every_person():
     state = np.zeros((5000, 2), dtype=np.int8)
     state[:, 0] = TrackState.ACTIVE
     state[2100:2150, 1] = TrackState.ACTIVE

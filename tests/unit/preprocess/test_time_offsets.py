@@ -33,13 +33,13 @@ def put(detections: Detections, sync: SyncOptions = SYNC) -> np.ndarray:
     return interpolate_to_frame_times(step, subject).dense()[0][..., 0, 0]
 
 
-def test_a_late_view_shows_what_was_there_at_the_frame_s_time():
+def test_keypoints_of_a_late_view_are_interpolated_to_frame_times():
     shown = put(straight())
     assert shown[3:-1, 1] == pytest.approx(shown[3:-1, 0])
     assert shown[:, 0] == pytest.approx(10.0 * np.arange(40))
 
 
-def test_a_drift_is_followed():
+def test_a_clock_drift_is_corrected():
     frames = np.arange(200)
     detections = straight(0.0, 200)
     pixels = detections.dense()[0].copy()
@@ -52,7 +52,7 @@ def test_a_drift_is_followed():
     assert shown[known, 1] == pytest.approx(shown[known, 0], abs=1.001)
 
 
-def test_nothing_is_put_across_a_gap_of_more_than_two_frames():
+def test_gaps_of_more_than_two_frames_are_not_interpolated():
     detections = straight()
     pixels = detections.dense()[0].copy()
     pixels[20:23, 1] = np.nan
@@ -63,7 +63,7 @@ def test_nothing_is_put_across_a_gap_of_more_than_two_frames():
     assert np.isfinite(shown[[21, 26], 1]).all()
 
 
-def test_a_view_in_step_is_left_as_it_is():
+def test_a_view_without_offset_is_unchanged():
     detections = straight(0.0)
     shown = put(detections, SyncOptions(("b",), (0.0,), (0.05 / RATE,), (0.0,)))
     assert (shown == detections.dense()[0][..., 0, 0]).all()
@@ -73,7 +73,7 @@ DRIFTING, WHOLE = SyncOptions(("b",), (0.0,), (0.0,), (4e3,)), SyncOptions(("a",
 
 
 @pytest.mark.parametrize("sync", [SYNC, DRIFTING, WHOLE])
-def test_views_are_marked_where_their_points_were_moved(sync):
+def test_interpolated_views_are_marked(sync):
     detections = straight(0.0, 120)
     step = shift_views(detections, ("a", "b"), sync)
     subject = SingleSubject.of(step.detections, None)
@@ -86,13 +86,13 @@ def test_views_are_marked_where_their_points_were_moved(sync):
     assert (marked[known] == (before != after)[known]).all()
 
 
-def test_rows_of_one_view_hold_from_their_time_on():
+def test_offsets_of_a_view_apply_from_their_start_time():
     sync = SyncOptions(("b", "b"), (0.0, 1.0), (0.0, 0.12), (0.0, 0.0))
     assert sync.offset_at("b", np.array([-1.0, 0.5, 1.0, 2.0])) == pytest.approx([0.0, 0.0, 0.12, 0.12])
     assert (sync.offset_at("a", np.zeros(3)) == 0.0).all()
 
 
-def test_files_of_offsets_come_back(tmp_path):
+def test_files_of_offsets_round_trip(tmp_path):
     path = tmp_path / "sync.toml"
     path.write_text(sync_to_toml(SYNC), "utf-8")
     assert read_sync(path) == SYNC
@@ -108,7 +108,7 @@ def test_other_files_are_refused(tmp_path, text):
         read_sync(path)
 
 
-def test_what_is_not_there_is_said(tmp_path):
+def test_missing_files_and_cameras_are_errors(tmp_path):
     with pytest.raises(FileError):
         read_sync(tmp_path / "none.toml")
     with pytest.raises(MatchError, match="'c'"):

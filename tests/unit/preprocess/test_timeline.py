@@ -42,7 +42,7 @@ def jittered(rng, n, rate, start=0.0, jitter=0.1):
     return start + (np.arange(n) + rng.uniform(-jitter, jitter, n)) / rate
 
 
-def test_views_that_are_together_are_left_alone():
+def test_aligned_views_are_unchanged():
     together = of_views(np.arange(9) / 30, np.arange(9) / 30 + 0.01, np.arange(5) / 30)
     assert align_views(together) is together
     assert align_views(of_views(np.arange(5) / 30)).n_frames == 5
@@ -60,12 +60,12 @@ def test_half_the_rate():
     np.testing.assert_allclose(pixels[..., 0, 0], 100.0 * found.time_s)
     assert pixels[0, :, 0, 1].tolist() == [0, 1, 2]
     assert found.notes == (
-        "Views are put together by time: 20 frames, 30 Hz as view_1; of each view what it took within 16.7 ms.",
+        "Views are aligned by time: 20 frames at 30 Hz, following view_1; each view contributes its frame within 16.7 ms.",
         "View view_0 (60 Hz): 20 of its 40 frames are not used; at most 0.0 ms off.",
     )
 
 
-def test_the_faster_view_may_lead():
+def test_the_faster_view_can_be_the_reference():
     found = align_views(of_views(np.arange(40) / 60, np.arange(20) / 30), "view_0")
     assert found.n_frames == 40
     assert found.recorded[:, 1].tolist() == [True, False] * 20
@@ -73,7 +73,7 @@ def test_the_faster_view_may_lead():
     assert "20 of the 40 frames it did not record" in found.notes[-1]
 
 
-def test_what_none_has_near_is_missing_and_what_others_have_beyond_is_kept():
+def test_gaps_stay_gaps_and_frames_beyond_the_reference_are_kept():
     """View 0 lacks frames 4 and 5 and ends early; view 1, twice as fast, begins late and ends late."""
     slow = np.delete(np.arange(10), [4, 5]) / 30
     found = align_views(of_views(slow, np.arange(6, 26) / 60 + 0.004))
@@ -85,7 +85,7 @@ def test_what_none_has_near_is_missing_and_what_others_have_beyond_is_kept():
 
 @given(seed=st.integers(0, 2**31), shift=st.integers(1, 25), view=st.integers(0, 2))
 @examples(40)
-def test_the_start_of_a_file_changes_nothing_where_times_tell(seed, shift, view):
+def test_the_start_of_a_file_does_not_matter_with_times(seed, shift, view):
     """The same frames, counted by one file from another moment."""
     rng = np.random.default_rng(seed)
     times = [jittered(rng, 60, 30.0, start=rng.uniform(0, 0.005)) for _ in range(3)]
@@ -99,7 +99,7 @@ def test_the_start_of_a_file_changes_nothing_where_times_tell(seed, shift, view)
 
 @given(seed=st.integers(0, 2**31), view=st.integers(0, 2))
 @examples(40)
-def test_frames_that_one_view_lost_leave_the_others_as_they_are(seed, view):
+def test_lost_frames_of_one_view_do_not_affect_the_others(seed, view):
     rng = np.random.default_rng(seed)
     times = [jittered(rng, 60, 30.0) for _ in range(3)]
     whole = align_views(of_views(*times))
@@ -118,7 +118,7 @@ def test_frames_that_one_view_lost_leave_the_others_as_they_are(seed, view):
     rates=st.lists(st.sampled_from([25.0, 30.0, 50.0, 59.94, 120.0]), min_size=2, max_size=4),
 )
 @examples(60)
-def test_each_frame_is_used_once_within_half_an_interval_and_again_changes_nothing(seed, rates):
+def test_each_frame_is_used_once_within_half_a_period_and_alignment_is_idempotent(seed, rates):
     rng = np.random.default_rng(seed)
     times = [
         np.sort(jittered(rng, int(rng.uniform(1.0, 2.0) * rate), rate, rng.uniform(0, 0.3), 0.2)) for rate in rates
@@ -138,7 +138,7 @@ def test_each_frame_is_used_once_within_half_an_interval_and_again_changes_nothi
     np.testing.assert_allclose(pixels[found.recorded][:, 0, 0], 100.0 * found.time_s[found.recorded])
 
 
-def test_the_rate_is_that_of_the_numbers():
+def test_the_rate_follows_from_frame_numbers():
     """Times rounded to a tenth of a millisecond, and a view that has every other frame only."""
     times = np.round(np.arange(100) / 60, 4)
     assert nominal_rate_hz(np.arange(100), times) == pytest.approx(60, rel=1e-4)
@@ -148,7 +148,7 @@ def test_the_rate_is_that_of_the_numbers():
     assert nominal_rate_hz(np.arange(3), np.array([np.nan, 1.0, np.nan])) is None
 
 
-def test_what_times_cannot_be():
+def test_invalid_times_are_errors():
     near = np.arange(9) / 30
     with pytest.raises(DetectionsError, match=r"No two views .* view_0 0.000 to 0.267 s, view_1 50.000 to 50.267 s"):
         align_views(of_views(near, near + 50))
@@ -157,5 +157,5 @@ def test_what_times_cannot_be():
     half = of_views(near, near)
     with pytest.raises(DetectionsError, match="'view_1' has no time for 9 of its 9 frames"):
         align_views(replace(half, time_s=np.where([True, False], half.time_s, np.nan)))
-    with pytest.raises(DetectionsError, match="No view 'view_7' to follow"):
+    with pytest.raises(DetectionsError, match="No view 'view_7' to use as reference"):
         align_views(half, "view_7")

@@ -33,7 +33,7 @@ def test_weights_are_the_reference_over_sigma(rng):
     assert found.sigma_px is None
 
 
-def test_what_is_not_believed_gets_no_weight_and_all_else_enough(rng):
+def test_detections_below_min_confidence_get_weight_zero(rng):
     given = with_sigma(rng, ragged(rng))
     sigma = np.asarray(given.sigma_px).copy()
     sigma[0, 0], sigma[0, 1] = 1e6, np.nan
@@ -46,7 +46,7 @@ def test_what_is_not_believed_gets_no_weight_and_all_else_enough(rng):
     assert found[0, 1] == pytest.approx(np.median(found[np.isfinite(sigma) & ~(confidence < 0.3)]), rel=0.5)
 
 
-def test_files_are_weighed_as_they_are_read(rng, tmp_path):
+def test_files_are_weighted_while_they_are_read(rng, tmp_path):
     given = with_sigma(rng, ragged(rng))
     native.write(given, tmp_path / "keypoints.nc")
     from posefuse import read_detections
@@ -56,7 +56,7 @@ def test_files_are_weighed_as_they_are_read(rng, tmp_path):
     assert weighted(stored, 4.5, 0.2) == weighted(given, 4.5, 0.2)
 
 
-def test_parts_of_a_mean_lend_it_the_larger_deviation(rng):
+def test_a_derived_keypoint_gets_the_largest_deviation_of_its_parts(rng):
     body, other = find_skeleton("coco_17"), find_skeleton("body_20")
     given = with_sigma(rng, replace(ragged(rng, keypoints=17), skeleton=body))
     found = np.asarray(given.to_skeleton(other).sigma_px)
@@ -65,7 +65,7 @@ def test_parts_of_a_mean_lend_it_the_larger_deviation(rng):
 
 
 @pytest.mark.parametrize("method", ["consensus", "simple"])
-def test_points_weighed_by_their_true_noise_are_better(method, rng):
+def test_points_weighted_by_their_true_noise_are_better(method, rng):
     scene = simulate(replace(SCENE, duration_s=2.0, cameras=4))
     clean = scene.detections
     sigma = np.exp(rng.uniform(np.log(0.5), np.log(12.0), np.asarray(clean.confidence).shape))
@@ -85,7 +85,7 @@ def test_points_weighed_by_their_true_noise_are_better(method, rng):
     )
 
 
-def test_fixed_noise_is_the_users(rng):
+def test_fixed_noise_overrides_standard_deviations(rng):
     scene = simulate(SCENE)
     told = replace(scene.detections, sigma_px=np.exp(rng.normal(size=np.asarray(scene.detections.confidence).shape)))
     options = Options(noise_scale_px=0.5, pairs="labels")

@@ -28,9 +28,11 @@ def _record(finding: Finding) -> dict[str, Any]:
 
 def _finding(record: dict[str, Any]) -> Finding:
     frames = None if record["frames"] is None else tuple(record["frames"])
-    restored: dict[str, Any] = {
+    values: dict[str, Any] = {
+        **record,
         "kind": FindingKind(record["kind"]),
         "cameras": tuple(record["cameras"]),
         "frames": frames,
     }
-    return Finding(**(record | restored | {name: math.nan for name in _MAYBE_NAN if record[name] is None}))
+    values.update({name: math.nan for name in _MAYBE_NAN if record[name] is None})
+    return Finding(**values)

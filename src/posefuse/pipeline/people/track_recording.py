@@ -221,10 +221,7 @@ class _Stage:
 
 
 def _track(tracker: ArticulatedTracker, chunk: Detections, times_s: np.ndarray) -> Iterator[TrackedFrame]:
-    """Return the tracked people of each frame.
-
-    ``times_s``, shape (frame,), is used where no view recorded the frame.
-    """
+    """Return the people of each frame; ``times_s``, shape (frame,), is used where no view recorded the frame."""
     for i in range(chunk.n_frames):
         frame = Frame.of(chunk, i)
         if not frame.recorded.any():

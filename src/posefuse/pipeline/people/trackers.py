@@ -34,8 +34,7 @@ def unused_options(options: Options, skeleton: Skeleton) -> tuple[str, ...]:
     if tracker.strategy == "specification" and tracker.smoother != "none":
         sentences.append(
             f"tracker.smoother = {tracker.smoother!r} has no effect with the strategy 'specification', whose states "
-            "have "
-            "no covariances: nothing is smoothed. Add --smoother none, or use the strategy 'posefuse'."
+            "have no covariances: nothing is smoothed. Add --smoother none, or use the strategy 'posefuse'."
         )
     if tracker.parts != default.parts and not skeleton.parts:
         sentences.append(
