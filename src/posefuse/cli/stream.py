@@ -55,11 +55,7 @@ def stream(
     stream = replace(stream, when_behind=stream.when_behind or ("wait" if waits else "drop"))
     session = _session(calibration, stream, options)
     if address.is_open:
-<<<<<<< HEAD
-        warn(f"{address} accepts lines from other machines without authentication. Use it in trusted networks only.")
-=======
         warn(f"{address} accepts unauthenticated connections from the network; use only on a trusted network.")
->>>>>>> hub/main
     warm_up(session, options)
     queue = LineQueue(stream.queue_messages, waits=stream.when_behind == "wait")
     source = Source(address, queue, stream)
@@ -72,11 +68,7 @@ def stream(
             with _short_switch_interval():
                 run_stream(session, queue, _write, warn)
         except BrokenPipeError:
-<<<<<<< HEAD
-            warn("the reader of the lines closed the connection.")
-=======
             warn("The output was closed by its reader.")
->>>>>>> hub/main
             sys.stdout = open("/dev/null", "w")  # noqa: SIM115
         finally:
             gc.unfreeze()
@@ -117,11 +109,7 @@ def _write(line: bytes) -> None:
 def _end_on_signals(queue: "LineQueue") -> Iterator[None]:
     """End the stream on SIGINT and SIGTERM after the received lines are processed.
 
-<<<<<<< HEAD
-    The second interrupt stops at once, because the reader of the lines may have stopped and block the output.
-=======
     A second signal ends it at once, since the reader of the output may have stopped.
->>>>>>> hub/main
     """
 
     def end(*_: Any) -> None:
@@ -138,17 +126,10 @@ def _end_on_signals(queue: "LineQueue") -> Iterator[None]:
 
 
 @contextmanager
-<<<<<<< HEAD
-def _taking_turns() -> Iterator[None]:
-    """Shorten the switch interval, so that the receiving thread runs soon after a line arrives."""
-    usual_s = sys.getswitchinterval()
-    sys.setswitchinterval(_TURN_S)
-=======
 def _short_switch_interval() -> Iterator[None]:
     """Shorten the interpreter's switch interval, so that lines are received soon after they arrive."""
     default_s = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
->>>>>>> hub/main
     try:
         yield
     finally:

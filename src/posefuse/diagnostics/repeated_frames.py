@@ -9,11 +9,7 @@ _MIN_POINTS, _MIN_FRAMES, _MIN_SHARE = 4, 4, 0.01
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:
-<<<<<<< HEAD
-    """Return a finding for each view that has frames with exactly the detections of the previous frame."""
-=======
     """Return a finding for each view in which detections of consecutive frames are exactly equal."""
->>>>>>> hub/main
     observations = examination.detected
     current, previous = observations.pixels[1:], observations.pixels[:-1]
     seen = np.isfinite(current[..., 0]) & np.isfinite(previous[..., 0])

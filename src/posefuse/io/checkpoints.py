@@ -64,13 +64,8 @@ def _explain_write_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise FileError(
-<<<<<<< HEAD
-            f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are kept there "
-            "until the result is complete. Free disk space and run the same command again; finished parts are reused."
-=======
             f"{path} cannot be written: {error.strerror or error}. Finished parts of long recordings are stored "
             "there until the result is complete, and are kept. Free some space and run the command again to resume."
->>>>>>> hub/main
         ) from None
 
 
@@ -220,11 +215,7 @@ class CheckpointFolder:
         return warnings
 
     def remove(self) -> None:
-<<<<<<< HEAD
-        """Remove all parts."""
-=======
         """Remove the folder."""
->>>>>>> hub/main
         remove_parts(self.folder)
 
     def _path(self, name: str) -> Path:
@@ -241,13 +232,8 @@ class CheckpointFolder:
 
 
 def remove_parts(folder: Path) -> None:
-<<<<<<< HEAD
-    """Remove a folder of parts; the manifest goes last, so that an interrupted removal can be recognized."""
-    _remove_but(folder, (folder / _MANIFEST,))
-=======
     """Remove a folder of parts, the manifest last, so that an interrupted removal leaves a recognizable folder."""
     _remove_except(folder, (folder / _MANIFEST,))
->>>>>>> hub/main
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -306,11 +292,7 @@ class FileSpool:
             packed = file.read(min(length, self._path.stat().st_size))
         if not check or zlib.crc32(packed, zlib.crc32(sizes)).to_bytes(4, "little") != check:
             folder = self._path.parent
-<<<<<<< HEAD
-            raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and run the command again.")
-=======
             raise FileError(f"{self._path} is damaged at byte {place}. Remove {folder} and start again.")
->>>>>>> hub/main
         return _loaded(_unpacked(packed, size))
 
 
@@ -320,13 +302,8 @@ _SIZES = struct.Struct("<QQ")
 
 def _digest(head: Mapping[str, Any], packed: bytes) -> str:
     """Return the digest of a part and its header."""
-<<<<<<< HEAD
-    told = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
-    return hashlib.sha256(told.encode() + packed).hexdigest()
-=======
     header = json.dumps([head["key"], head["size"], sorted(head["spools"].items())])
     return hashlib.sha256(header.encode() + packed).hexdigest()
->>>>>>> hub/main
 
 
 def _packed(content: bytes) -> bytes:
@@ -342,11 +319,7 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 class _Unpickler(pickle.Unpickler):
-<<<<<<< HEAD
-    """Unpickle arrays and the data types of posefuse only; a folder of parts may come from an unknown source."""
-=======
     """Creates arrays and posefuse's own records only, since a folder of parts may come from an untrusted source."""
->>>>>>> hub/main
 
     def find_class(self, module: str, name: str) -> Any:
         """Return a class that parts consist of.

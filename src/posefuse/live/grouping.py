@@ -305,13 +305,8 @@ class Grouper:
         if agreed_s > (-math.inf if self._reached_time_s is None else self._reached_time_s[0]):
             self._reached_time_s = (agreed_s, now_s)
 
-<<<<<<< HEAD
-    def _waited(self, head: _Open, now_s: float) -> bool:
-        """Return whether a frame has expired and does not belong to a single camera that is ahead of the others."""
-=======
     def _has_waited(self, head: _OpenFrame, now_s: float) -> bool:
         """Return whether a frame has waited long enough and more than one camera has reached its time."""
->>>>>>> hub/main
         if self._by_messages:
             return self._reached_time_s is not None and self._reached_time_s[0] >= head.time_s + self.options.max_wait_s
         return head.reached_s is not None and now_s >= self._wait_ends_s(head)

@@ -50,11 +50,7 @@ class RecordingSource:
         return self.detections.n_frames
 
     def triangulate(self, rig: CameraRig) -> TriangulatedObservations:
-<<<<<<< HEAD
-        """Triangulate with some cameras; labels are trusted, outlier views are rejected."""
-=======
         """Triangulate with some cameras, using left and right labels as they are and rejecting outliers."""
->>>>>>> hub/main
         options = replace(self.options, cameras=rig.names, exclude_camera=(), camera_order=())
         with warnings.catch_warnings():
             # Views that disagree are expected before the refinement.
@@ -160,11 +156,7 @@ def refine_calibration(
         progress: receives the progress.
 
     Returns:
-<<<<<<< HEAD
-        The refined cameras in the world of the original ones, and the assessment of each.
-=======
         The refined cameras in the world of the original ones, and the change and uncertainty of each.
->>>>>>> hub/main
 
     Raises:
         CalibrationError: if the observations do not determine the cameras.

@@ -55,11 +55,7 @@ def match_views(
 def _without_uncalibrated(
     rig: CameraRig, detections: Detections, options: Options
 ) -> tuple[CameraRig, Detections, tuple[str, ...]]:
-<<<<<<< HEAD
-    """Remove the views of cameras that the calibration does not cover; return the rest and warnings."""
-=======
     """Drop the views of cameras that the refinement of the calibration left out, with a note."""
->>>>>>> hub/main
     left_out = {plain_name(name) for name in rig.left_out}
     rig = replace(rig, left_out=())
     kept = [view for view in detections.view_names if plain_name(view) not in left_out]

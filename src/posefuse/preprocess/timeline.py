@@ -44,13 +44,8 @@ def align_views(detections: Detections, reference: str | None = None) -> Detecti
         reference: reference view; by default the slowest view, and the longest of several slowest ones.
 
     Returns:
-<<<<<<< HEAD
-        The detections, with a note on the line and one on every view that lost or lacks frames; the same object where
-        its frames are together already. Frame numbers continue from the first frame of most views.
-=======
         The detections, with a note on the timeline and one on every view that lost or lacks frames; the same object if
         the views are aligned already. Frame numbers continue from where most views begin.
->>>>>>> hub/main
 
     Raises:
         DetectionsError: if the reference view does not exist, a view's times are missing or decrease, or no two views
@@ -166,11 +161,7 @@ def _timeline_of(detections: Detections, known: np.ndarray, view: int) -> _Timel
         frames = np.flatnonzero(known[:, v])
         tick, used = _nearest(each, ticks, period)
         source[tick, v] = frames[used]
-<<<<<<< HEAD
-    # A tick without a nearest frame in any view has no frame.
-=======
     # Drop times to which no frame of any view is nearest.
->>>>>>> hub/main
     there = (source >= 0).any(axis=1)
     return _Timeline(view, period, ticks[there], source[there])
 
@@ -193,15 +184,9 @@ def _walk(start: float, stop: float, others: np.ndarray, period: float, *, backw
         first = int(np.searchsorted(others, expected - _HALF * period, side="right"))
         if first == len(others):
             break
-<<<<<<< HEAD
-        near = others[first : int(np.searchsorted(others, wanted + _HALF * period))]
-        # After a gap without frames nearby, alignment restarts.
-        last = float(near[np.abs(near - wanted).argmin()]) if len(near) else float(others[first])
-=======
         near = others[first : int(np.searchsorted(others, expected + _HALF * period))]
         # After a gap without near frames, continue from the next frame.
         last = float(near[np.abs(near - expected).argmin()]) if len(near) else float(others[first])
->>>>>>> hub/main
         if last >= stop:
             break
         found.append(last)

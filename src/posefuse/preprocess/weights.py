@@ -16,11 +16,7 @@ from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 
 _MAX_RATIO = 5.0
-<<<<<<< HEAD
-"""A standard deviation counts as at most this multiple of the median (a 25th of the weight)."""
-=======
 """Upper limit of a standard deviation, as a multiple of the median; the detection then has a 25th of its weight."""
->>>>>>> hub/main
 
 _MIN_CONFIDENCE = 0.05
 _SAMPLED_ROWS = 20_000

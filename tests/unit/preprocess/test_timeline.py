@@ -60,7 +60,8 @@ def test_half_the_rate():
     np.testing.assert_allclose(pixels[..., 0, 0], 100.0 * found.time_s)
     assert pixels[0, :, 0, 1].tolist() == [0, 1, 2]
     assert found.notes == (
-        "Views are aligned by time: 20 frames at 30 Hz, following view_1; each view contributes its frame within 16.7 ms.",
+        "Views are aligned by time: 20 frames at 30 Hz, following view_1; each view contributes its frame within 16.7 "
+        "ms.",
         "View view_0 (60 Hz): 20 of its 40 frames are not used; at most 0.0 ms off.",
     )
 

@@ -152,11 +152,7 @@ class TrackedPeople:
         return DerivedStates(sure, np.concatenate([root, body.angle_sd_deg[seen, 3:]], axis=1))
 
     def _cells(self, person: SmoothedPerson, start: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-<<<<<<< HEAD
-        """Return the frame and person indices of a smoothed person from ``start`` on, and a mask of its frames."""
-=======
         """Return frame and person indices of a smoothed person from ``start`` on, and which of its frames these are."""
->>>>>>> hub/main
         columns = self._columns(person.number, person.places)
         seen = np.flatnonzero((columns >= 0) & (person.places >= start))
         return person.places[seen] - start, columns[seen], seen
