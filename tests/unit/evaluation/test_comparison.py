@@ -164,7 +164,7 @@ def test_the_truth_of_many():
     measured = scene.truth.layers["measured"]
     points = np.array(measured.points_m)
     known = people_points(found, replace(scene.truth, layers={"measured": replace(measured, points_m=points)}))
-    numbers = method_numbers(replace(found, options=settled(found.options)), known, None)
+    numbers = method_numbers(replace(found, resolved=settled(found.options)), known, None)
     assert numbers.truth_median_mm == pytest.approx(np.sqrt(3) * 8.9, rel=0.15)
     shifted = replace(known, points_m=known.points_m + 0.1)
     errors = matched_errors_mm(shifted)

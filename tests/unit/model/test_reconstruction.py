@@ -51,7 +51,7 @@ def test_what_does_not_fit_is_refused(result):
         replace(layer, covariance_m2=np.zeros((7, 1, 17, 9)))
     with pytest.raises(ResultError, match="No layer 'raw'; there are measured, solved, model"):
         replace(result, layers={"raw": layer})
-    with pytest.raises(ResultError, match="needs a layer"):
+    with pytest.raises(ResultError, match="needs at least one layer"):
         replace(result, layers={})
     with pytest.raises(ResultError, match="has 3 views, the rig 2 cameras"):
         replace(result, rig=ring(2))
