@@ -123,7 +123,9 @@ def test_bones_do_not_depend_on_where_bodies_are(rng):
 
 def test_too_few_bodies_are_an_error(rng):
     points, covariance = chain_bodies(rng, 4, 0.02)
-    with pytest.raises(SkeletonError, match="of the 4 bodies that several views show, fewer than 5 show any two keypoints.*size_m"):
+    with pytest.raises(
+        SkeletonError, match="of the 4 bodies that several views show, fewer than 5 show any two keypoints.*size_m"
+    ):
         measured_tree(Skeleton("chain", ("c", "a", "d", "b")), points, covariance)
 
 
