@@ -1,4 +1,4 @@
-"""What holds of following people in any scene: the same again, wherever the world is, however fast it is filmed."""
+"""Properties of the tracker in any scene: determinism, invariance and frame rates."""
 
 import pickle
 from collections.abc import Iterable, Sequence
@@ -27,7 +27,7 @@ SECONDS, PEOPLE = 4.0, 3
 
 @pytest.fixture(scope="module")
 def scene() -> CrowdScene:
-    """Three people and all that a detector does wrong, 100 frames."""
+    """Return 100 frames of three people with all detector errors."""
     return simulate_crowd(CrowdOptions(people=PEOPLE, duration_s=SECONDS, seed=1))
 
 
@@ -54,7 +54,7 @@ def known(people: People, state: TrackState = TrackState.ACTIVE) -> dict[str, Pe
 
 
 def same_people(told: Sequence[People], others: Sequence[People], within_m: float) -> None:
-    """The same names in the same states, no point farther off than so much."""
+    """Assert equal names and states, with points within a tolerance."""
     for one, other in zip(told, others, strict=True):
         assert [(p.name, p.state) for p in one.people] == [(p.name, p.state) for p in other.people]
         for mine, theirs in zip(one.people, other.people, strict=True):
@@ -62,7 +62,7 @@ def same_people(told: Sequence[People], others: Sequence[People], within_m: floa
 
 
 def reordered(frame: Frame, order: Sequence[int]) -> Frame:
-    """The views in another order: the new view ``i`` is the old ``order[i]``."""
+    """Return the views in another order: the new view ``i`` is the old ``order[i]``."""
     rows = np.concatenate([frame.rows_of(view) for view in order]).astype(int)
     return replace(
         frame,
@@ -86,7 +86,7 @@ def without_rows(frame: Frame, keep: np.ndarray) -> Frame:
 
 
 def with_ghost(frame: Frame, view: int, shift_px: float) -> Frame:
-    """One more person in a view: the first it shows, moved aside."""
+    """Add a false detection to a view: its first one, shifted."""
     rows = frame.rows_of(view)
     if not len(rows):
         return frame
@@ -102,14 +102,14 @@ def with_ghost(frame: Frame, view: int, shift_px: float) -> Frame:
 
 
 def moved_rig(rig: CameraRig, new_from_old: np.ndarray) -> CameraRig:
-    """The cameras of the same images in other world coordinates."""
+    """Return the cameras of the same images in other world coordinates."""
     back = np.linalg.inv(new_from_old)
     return replace(
         rig, cameras=tuple(replace(c, camera_from_world=c.camera_from_world @ back) for c in rig.cameras), up_axis=None
     )
 
 
-def test_everybody_is_found_once(scene: CrowdScene, told: list[People]) -> None:
+def test_every_person_is_confirmed_once(scene: CrowdScene, told: list[People]) -> None:
     truth = np.asarray(scene.truth.layers["measured"].points_m)
     found = known(told[-1])
     assert len(found) == PEOPLE
@@ -125,7 +125,7 @@ def test_the_same_frames_give_the_same_bytes(scene: CrowdScene, told: list[Peopl
     assert [pickle.dumps(people) for people in told] == [pickle.dumps(people) for people in again]
 
 
-def test_a_tracker_goes_on_from_its_pickle(scene: CrowdScene, told: list[People]) -> None:
+def test_pickled_tracker_resumes(scene: CrowdScene, told: list[People]) -> None:
     tracker = Tracker(scene.rig, "body_20")
     frames = frames_of(scene.detections)
     # So early that somebody is still tentative, and again in the middle.
@@ -160,7 +160,7 @@ def test_people_move_with_the_world(scene: CrowdScene, told: list[People]) -> No
 
 
 def test_four_times_the_frames_give_the_same_lives() -> None:
-    """One of two people leaves at 10.7 s and is back at 15.7 s; who is named first does not matter."""
+    """One of two people leaves at 10.7 s and is back at 15.7 s; the order of names does not matter."""
     slow, fast = lives(25.0), lives(100.0)
     assert [[what for what, _ in life] for life in slow] == [[what for what, _ in life] for life in fast]
     assert [what for what, _ in slow[0]] == ["confirmed"]
@@ -170,7 +170,7 @@ def test_four_times_the_frames_give_the_same_lives() -> None:
 
 
 def lives(rate_hz: float) -> list[list[tuple[str, float]]]:
-    """What happened to each person and when, the least eventful life first."""
+    """Return the events of each person, fewest first."""
     options = CrowdOptions("leave", duration_s=22.0, rate_hz=rate_hz, seed=0, detector=CLEAN, faults=NO_FAULTS)
     made = simulate_crowd(options)
     told = run(made.rig, frames_of(made.detections)[int(9.5 * rate_hz) : int(17.0 * rate_hz)])
@@ -195,7 +195,7 @@ def test_an_empty_frame_is_a_miss_for_all(scene: CrowdScene) -> None:
         assert np.nanmean(person.covariance_m2[:, (0, 3, 5)].sum(axis=1)) > np.nanmean(was)
 
 
-def test_nobody_to_be_seen_from_the_first_frame(scene: CrowdScene) -> None:
+def test_tracker_accepts_empty_frames(scene: CrowdScene) -> None:
     frames = frames_of(scene.detections)[:30]
     told = run(scene.rig, [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames])
     assert all(not people.people and not people.events for people in told)
@@ -220,7 +220,7 @@ def test_frames_of_other_keypoints_or_cameras_are_refused(scene: CrowdScene) -> 
         Tracker(replace(scene.rig, cameras=scene.rig.cameras[:4]), "body_20").update(frame)
 
 
-def test_no_detection_is_in_two_people(scene: CrowdScene, told: list[People]) -> None:
+def test_no_detection_is_assigned_twice(scene: CrowdScene, told: list[People]) -> None:
     frames = frames_of(scene.detections)
     claimed = 0
     for frame, people in zip(frames, told, strict=True):
@@ -241,7 +241,7 @@ def test_no_more_people_than_asked_for(scene: CrowdScene) -> None:
 
 
 def test_people_are_tentative_before_they_are_active_and_active_before_they_are_lost(scene: CrowdScene) -> None:
-    """All are there for 2 s, then gone."""
+    """All people are visible for 2 s and then gone."""
     frames = frames_of(scene.detections)
     frames = frames[:50] + [without_rows(f, np.zeros(len(f.view), dtype=bool)) for f in frames[50:]]
     told = run(scene.rig, frames)
@@ -260,8 +260,8 @@ def test_people_are_tentative_before_they_are_active_and_active_before_they_are_
         assert min(before) < 0.3
 
 
-def test_what_one_view_alone_shows_is_nobody(scene: CrowdScene, told: list[People]) -> None:
-    """The same apparition in one view in all frames: no body more, and nobody's place changes for it."""
+def test_single_view_detections_are_no_track(scene: CrowdScene, told: list[People]) -> None:
+    """A false detection in one view in all frames neither adds nor moves a person."""
     frames = [with_ghost(frame, 2, 400.0) for frame in frames_of(scene.detections)]
     others = run(scene.rig, frames)
     assert sum(len(frame.view) for frame in frames) == int(scene.detections.offsets[-1]) + len(frames)
@@ -272,12 +272,12 @@ def test_what_one_view_alone_shows_is_nobody(scene: CrowdScene, told: list[Peopl
 
 
 def only_view(frame: Frame, view: int) -> Frame:
-    """Only what one view shows."""
+    """Return the frame with the detections of one view."""
     return without_rows(frame, frame.view == view)
 
 
 def test_views_that_take_turns_are_taken_into_account_in_turn():
-    """Five views, each a fifth of a frame after the other: knowing when is worth more than not knowing."""
+    """Five views are taken one fifth of a frame apart: their times improve the result."""
     rate_hz, fine = 10.0, 5
     scene = simulate_crowd(
         CrowdOptions(people=1, duration_s=5.0, rate_hz=rate_hz * fine, seed=3, detector=CLEAN, faults=NO_FAULTS)
@@ -307,7 +307,7 @@ def test_views_that_take_turns_are_taken_into_account_in_turn():
     assert error_m(in_turn) < 0.8 * error_m(at_once)
 
 
-def test_a_limb_in_the_wrong_place_is_set_anew(scene):
+def test_displaced_limb_is_reinitialized(scene):
     tracker = Tracker(scene.rig, "body_20")
     frames = frames_of(scene.detections)
     for frame in frames[:50]:
@@ -331,8 +331,8 @@ def test_a_limb_in_the_wrong_place_is_set_anew(scene):
     assert np.nanmin(np.linalg.norm(truth - found, axis=-1).mean(axis=-1)) < 0.08
 
 
-def test_a_camera_that_goes_dark_is_said_live_and_so_is_its_return(scene: CrowdScene) -> None:
-    """Of a camera without frames, and of one that shows nobody."""
+def test_silent_camera_and_its_return_are_reported(scene: CrowdScene) -> None:
+    """The test covers a camera without frames and one without detections."""
     frames = frames_of(scene.detections)
     for gone in (without_view, dark):
         dark_frames = [gone(frame, 1) if 0.8 <= i / 25.0 < 3.4 else frame for i, frame in enumerate(frames)]

@@ -95,7 +95,7 @@ def test_floor_is_found_in_any_world(walker, true_points, seed):
     noisy[wild] += rng.normal(size=(int(wild.sum()), 3))
     plane = floor_from_feet([noisy], walker.truth.skeleton, None)
     assert np.degrees(np.arccos(plane.normal @ rotation[:, 2])) < 1.0
-    # Toes and heels are a few centimetres above their soles.
+    # Toes and heels are a few centimeters above their soles.
     assert abs((shift - plane.point_m) @ plane.normal) < 0.06
 
 

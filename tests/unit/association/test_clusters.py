@@ -1,4 +1,4 @@
-"""Distances of people in units of how well they are known, and the middle of a trunk."""
+"""Covariance-normalized distances between people, and centers of trunks."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def spread_of(sigma_m: float, *shape: int) -> np.ndarray:
 
 
 def standing(tilt: float = 0.0) -> np.ndarray:
-    """Shape (1, 17, 3): a trunk around (1, 2, 1.2), leaning by an angle; the other keypoints are missing."""
+    """Return a leaning trunk around (1, 2, 1.2), shape (1, 17, 3); other keypoints are missing."""
     points = np.full((1, 17, 3), np.nan)
     corners = [[-0.2, 0.0, 0.26], [0.2, 0.0, 0.26], [-0.13, 0.0, -0.26], [0.13, 0.0, -0.26]]
     lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(tilt), -np.sin(tilt)], [0.0, np.sin(tilt), np.cos(tilt)]])
@@ -53,7 +53,7 @@ class TestDistance:
         after = distance_squared(a @ turn.T, six(turn @ spread @ turn.T), b @ turn.T, spread_of(0.2, 2, 5))
         np.testing.assert_allclose(before, after)
 
-    def test_nothing_is_said_of_people_with_too_little_in_common(self):
+    def test_people_with_too_few_common_keypoints_have_no_distance(self):
         a, b = np.zeros((1, 3, 3)), np.zeros((1, 3, 3))
         a[0, 0], b[0, 2] = np.nan, np.nan
         own = spread_of(0.1, 1, 3)
@@ -62,7 +62,7 @@ class TestDistance:
         b[0, 1] = np.nan
         assert np.isnan(distance_squared(a, own, b, own)[0, 0])
 
-    def test_a_floor_brings_well_known_people_nearer(self):
+    def test_noise_floor_reduces_distances(self):
         a, b = np.zeros((1, 2, 3)), np.full((1, 2, 3), 0.03)
         own = spread_of(0.0, 1, 2)
         assert distance_squared(a, own, b, own, floor_m=0.03)[0, 0] == pytest.approx(3.0)
@@ -84,7 +84,7 @@ class TestTorso:
         assert np.sqrt(spread[0, [0, 3, 5]]).max() < 0.03
 
     @pytest.mark.parametrize("lost", TRUNK)
-    def test_a_missing_corner_costs_little_and_the_covariance_says_how_much(self, lost):
+    def test_missing_landmark_increases_the_covariance(self, lost):
         points = standing()
         points[0, COCO.index(lost)] = np.nan
         middle, spread = torso(COCO, points, SMALL)
@@ -114,7 +114,7 @@ class TestTorso:
         np.testing.assert_allclose(there - here, [[30.0, -20.0, 5.0]], atol=1e-9)
         np.testing.assert_allclose(spread, same, atol=1e-12)
 
-    def test_nobody_has_no_trunk(self):
+    def test_no_people_have_no_trunk(self):
         middle, spread = torso(COCO, np.full((1, 17, 3), np.nan), np.full((1, 17, 6), np.nan))
         assert np.isnan(middle).all()
         assert np.isnan(spread).all()

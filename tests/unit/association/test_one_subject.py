@@ -1,4 +1,4 @@
-"""Which of the people seen is the subject."""
+"""Selection of the single subject."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.scenes import skeleton_of
 
 
 def crowd(sizes: list[list[list[float]]], ids: list[int] | None = None) -> Detections:
-    """Per frame and view the sizes in px of the people seen."""
+    """Return detections given the sizes of the people in each frame and view, in px."""
     cells = [people for frame in sizes for people in frame]
     rows = [np.array([[0.0, 0.0], [size, size]]) for people in cells for size in people]
     counts = [len(people) for people in cells]

@@ -1,4 +1,4 @@
-"""People proposed from single frames: who is whose, whatever the order, the rig and the mistakes of detectors."""
+"""Proposals of people from single frames, for any order, rig and detector errors."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ PLACES_M = np.array([[-1.6, -1.2], [1.4, -1.0], [-1.0, 1.5], [1.2, 1.4], [0.1, 0
 
 
 def people(n: int, seed: int = 0) -> np.ndarray:
-    """Shape (n, keypoint, 3): people who stand apart."""
+    """Return separated people, shape (n, keypoint, 3)."""
     rng = np.random.default_rng(seed)
     found = []
     for place in PLACES_M[:n]:
@@ -49,7 +49,7 @@ def noise_of(rig: CameraRig, scale_px: float = 4.0) -> NoiseModel:
 def seen(
     rig: CameraRig, points_m: np.ndarray, sigma_px: float = 4.0, seed: int = 0, hidden: tuple[tuple[int, int], ...] = ()
 ) -> tuple[Frame, np.ndarray]:
-    """A frame of these people in mixed order, and who each row is; ``hidden`` are (person, view) without detection."""
+    """Return a frame of people in random order, and each row's person; ``hidden`` (person, view) are not detected."""
     rng = np.random.default_rng(seed)
     pixels = rig.project(points_m) + sigma_px * rng.standard_normal((len(rig), *points_m.shape[:2], 2))
     order = [[p for p in rng.permutation(len(points_m)) if (p, v) not in hidden] for v in range(len(rig))]
@@ -65,7 +65,7 @@ def found_in(frame: Frame, rig: CameraRig, options: AssociationOptions = GROUPS,
 
 
 def who_is_who(proposals: Proposals, who: np.ndarray) -> list[set[int]]:
-    """Of each proposal the people whose detections it holds."""
+    """Return the people whose detections each proposal holds."""
     return [{int(who[row]) for row in rows if row >= 0} for rows in proposals.rows]
 
 
@@ -135,7 +135,7 @@ class TestGroups:
         proposals = found_in(frame, rig, free=who != 1)
         assert sorted(who_is_who(proposals, who), key=min) == [{0}, {2}]
 
-    def test_two_views_are_enough_and_say_so(self):
+    def test_two_views_suffice(self):
         rig, truth = rig_of(), people(1)
         frame, _ = seen(rig, truth, hidden=((0, 0), (0, 2), (0, 3)))
         proposals = found_in(frame, rig)
@@ -146,7 +146,7 @@ class TestGroups:
         assert everywhere.n_pairs.tolist() == [10]
         assert everywhere.log_odds[0] > proposals.log_odds[0] + 10.0
 
-    def test_a_detection_of_nobody_is_in_no_group(self):
+    def test_false_detection_is_in_no_group(self):
         rig, truth = rig_of(), people(2)
         frame, who = seen(rig, truth)
         odd = frame.keypoints_px[0] * [0.4, 0.5] + [5.0, 300.0]
@@ -188,7 +188,7 @@ class TestGroups:
         assert proposals.used.all()
         assert np.linalg.norm(proposals.points_m[0] - truth[0], axis=-1).max() < 0.03
 
-    def test_known_people_forbid_pairs_that_contradict_them(self):
+    def test_known_people_exclude_contradicting_pairs(self):
         rig, truth = rig_of(), people(2)
         frame, who = seen(rig, truth)
         pairs = found_in(frame, rig, known_m=truth)
@@ -201,7 +201,7 @@ class TestGroups:
         assert np.abs(rig.project(far)[0] - pixels[0, 0]).max() < 1e-6
         assert len(found_in(lone, rig, known_m=far[None])) == 0
 
-    def test_nobody_is_proposed_outside_the_working_volume(self):
+    def test_no_person_is_proposed_outside_the_volume(self):
         rig, truth = rig_of(), people(3)
         frame, who = seen(rig, truth)
         box = (-0.5, -3.0, -1.0, 3.0, 3.0, 3.0)
@@ -230,7 +230,7 @@ class TestGroups:
 
 
 class TestNothing:
-    def test_nobody_is_proposed_from_nothing(self):
+    def test_no_detections_give_no_proposals(self):
         rig, truth = rig_of(), people(2)
         frame, _ = seen(rig, truth)
         assert len(found_in(frame, rig, free=np.zeros(len(frame.view), dtype=bool))) == 0
@@ -257,7 +257,7 @@ class TestNothing:
 
 
 class TestBaseline:
-    def test_people_far_apart_are_found_by_the_baseline_too(self):
+    def test_baseline_proposes_people_far_apart(self):
         rig, truth = rig_of(), people(3)
         frame, who = seen(rig, truth, sigma_px=2.0)
         proposals = found_in(frame, rig, AssociationOptions(method="rpt", rpt=RptOptions(min_pairs=4)))

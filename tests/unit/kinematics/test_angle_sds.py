@@ -1,4 +1,4 @@
-"""How well angles are known: against many drawn poses, and by hand."""
+"""Standard deviations of angles against sampled poses and hand computations."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ DRAWS = 20_000
 
 
 def some_pose(tree: Tree, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A body that stands about straight, its limbs bent so that their twists show; shape (1, ...)."""
+    """Return an upright body whose limbs are bent enough to show their twists, shape (1, ...)."""
     turns = Rotation.from_rotvec(rng.normal(0.0, 0.3, (len(tree.segments), 3))).as_matrix()
     bones = np.empty((len(tree.bones), 3, 3))
     for b, rest in enumerate(tree.rest):
@@ -32,7 +32,7 @@ def some_pose(tree: Tree, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
 
 
 def drawn(tree: Tree, turns: np.ndarray, bones: np.ndarray, covariance: np.ndarray, rng: np.random.Generator):
-    """Poses that err as the covariance says."""
+    """Return poses sampled from the covariance."""
     errors = rng.multivariate_normal(np.zeros(len(covariance)), covariance, DRAWS)[:, 3:]
     n = 3 * len(tree.segments)
     by_segment = Rotation.from_rotvec(errors[:, :n].reshape(-1, 3)).as_matrix().reshape(DRAWS, -1, 3, 3)
@@ -48,14 +48,14 @@ def some_covariance(tree: Tree, rng: np.random.Generator, sd: float = 0.01) -> n
 
 
 def spread_of(angles: np.ndarray) -> np.ndarray:
-    """Standard deviations of drawn angles, degrees, the circle cut opposite to where most are."""
+    """Return circular standard deviations of sampled angles, in degrees."""
     middle = np.degrees(np.angle(np.exp(1j * np.radians(angles)).mean(axis=0)))
     return ((angles - middle + 180.0) % 360.0 - 180.0).std(axis=0)
 
 
 @pytest.mark.parametrize("tree", [BODY, MOUSE], ids=["human", "mouse"])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_drawn_poses_spread_as_said(tree, seed):
+def test_sampled_poses_have_the_predicted_spread(tree, seed):
     rng = np.random.default_rng(seed)
     turns, bones = some_pose(tree, rng)
     covariance = some_covariance(tree, rng)
@@ -68,7 +68,7 @@ def test_drawn_poses_spread_as_said(tree, seed):
 
 
 def test_a_knee_by_hand():
-    """Thigh and shank err by 3 and 4 degrees in the plane in which the knee bends: 5 together."""
+    """Errors of 3 and 4 degrees of thigh and shank in the plane of the knee add up to 5."""
     turns, bones = np.tile(np.eye(3), (1, len(BODY.segments), 1, 1)), np.empty((1, len(BODY.bones), 3, 3))
     bones[:] = np.diag([1.0, -1.0, -1.0])
     shank = BODY.bones.index("left_ankle")
@@ -86,7 +86,7 @@ def test_a_knee_by_hand():
     assert sds["thorax.bend"] == 0.0
 
 
-def test_what_is_not_known_has_no_sd(rng):
+def test_unknown_angles_have_no_standard_deviation(rng):
     turns, bones = some_pose(BODY, rng)
     covariance = some_covariance(BODY, rng)[None]
     elbow, wrist = (BODY.bones.index(f"left_{name}") for name in ("elbow", "wrist"))

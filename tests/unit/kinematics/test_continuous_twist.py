@@ -1,4 +1,4 @@
-"""Twists for animation: as a frame shows them where it does, and without jumps where it does not."""
+"""Continuous twists: equal to those of a frame where observed, and without jumps elsewhere."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_a_limb_that_stretches_and_bends_in_another_plane_turns_slowly():
 
 
 @pytest.mark.parametrize("name", ["coco_17", "fly_38"])
-def test_what_is_farther_off_than_the_reach_has_no_bearing(name):
+def test_frames_beyond_the_reach_have_no_influence(name):
     tree = shipped_skeleton(name).tree
     rng = np.random.default_rng(2)
     reach = reach_frames(tree, 0.1)

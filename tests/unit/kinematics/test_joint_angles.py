@@ -1,4 +1,4 @@
-"""Joint angles and twists: poses of which the angles are known by hand, and what must not change them."""
+"""Joint angles and twists against hand computations, and their invariances."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def posed(tree: Tree, turns: np.ndarray, directions: np.ndarray) -> dict[str, fl
 
 
 def down_and(forward: float, left: float) -> np.ndarray:
-    """A unit vector that hangs down but for degrees forward, then to the left."""
+    """Return a unit vector that points down, turned forward and then to the left by degrees."""
     f, a = np.radians([forward, left])
     return np.array([np.sin(f) * np.cos(a), np.sin(a), -np.cos(f) * np.cos(a)])
 
@@ -141,7 +141,7 @@ def test_a_body_of_bones_alone_has_the_angles_between_them():
 
 
 def test_a_knuckle_does_not_flip_where_its_finger_points_back():
-    """A finger that bends towards the palm, turned as far as it goes: the plane it bends in says how it is turned."""
+    """The plane in which a finger bends defines its twist."""
     tree = shipped_skeleton("coco_wholebody_133").parts[0].tree
     turns, directions = standing(tree)
     second, third = (tree.bones.index(f"left_index_finger_{i}") for i in (2, 3))

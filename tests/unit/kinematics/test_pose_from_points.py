@@ -1,4 +1,4 @@
-"""How bodies stand by their points alone."""
+"""Poses of bodies from points alone."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_turned_about_up_only_the_heading_changes(points):
         np.testing.assert_allclose(change[np.isfinite(change)], expected, atol=0.5, err_msg=name)
 
 
-def test_what_is_not_seen_is_not_known(points):
+def test_unseen_points_give_no_pose(points):
     skeleton = find_skeleton("halpe_26")
     holed = points.copy()
     holed[:, :, skeleton.index("left_knee")] = np.nan
@@ -51,8 +51,8 @@ def test_what_is_not_seen_is_not_known(points):
     assert np.isfinite(found["right_knee.flexion"]).all()
 
 
-def test_a_body_that_was_posed_is_found(points):
-    """Of a body of average lengths, points of a known pose give that pose back."""
+def test_pose_of_points_recovers_a_known_pose(points):
+    """Points of a body with average lengths recover the pose."""
     tree = find_skeleton("halpe_26").tree
     turns, directions = pose_of_points(tree, points)
     again = np.full_like(points, np.nan)

@@ -1,4 +1,4 @@
-"""Lengths of bodies: what looks told of them, who they are, and how looks before and after a loss go together."""
+"""Bone lengths: information of observations, identification by lengths, and restored tracks."""
 
 import numpy as np
 import pytest
@@ -33,13 +33,13 @@ def settings() -> TrackerSettings:
 
 
 def posterior(measured: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of an adult's lengths, less the mean adult's, once measured."""
+    """Return measured lengths relative to those of the mean adult."""
     covariance = np.linalg.inv(np.linalg.inv(TREE.shape_covariance) + information)
     return TREE.shape_m + covariance @ information @ measured, covariance
 
 
 def body(settings: TrackerSettings, mean_m: np.ndarray, covariance: np.ndarray) -> State:
-    """At rest."""
+    """Return the state of a person at rest."""
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
     return initial_state(TREE, points, mean_m, covariance, settings.options.motion)
@@ -60,7 +60,7 @@ def test_the_prior_comes_off_whole(rng):
     np.testing.assert_allclose(errors @ information, np.eye(H), atol=1e-5)
 
 
-def test_a_look_that_told_nothing_tells_nothing(settings):
+def test_prior_alone_holds_no_information(settings):
     information, pull = length_information(TREE, TREE.shape_m, 1.001 * TREE.shape_covariance)
     assert np.linalg.eigvalsh(information).min() > 0.0
     assert np.abs(information @ TREE.shape_covariance).max() < 1e-3
@@ -73,7 +73,7 @@ def test_a_look_that_told_nothing_tells_nothing(settings):
 def looks(
     settings: TrackerSettings, lengths: np.ndarray, sd_m: float, lasting: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A posterior of a filter to which errors are white, when they vary more, and definitions differ."""
+    """Return a posterior of a filter that assumes white errors, while errors are correlated."""
     information = np.eye(H) / sd_m**2
     errors = rng.normal(0.0, np.sqrt(0.5 * DEFINITION + lasting * sd_m**2))
     return posterior(lengths + errors, information)
@@ -88,7 +88,7 @@ def lasting(settings: TrackerSettings, look_s: float) -> float:
     ("known_sd_m", "new_sd_m", "look_s"), [(0.005, 0.02, 0.12), (0.005, 0.05, 1.2), (0.03, 0.05, 0.12)]
 )
 def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
-    """Of bodies drawn from the model: those of whom it says so much are who they are taken for so often."""
+    """For bodies sampled from the model, the odds are calibrated."""
     rng = np.random.default_rng(5)
     track = new_track(1, 0.0, BOUNDS)
     track.shape_observed_s = settings.options.fix_shape_after_s
@@ -113,7 +113,7 @@ def test_odds_are_a_likelihood_ratio(settings, known_sd_m, new_sd_m, look_s):
 def followed(
     settings: TrackerSettings, track: Track, state: State, seconds: float, start_s: float, views: int = 2
 ) -> float:
-    """Look at somebody for so long; the time after it."""
+    """Observe a person for a duration, and return the time after it."""
     frames = round(25 * seconds)
     for k in range(1, frames + 1):
         now_s = start_s + k / 25
@@ -139,8 +139,8 @@ def test_time_away_is_no_time_of_looking(settings, rng):
     assert track.known_shape is not None
 
 
-def test_two_looks_at_a_body_know_what_both_know(settings, rng):
-    """Whoever returns before their lengths were kept has those that both looks together say."""
+def test_restored_track_combines_both_observations(settings, rng):
+    """A track restored before its lengths were fixed has the combination of both observations."""
     information = [random_information(rng) for _ in range(2)]
     measured = rng.normal(0.0, 0.05, (2, H))
     before, found = (body(settings, *posterior(*each)) for each in zip(measured, information, strict=True))
@@ -155,8 +155,8 @@ def test_two_looks_at_a_body_know_what_both_know(settings, rng):
     assert before.free[0]
 
 
-def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng):
-    """As far as the new state says that it depends on them."""
+def test_pose_follows_corrected_lengths(settings, rng):
+    """The pose changes by its correlation with the lengths."""
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))
     found.covariance[0, 2, N] = found.covariance[0, N, 2] = 0.5e-3
     longer = TREE.shape_m.copy()
@@ -167,7 +167,7 @@ def test_a_pose_found_with_wrong_lengths_goes_with_the_right_ones(settings, rng)
     assert before.root[0, 2] == pytest.approx(found.root[0, 2] + 0.5 * 0.02, abs=1e-6)
 
 
-def test_lengths_that_are_kept_stay(settings, rng):
+def test_fixed_lengths_stay(settings, rng):
     before = body(settings, TREE.shape_m + 0.01, 1e-4 * np.eye(H))
     before.free[0] = 0
     found = body(settings, TREE.shape_m, 1e-3 * np.eye(H))

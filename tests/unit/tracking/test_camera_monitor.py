@@ -1,4 +1,4 @@
-"""Cameras that fall silent, frame by frame."""
+"""Detection of silent cameras."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def settings() -> TrackerSettings:
 
 
 def run(settings: TrackerSettings, seconds, dt_s: float = 0.04) -> list[tuple[float, int, bool, str]]:
-    """What is said, and when, of frames given by (for how long, recorded, shown, due)."""
+    """Return the changes and their times for frames given by (duration, recorded, detections, people due)."""
     monitor, changes, time_s = CameraMonitor.new(VIEWS), [], 0.0
     for length_s, recorded, shown, due in seconds:
         for _ in range(round(length_s / dt_s)):
@@ -46,7 +46,7 @@ def test_a_camera_without_frames(settings, dt_s):
     assert said[0][3] == "no usable frame for 2.0 s"
 
 
-def test_a_camera_that_shows_nobody_where_others_do(settings):
+def test_camera_without_people_whom_others_show_is_silent(settings):
     said = run(settings, [(1.0, ALL, [2, 2, 2], [2, 2, 2]), (4.0, ALL, [2, 2, 0], [2, 2, 2]),
                           (1.0, ALL, [2, 2, 2], [2, 2, 2])])  # fmt: skip
     assert [(view, silent) for _, view, silent, _ in said] == [(2, True), (2, False)]

@@ -1,4 +1,4 @@
-"""Who leapt, who cannot have, and what is begun anew where frames are too rare."""
+"""Fast motion, reinitialization after long gaps, and re-identification before a track is lost."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ TREE = SETTINGS.tree
 
 
 def standing(at_m: np.ndarray) -> State:
-    """A mouse at rest, well known."""
+    """Return the state of a mouse at rest with a small covariance."""
     points = np.full((len(MOUSE), 3), np.nan)
     points[MOUSE.index("spine_middle")] = at_m
     state = initial_state(
@@ -37,7 +37,7 @@ def standing(at_m: np.ndarray) -> State:
 
 
 def proposed(points_m: np.ndarray, views: int, log_odds: float) -> Proposals:
-    """One proposal of so many views."""
+    """Return one proposal with a number of views."""
     none = Proposals.none(len(MOUSE), 3)
     rows = np.where(np.arange(3) < views, np.arange(3), -1)[None]
     return replace(
@@ -57,7 +57,7 @@ def leaps_of(points_m: np.ndarray, views: int, log_odds: float, rows: np.ndarray
     )
 
 
-def test_only_who_is_missing_where_others_show_somebody_may_have_leapt() -> None:
+def test_candidates_are_missing_while_views_have_unassigned_detections() -> None:
     rows = np.array([[0, 1, 2], [-1, -1, 3], [-1, -1, -1]])
     free = np.array([True, True, False])
     may = np.array([True, True, True])
@@ -66,8 +66,8 @@ def test_only_who_is_missing_where_others_show_somebody_may_have_leapt() -> None
     assert fast_motion.find_candidates(rows, np.array([True, False, False]), may).tolist() == []
 
 
-def test_a_leap_is_within_reach_and_shown_by_more_views() -> None:
-    """Reach is 0.35 m of a human, 20 mm of a mouse, and what its top speed adds."""
+def test_fast_motion_is_within_reach_and_in_more_views() -> None:
+    """The reach is 0.35 m for a human, 20 mm for a mouse, plus the distance at top speed."""
     births, motion = SETTINGS.options.initiation, SETTINGS.options.motion
     reach_m = births.gate_m + motion.top_speed_m_s * 0.03
     assert births.gate_m == pytest.approx(0.02)
@@ -79,13 +79,13 @@ def test_a_leap_is_within_reach_and_shown_by_more_views() -> None:
     assert leaps_of(POINTS, 3, 8.0, rows=np.array([[0, 1, -1]])) == 1
 
 
-def test_weak_odds_are_enough_only_for_who_is_shown_by_none() -> None:
+def test_weak_odds_suffice_only_for_tracks_without_detections() -> None:
     assert leaps_of(POINTS, 3, 1.0) == 1
     assert leaps_of(POINTS, 3, 1.0, rows=np.array([[0, -1, -1]])) == 0
     assert leaps_of(POINTS, 3, -1.0) == 0
 
 
-def test_who_leapt_is_there_faster_and_less_known() -> None:
+def test_displaced_state_is_faster_and_less_certain() -> None:
     state, shift = standing(np.zeros(3)), np.array([0.02, -0.01, 0.0])
     after = fast_motion.displaced_state(state, fast_motion.FastMotion(0, 0, shift), 1.0 / 30.0, SETTINGS)
     np.testing.assert_allclose(after.root[0] - state.root[0], shift)
@@ -97,13 +97,13 @@ def test_who_leapt_is_there_faster_and_less_known() -> None:
     np.testing.assert_array_equal(after.bones, state.bones)
 
 
-def test_frames_are_rare_where_limbs_turn_too_far_in_between() -> None:
+def test_long_gap_depends_on_how_far_limbs_turn() -> None:
     human = TrackerSettings.of(RIG, shipped_skeleton("body_20"), SETTINGS.noise, TrackerOptions())
     assert [reinitialize.is_long_gap(1.0 / rate_hz, SETTINGS) for rate_hz in (100, 30, 2)] == [False, False, True]
     assert [reinitialize.is_long_gap(1.0 / rate_hz, human) for rate_hz in (25, 5, 2)] == [False, False, True]
 
 
-def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news() -> None:
+def test_directions_with_initial_variance_are_unknown() -> None:
     state = standing(np.zeros(3))
     columns = np.arange(TREE.n_pose)
     state.covariance[:, columns, columns] = SETTINGS.most
@@ -112,7 +112,7 @@ def test_directions_are_unknown_where_they_are_known_as_badly_as_somebody_news()
     assert not reinitialize.has_unknown_directions(state, SETTINGS).any()
 
 
-def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
+def test_reinitialized_bones_follow_their_points_and_others_stay() -> None:
     state, points = standing(np.zeros(3)), np.full((len(MOUSE), 3), np.nan)
     points[MOUSE.index("tail_base")], points[MOUSE.index("tail_middle")] = [0.0, 0.0, 0.0], [0.0, 0.02, 0.0]
     which = np.zeros(len(TREE.segments) + len(TREE.bones), dtype=bool)
@@ -124,29 +124,29 @@ def test_bones_begin_where_they_are_shown_and_others_stay() -> None:
     np.testing.assert_array_equal(np.delete(state.bones[0], tail, axis=0), np.delete(before[0], tail, axis=0))
 
 
-def somebody(last_seen_s: float, state: TrackState = TrackState.ACTIVE) -> Track:
+def tracked_person(last_seen_s: float, state: TrackState = TrackState.ACTIVE) -> Track:
     track = new_track(1, 0.0, LifecycleThresholds(3.0, -2.0, 6.0))
     track.last_seen_s, track.state, track.established = last_seen_s, state, True
     return track
 
 
 def returns(track: Track, settings: TrackerSettings, at_m: float = 0.01) -> bool:
-    """Whether who is first seen at 0.8 s, and now at 1 s, so far away, is them."""
+    """Return whether a person first seen at 0.8 s, and now at 1 s, is re-identified at a distance."""
     state = standing(np.zeros(3))
     found = find_lost_track([track], state, state, np.array([at_m, 0.0, 0.0]), 0.8, 1.0, settings)
     return found is not None
 
 
-def test_who_is_not_seen_while_a_new_one_is_may_be_them_before_they_are_lost() -> None:
-    assert returns(somebody(0.7), SETTINGS)
-    assert returns(somebody(0.85), SETTINGS)
-    assert not returns(somebody(0.95), SETTINGS)
-    assert not returns(somebody(0.7), SETTINGS, at_m=0.4)
+def test_unsupported_track_can_be_reidentified_before_it_is_lost() -> None:
+    assert returns(tracked_person(0.7), SETTINGS)
+    assert returns(tracked_person(0.85), SETTINGS)
+    assert not returns(tracked_person(0.95), SETTINGS)
+    assert not returns(tracked_person(0.7), SETTINGS, at_m=0.4)
 
 
-def test_where_all_are_known_nobody_is_new() -> None:
+def test_closed_population_has_no_new_identities() -> None:
     closed = replace(SETTINGS, options=replace(SETTINGS.options, population=1))
-    track = somebody(0.0, TrackState.LOST)
+    track = tracked_person(0.0, TrackState.LOST)
     assert population_is_known([track], closed)
     assert not population_is_known([track], SETTINGS)
     assert not population_is_known([replace(track, established=False)], closed)

@@ -1,4 +1,4 @@
-"""Time goes forward, whatever cameras drop."""
+"""The clock of the tracker moves forward whatever cameras drop."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ NAN = float("nan")
 
 
 def frame(number: int, *times_s: float, people: int = 0, recorded: tuple[bool, ...] | None = None) -> Frame:
-    """A frame in which the first view shows so many people; a view without a time recorded nothing."""
+    """Return a frame whose first view shows some people; a view without a time recorded nothing."""
     times = np.array(times_s)
     return Frame(
         keypoints_px=np.zeros((people, 2, 2)),

@@ -1,4 +1,4 @@
-"""The history gives back what a tracker knew, and smoothing it in blocks is smoothing it at once."""
+"""The history returns recorded states, and smoothing in blocks equals smoothing at once."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ def person(name: str, life: TrackState, missing_s: float) -> Person:
 
 
 def tell(history: History, frame: int, states: dict[str, State], past=None, lost=None, numbers=None) -> None:
-    """Add a frame in which these people stand so, of whom some are remembered, some lost for that long."""
+    """Add a frame with the states of some people, past states of new ones, and the times for which others are lost."""
     everybody = empty_state(history.settings.tree)
     for state in states.values():
         everybody = join_states(everybody, state)
@@ -61,7 +61,7 @@ def taken(history: History, stops: list[int]) -> list[SmoothedPerson]:
     return [part for stop in stops for part in smoother.take(stop)]
 
 
-def test_what_is_recorded_comes_back(settings, rng, monkeypatch):
+def test_history_returns_what_it_recorded(settings, rng, monkeypatch):
     monkeypatch.setattr(history_module, "_BLOCK_S", 0.3)
     states = filtered(settings, 40, rng, kept_from=18)
     history = history_of(settings, states)
@@ -76,7 +76,7 @@ def test_what_is_recorded_comes_back(settings, rng, monkeypatch):
     assert history.place(10 + 2 * 7) == 7
 
 
-def test_frames_come_in_order_and_are_found_by_number(settings, rng):
+def test_frames_are_ordered_and_addressed_by_number(settings, rng):
     history = history_of(settings, filtered(settings, 3, rng))
     with pytest.raises(DetectionsError, match="in order"):
         tell(history, 1, {})
@@ -84,7 +84,7 @@ def test_frames_come_in_order_and_are_found_by_number(settings, rng):
         history.place(11)
 
 
-def test_people_are_remembered_from_before_they_were_believed(settings, rng):
+def test_history_holds_frames_before_confirmation(settings, rng):
     states = filtered(settings, 10, rng)
     history = History(settings)
     for k in range(6):
@@ -103,7 +103,7 @@ def test_people_are_remembered_from_before_they_were_believed(settings, rng):
     assert np.trace(run.state.covariance[2]) > np.trace(run.state.covariance[1])
 
 
-def test_a_run_ends_where_the_filter_begins_anew_or_nobody_is_followed(settings, rng):
+def test_run_ends_at_reinitialization_and_at_gaps(settings, rng):
     states = filtered(settings, 12, rng)
     history = History(settings)
     for k in range(12):
@@ -113,7 +113,7 @@ def test_a_run_ends_where_the_filter_begins_anew_or_nobody_is_followed(settings,
 
 
 def test_a_body_has_its_history_whatever_it_is_called(settings, rng):
-    """Who was taken for somebody else goes on from where they stood, not from where the other one did."""
+    """A body keeps its own history after an identity swap."""
     states = filtered(settings, 12, rng)
     history = History(settings)
     for k in range(12):
@@ -142,7 +142,7 @@ def test_a_long_history_opens_one_file(settings, rng, monkeypatch):
 
 @pytest.mark.parametrize("stops", [[60, 120], [7, 30, 31, 95, 120]])
 def test_blocks_are_the_whole(settings, rng, stops):
-    """To 1e-6 m where a look-ahead of 2 s is all that a block knows of what follows."""
+    """The blocks agree to 1e-6 m with a look-ahead of 2 s."""
     history = history_of(settings, filtered(settings, 120, rng, kept_from=70))
     (whole,) = taken(history, [120])
     parts = taken(history, stops)
@@ -155,7 +155,7 @@ def test_blocks_are_the_whole(settings, rng, stops):
 
 @pytest.mark.parametrize("start", [30, 100])
 def test_any_range_is_that_of_the_whole(settings, rng, start):
-    """To 1e-5 m, also where it begins while the shape is still sought."""
+    """The range agrees to 1e-5 m, also if it starts while the shape is estimated."""
     history = history_of(settings, filtered(settings, 200, rng, kept_from=50))
     (whole,) = taken(history, [200])
     (part,) = PeopleSmoother(history, start, settings).take(start + 40)
@@ -181,7 +181,7 @@ def test_no_smoother_is_the_filter(settings, rng):
     np.testing.assert_array_equal(part.body.root_m, states.root)
 
 
-def test_who_is_lost_for_long_is_left_out_who_is_not_is_bridged(settings, rng):
+def test_short_losses_are_bridged_and_long_ones_left_out(settings, rng):
     states = filtered(settings, 40, rng)
     lost = {k: (k - 10) * 0.2 for k in range(10, 30)}
     long = taken(history_of(settings, states, lost), [40])
@@ -190,8 +190,8 @@ def test_who_is_lost_for_long_is_left_out_who_is_not_is_bridged(settings, rng):
     assert [len(part.places) for part in short] == [40]
 
 
-def test_a_loss_is_bridged_where_the_filter_began_anew(settings, rng):
-    """Lost for 10 frames, then begun anew with bones' frames turned about themselves: as if it had gone on."""
+def test_loss_is_bridged_across_a_reinitialization(settings, rng):
+    """A track that is lost for 10 frames and restarts with other bone frames is smoothed as one."""
     states = filtered(settings, 40, rng)
     turn = Rotation.from_euler("z", rng.uniform(-3.0, 3.0, (len(settings.tree.bones), 1))).as_matrix()
     history, lone = History(settings), History(settings)

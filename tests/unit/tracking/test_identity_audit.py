@@ -1,4 +1,4 @@
-"""After two people were too near to be told from each other: who is who, by their bones, and how sure that is."""
+"""Audit of identities by bone lengths after close contact."""
 
 import math
 from collections import deque
@@ -12,7 +12,7 @@ from posefuse.tracking.body_states import join_states
 from posefuse.tracking.identity_audit import AuditResult, Contact, audit_identities, update_contacts
 from posefuse.tracking.settings import TrackerSettings
 from posefuse.tracking.strategy import FrameOutcome
-from tests.unit.tracking.test_lifecycle import somebody
+from tests.unit.tracking.test_lifecycle import tracked_person
 from tests.unit.tracking.test_track_initiation import settings_with, standing_still
 
 NAMES = ("person_1", "person_2")
@@ -28,8 +28,8 @@ def outcome_of(supported: np.ndarray, expected: np.ndarray, time_s: float, dt_s:
 
 
 def found(settings: TrackerSettings, known: tuple[float, float], shown: tuple[float, float]) -> AuditResult:
-    """Of two whose sizes were known, and who have shown others since."""
-    tracks, bodies = zip(*(somebody(settings, TrackState.ACTIVE) for _ in NAMES), strict=True)
+    """Return the audit of two people with known sizes and others observed since."""
+    tracks, bodies = zip(*(tracked_person(settings, TrackState.ACTIVE) for _ in NAMES), strict=True)
     for track, name, size in zip(tracks, NAMES, known, strict=True):
         track.name, track.shape_observed_s = name, settings.options.fix_shape_after_s
         track.known_shape = size * settings.tree.shape_m, np.diag((0.005 + 0.0 * settings.tree.shape_m) ** 2)
@@ -39,7 +39,7 @@ def found(settings: TrackerSettings, known: tuple[float, float], shown: tuple[fl
     return audit_identities({NAMES: contact}, list(tracks), join_states(*bodies), APART_S, settings)[0]
 
 
-def test_who_differ_are_told_from_each_other():
+def test_different_bodies_are_distinguished():
     settings = settings_with()
     straight = found(settings, (1.06, 0.98), (1.06, 0.98))
     crossed = found(settings, (1.06, 0.98), (0.98, 1.06))
@@ -49,23 +49,23 @@ def test_who_differ_are_told_from_each_other():
 
 
 @pytest.mark.parametrize("shown", [(1.0, 1.0), (1.06, 0.98)])
-def test_equal_bodies_are_not(shown):
+def test_equal_bodies_are_not_distinguished(shown):
     finding = found(settings_with(), (1.02, 1.02), shown)
     assert finding.log_odds == pytest.approx(0.0, abs=1e-9)
     assert (finding.swap, finding.is_clear) == (False, False)
 
 
 @pytest.mark.parametrize("larger", [0.01, 0.02, 0.03, 0.04, 0.06])
-def test_nobody_goes_on_as_somebody_else_but_by_a_hundred_to_one(larger):
-    """The likelihood ratio is one, so that this is how often it is wrong."""
+def test_identities_are_swapped_only_above_the_odds_threshold(larger):
+    """The threshold is a likelihood ratio, which bounds the rate of errors."""
     finding = found(settings_with(), (1.0 + larger, 1.0), (1.0, 1.0 + larger))
     assert finding.log_odds < 0.0
     assert finding.swap == finding.is_clear == (finding.log_odds < -math.log(100.0))
 
 
-def test_of_somebody_forgotten_nothing_is_found_even_where_only_one_is_left():
+def test_contact_with_a_terminated_track_is_dropped():
     settings = settings_with()
-    track, body = somebody(settings, TrackState.ACTIVE)
+    track, body = tracked_person(settings, TrackState.ACTIVE)
     track.name = NAMES[0]
     known: dict[tuple[str, str], Contact] = {NAMES: Contact(NAMES, 1.0, 0.0)}
     seen = np.zeros((1, len(settings.rig)), dtype=bool)
@@ -74,10 +74,10 @@ def test_of_somebody_forgotten_nothing_is_found_even_where_only_one_is_left():
 
 
 @pytest.mark.parametrize("others", [0, 2])
-def test_only_who_are_or_were_near_are_known_together(others):
-    """Whoever else is there, far away."""
+def test_contacts_exist_only_for_people_who_were_close(others):
+    """Other people far away do not matter."""
     settings = settings_with()
-    tracks, bodies = zip(*(somebody(settings, TrackState.ACTIVE) for _ in range(2 + others)), strict=True)
+    tracks, bodies = zip(*(tracked_person(settings, TrackState.ACTIVE) for _ in range(2 + others)), strict=True)
     state = bodies[0]
     for k, (track, body) in enumerate(zip(tracks, bodies, strict=True)):
         track.name = f"person_{k + 1}"

@@ -1,4 +1,4 @@
-"""Who was taken for somebody else goes on as themselves, with all that is known of them."""
+"""Identity swaps move names and bone lengths between tracks."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from posefuse.tracking.body_states import join_states
 from posefuse.tracking.identity_audit import Contact, drop_contacts, ordered_pair
 from posefuse.tracking.lifecycle import fix_shape, swap_identities
 from posefuse.tracking.settings import TrackerSettings
-from tests.unit.tracking.test_lifecycle import somebody
+from tests.unit.tracking.test_lifecycle import tracked_person
 from tests.unit.tracking.test_smoothing import settings
 
 __all__ = ["settings"]
 
 
-def test_what_is_known_of_lengths_goes_with_the_name(settings: TrackerSettings):
-    """One of the two is known well, the other not yet: so they stay, and nothing becomes certain by itself."""
-    (one, first), (other, second) = (somebody(settings, TrackState.ACTIVE) for _ in range(2))
+def test_bone_lengths_move_with_the_name(settings: TrackerSettings):
+    """One shape is fixed and one is free; both stay so, and covariances stay valid."""
+    (one, first), (other, second) = (tracked_person(settings, TrackState.ACTIVE) for _ in range(2))
     other.number, other.name = 2, "person_2"
     state = join_states(first, second)
     state.shape[1] *= 1.1
@@ -39,7 +39,7 @@ def test_what_is_known_of_lengths_goes_with_the_name(settings: TrackerSettings):
     np.linalg.cholesky(state.covariance[0])
 
 
-def test_contacts_are_known_by_two_names_in_any_order():
+def test_contacts_are_stored_under_ordered_names():
     pairs = [ordered_pair("b", "a"), ordered_pair("a", "c"), ordered_pair("c", "d")]
     assert pairs == [("a", "b"), ("a", "c"), ("c", "d")]
     known = {pair: Contact(pair) for pair in pairs}

@@ -1,4 +1,4 @@
-"""Lengths that are known: the law of bodies, conditioned on them."""
+"""Distribution of bone lengths conditioned on known lengths."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ assert TREE is not None
 KNEE = TREE.shape_names.index("left_knee")
 
 
-def test_nothing_known_changes_nothing():
+def test_skeleton_is_unchanged_without_known_lengths():
     assert with_known_lengths(SKELETON, TrackerOptions()) is SKELETON
 
 
 @pytest.mark.parametrize("name", ["left_knee", "right_knee"])
-def test_a_thigh_that_was_measured(name):
+def test_measured_thigh_has_the_measured_length(name):
     tree = with_known_lengths(SKELETON, TrackerOptions(known_m=(f"{name}=0.5",), known_sd_m=0.001)).tree
     assert tree.shape_m[KNEE] == pytest.approx(0.5, abs=1e-3)
     assert np.sqrt(tree.shape_covariance[KNEE, KNEE]) == pytest.approx(0.001, rel=0.01)
@@ -29,8 +29,8 @@ def test_a_thigh_that_was_measured(name):
     assert np.linalg.eigvalsh(tree.shape_covariance).min() > 0.0
 
 
-def test_it_is_the_law_of_the_bodies_that_are_so(rng):
-    """Of many bodies drawn, those whose thigh is about so long."""
+def test_conditioned_distribution_matches_sampled_bodies(rng):
+    """Compare with sampled bodies that have about the given thigh length."""
     drawn = rng.multivariate_normal(TREE.shape_m, TREE.shape_covariance, 400_000)
     alike = drawn[np.abs(drawn[:, KNEE] - 0.46) < 0.002]
     tree = with_known_lengths(SKELETON, TrackerOptions(known_m=("left_knee=0.46",), known_sd_m=0.001)).tree
@@ -38,7 +38,7 @@ def test_it_is_the_law_of_the_bodies_that_are_so(rng):
     np.testing.assert_allclose(alike.std(axis=0), np.sqrt(np.diag(tree.shape_covariance)), atol=2e-3)
 
 
-def test_tall_people_are_longer_all_over():
+def test_stature_lengthens_all_bones():
     tree = with_known_lengths(SKELETON, TrackerOptions(stature_m=1.95)).tree
     assert tree.shape_m.sum() == pytest.approx(TREE.shape_m.sum() * 1.95 / 1.75, rel=0.02)
     big = TREE.shape_m > 0.1
@@ -46,7 +46,7 @@ def test_tall_people_are_longer_all_over():
     assert (np.diag(tree.shape_covariance) < np.diag(TREE.shape_covariance)).all()
 
 
-def test_what_is_not_a_length_is_said():
+def test_invalid_lengths_raise():
     with pytest.raises(OptionsError, match="no length 'left_nee'.*left_knee"):
         with_known_lengths(SKELETON, TrackerOptions(known_m=("left_nee=0.4",)))
     for wrong in ("left_knee", "left_knee=", "left_knee=tall", "left_knee=-1"):

@@ -1,4 +1,4 @@
-"""When somebody who is lost is not looked for any more."""
+"""Termination of lost tracks."""
 
 from dataclasses import replace
 
@@ -28,8 +28,8 @@ def settings_with(**options: float) -> TrackerSettings:
     return TrackerSettings.of(RIG, SKELETON, NoiseModel(np.full(3, 5.0), 1.0), replace(TrackerOptions(), **options))
 
 
-def somebody(settings: TrackerSettings, state: TrackState) -> tuple[Track, State]:
-    """Somebody last seen at 0 s, whose root is known to 0.5 m."""
+def tracked_person(settings: TrackerSettings, state: TrackState) -> tuple[Track, State]:
+    """Return a track last seen at 0 s, and its state with a root uncertainty of 0.5 m."""
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
@@ -53,22 +53,22 @@ def somebody(settings: TrackerSettings, state: TrackState) -> tuple[Track, State
         ({"terminate_outside_after_s": 2.0}, 2.1, "outside the overlap of two cameras for 2.1 s"),
     ],
 )
-def test_the_lost_are_forgotten_by_time_by_doubt_and_outside(options, time_s, why):
+def test_lost_tracks_terminate_by_time_uncertainty_and_position(options, time_s, why):
     settings = settings_with(**options)
-    track, body = somebody(settings, TrackState.LOST)
+    track, body = tracked_person(settings, TrackState.LOST)
     assert tracks_to_terminate([track], body, time_s, settings) == ({} if why is None else {0: why})
 
 
-def test_who_is_followed_is_not_forgotten():
+def test_active_tracks_do_not_terminate():
     settings = settings_with(terminate_beyond_m=0.1, terminate_outside_after_s=0.1)
-    track, body = somebody(settings, TrackState.ACTIVE)
+    track, body = tracked_person(settings, TrackState.ACTIVE)
     assert tracks_to_terminate([track], body, 100.0, settings) == {}
 
 
 @pytest.mark.parametrize(("x_m", "inside"), [(0.0, True), (3.0, True), (30.0, False)])
 def test_inside_is_where_two_views_overlap(x_m, inside):
     settings = settings_with(terminate_outside_after_s=1.0)
-    track, body = somebody(settings, TrackState.LOST)
+    track, body = tracked_person(settings, TrackState.LOST)
     body.root[0, 0] = x_m
     projected = ProjectedBodies.allocate(1, len(RIG), len(SKELETON))
     project_people(settings.cameras, settings.body, body, *projected.arrays)
@@ -95,6 +95,6 @@ def test_limits_are_positive():
             replace(TrackerOptions(), **{name: 0.0})
 
 
-def test_few_keypoints_support_somebody_by_half_of_them():
+def test_half_of_few_keypoints_support_a_person():
     assert settings_with().options.min_joints == 4
     assert settings_with(min_joints=30).options.min_joints == 10

@@ -1,4 +1,4 @@
-"""Limbs that are far from where they are thought to be are found all the same."""
+"""Limbs far from their predicted pose are fitted."""
 
 import numpy as np
 import pytest
@@ -37,8 +37,8 @@ def test_bones_go_from_joint_to_joint(rng):
 
 
 @pytest.mark.parametrize("thigh", [[0.6, 0.0, 0.8], [0.4, -0.3, 0.9]])
-def test_a_leg_that_is_seen_late_is_found_where_it_is(thigh):
-    """From where a leg at rest is, small steps do not find it: the robust weights of what is so far off are nothing."""
+def test_leg_seen_late_is_fitted(thigh):
+    """Gauss-Newton steps from the rest pose fail, because robust weights of distant keypoints vanish."""
     settings = settings_with()
     tree, leg = settings.tree, [SKELETON.index(name) for name in ("right_knee", "right_ankle")]
     shown = np.full((len(tree.bones), 3), np.nan)

@@ -1,4 +1,4 @@
-"""Two views that happen to fit are nobody while the others show an empty place; who is hidden lives on."""
+"""Coincidences of two views are not confirmed, and occluded people keep their tracks."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def tracker_with(preset: str = "posefuse") -> ArticulatedTracker:
 
 
 def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
-    """Shape (view, keypoint, 2): somebody trunk_axis in the middle."""
+    """Return the pixels of an upright person in the center, shape (view, keypoint, 2)."""
     tree = tracker.settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.1, 0.2, 0.95]
@@ -43,7 +43,7 @@ def standing_px(tracker: ArticulatedTracker) -> np.ndarray:
 
 
 def frame_of(number: int, shown: np.ndarray, views: tuple[int, ...], rng: np.random.Generator) -> Frame:
-    """One detection, 1 px off, in each of the views, ascending."""
+    """Return one detection with 1 px noise in each of some views, ascending."""
     pixels = shown[list(views)] + rng.normal(0.0, 1.0, (len(views), *shown.shape[1:]))
     return Frame(
         pixels,
@@ -57,7 +57,7 @@ def frame_of(number: int, shown: np.ndarray, views: tuple[int, ...], rng: np.ran
 
 
 def watched(tracker: ArticulatedTracker, spells: list[tuple[float, tuple[int, ...]]]) -> list[People]:
-    """What it says while so many seconds each show somebody in such views."""
+    """Return the people of each frame while views show a person for given durations."""
     rng, shown, told = np.random.default_rng(0), standing_px(tracker), []
     for seconds, views in spells:
         told += [tracker.update(frame_of(len(told) + i, shown, views, rng)) for i in range(round(seconds / DT_S))]
@@ -68,15 +68,15 @@ def active_s(told: list[People]) -> float:
     return DT_S * sum(any(p.state == TrackState.ACTIVE for p in people.people) for people in told)
 
 
-def test_two_views_of_five_alone_are_nobody():
+def test_two_of_five_views_do_not_confirm_a_track():
     assert active_s(watched(tracker_with(), [(3.0, (0, 2))])) == 0.0
 
 
-def test_three_views_are_somebody_soon():
+def test_three_views_confirm_a_track_within_0_2_s():
     assert active_s(watched(tracker_with(), [(1.0, (0, 2, 3))])) > 0.8
 
 
-def test_two_views_that_see_alone_are_somebody_after_a_second():
+def test_two_views_alone_confirm_a_track_after_1_s():
     tracker = tracker_with()
     others = np.array([False, True, False, True, True])
     rng, shown = np.random.default_rng(0), standing_px(tracker)
@@ -89,14 +89,14 @@ def test_two_views_that_see_alone_are_somebody_after_a_second():
     assert began == pytest.approx(1.0, abs=0.1)
 
 
-def test_who_was_seen_firmly_lives_on_in_one_view():
+def test_established_track_survives_in_one_view():
     told = watched(tracker_with(), [(FIRM_S, EVERY), (2.0, (1,)), (0.4, EVERY)])
     assert active_s(told) > FIRM_S + 2.0
     assert {p.name for people in told for p in people.people if p.state == TrackState.ACTIVE} == {"person_1"}
 
 
-def test_who_was_hardly_seen_is_forgotten_in_one_view():
-    """Three views for as long as it takes to be believed, then one: no longer than ten frames."""
+def test_unestablished_track_terminates_in_one_view():
+    """The track lasts at most ten frames in one view after its confirmation in three."""
     tracker = tracker_with()
     rng, shown, i = np.random.default_rng(0), standing_px(tracker), 0
     while not tracker.tracks:
@@ -108,14 +108,14 @@ def test_who_was_hardly_seen_is_forgotten_in_one_view():
     assert "coincidence" in " ".join(event.why for people in left for event in people.events)
 
 
-def test_the_specification_is_not_asked():
+def test_specification_establishes_every_track():
     tracker = tracker_with("specification")
     watched(tracker, [(0.4, EVERY)])
     assert all(track.established for track in tracker.tracks)
     assert tracker.tracks
 
 
-def test_somebody_else_hides_and_oneself_does_not():
+def test_other_detections_occlude_and_own_ones_do_not():
     rng, shown = np.random.default_rng(0), standing_px(tracker_with())
     frame = frame_of(0, shown, EVERY, rng)
     core = shown[:, [SKELETON.index(name) for name in SKELETON.core]]

@@ -1,4 +1,4 @@
-"""People whom a detector gives twice, or in pieces."""
+"""Partial and duplicate detections of one person."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def settings() -> TrackerSettings:
 
 
 def frame_of(rows: np.ndarray, view: list[int]) -> Frame:
-    """Rows of pixels, all as confident."""
+    """Return a frame of detections with equal confidence."""
     there = np.isfinite(rows[..., 0])
     return Frame(
         rows, np.where(there, 0.8, np.nan), np.array(view, dtype=np.int64), np.full(len(rows), -1), np.zeros(2),
@@ -48,12 +48,12 @@ def likeness(gain: np.ndarray, settings: TrackerSettings) -> MatchScores:
 
 
 def halves(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A person's pixels, shape (keypoint, 2), and the same above and below the hips."""
+    """Return a person's pixels, shape (keypoint, 2), and those above and below the hips."""
     whole = np.random.default_rng(seed).uniform(100.0, 900.0, (len(SKELETON), 2))
     return whole, np.where(LEGS[:, None], np.nan, whole), np.where(LEGS[:, None], whole, np.nan)
 
 
-def test_two_pieces_are_one_person(settings: TrackerSettings):
+def test_two_partial_detections_are_merged(settings: TrackerSettings):
     whole, above, below = halves()
     frame = frame_of(np.stack([above, below]), [0, 0])
     found = likeness(np.array([[9.0, 8.0]]), settings)
@@ -64,7 +64,7 @@ def test_two_pieces_are_one_person(settings: TrackerSettings):
     np.testing.assert_array_equal(frame.keypoints_px[0], above)
 
 
-def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: TrackerSettings):
+def test_merged_limb_keeps_the_sides_of_its_part(settings: TrackerSettings):
     _, above, below = halves()
     found = likeness(np.array([[9.0, 8.0]]), settings)
     legs = int(settings.group_of[SKELETON.index("left_knee")])
@@ -81,18 +81,18 @@ def test_sides_of_a_joined_limb_are_those_of_its_piece(settings: TrackerSettings
     [
         ([[9.0, 2.0]], [[0, -1]], [0, 0]),  # not where this person should have them
         ([[9.0, 8.0]], [[0, -1]], [0, 1]),  # another view's
-        ([[9.0, 5.0], [1.0, 8.0]], [[0, -1], [-1, -1]], [0, 0]),  # rather somebody else's
-        ([[9.0, 8.0], [1.0, 7.0]], [[0, -1], [1, -1]], [0, 0]),  # somebody else's
+        ([[9.0, 5.0], [1.0, 8.0]], [[0, -1], [-1, -1]], [0, 0]),  # fits another person better
+        ([[9.0, 8.0], [1.0, 7.0]], [[0, -1], [1, -1]], [0, 0]),  # assigned to another person
     ],
 )
-def test_what_is_not_theirs_is_no_piece(gain: list, rows: list, view: list[int], settings: TrackerSettings):
+def test_detections_of_others_are_not_merged(gain: list, rows: list, view: list[int], settings: TrackerSettings):
     _, above, below = halves()
     frame = frame_of(np.stack([above, below]), view)
     found = likeness(np.array(gain), settings)
     assert merge_partial_detections(frame, np.array(rows, dtype=np.int64), found, settings) is frame
 
 
-def test_a_second_detection_of_the_whole_is_no_piece(settings: TrackerSettings):
+def test_second_full_detection_is_not_merged(settings: TrackerSettings):
     whole, above, _ = halves()
     frame = frame_of(np.stack([above, whole]), [0, 0])
     found = likeness(np.array([[9.0, 8.0]]), settings)
@@ -114,7 +114,7 @@ def test_a_second_detection_of_the_whole_is_no_piece(settings: TrackerSettings):
         ([[9.0, 1.0], [1.0, 9.0]], [[0, 2], [1, -1]], [False, True], [[0, 2], [-1, -1]]),
     ],
 )
-def test_whom_one_view_shows_by_what_is_somebody_else_s_is_not_moved(gain, rows, lost, after):
+def test_weak_single_view_matches_are_dropped(gain, rows, lost, after):
     worth = np.full((2, 4), -np.inf)
     worth[:, : len(gain[0])] = gain
     rows = np.array(rows, dtype=np.int64)
@@ -123,7 +123,7 @@ def test_whom_one_view_shows_by_what_is_somebody_else_s_is_not_moved(gain, rows,
 
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04, 0.1])
-def test_swaps_are_forgotten_by_the_time_that_goes_by_not_by_frames(dt_s: float):
+def test_swap_probability_decays_with_time_and_not_with_frames(dt_s: float):
     options = TrackerOptions(swap_log_odds=-5.0, swap_duration_s=0.3)
     swapped = np.array([[[1.0, 0.0]]])
     for _ in range(round(0.6 / dt_s)):
@@ -132,7 +132,7 @@ def test_swaps_are_forgotten_by_the_time_that_goes_by_not_by_frames(dt_s: float)
     np.testing.assert_allclose(swapped[0, 0], usual + np.exp(-2.0) * (np.array([1.0, 0.0]) - usual), rtol=1e-9)
 
 
-def test_what_is_never_swapped_stays_so_and_odds_stay_finite():
+def test_swap_odds_stay_finite():
     swapped = np.array([[[0.0, 1.0]]])
     predict_swaps(swapped, 0.0, TrackerOptions(swap_log_odds=-1e6))
     assert ((swapped > 0.0) & (swapped < 1.0)).all()
@@ -141,7 +141,7 @@ def test_what_is_never_swapped_stays_so_and_odds_stay_finite():
 
 
 def in_pieces(scene: CrowdScene) -> Detections:
-    """Everybody's legs apart from the rest, in all views and frames."""
+    """Return the detections with the legs separated from the rest in all views and frames."""
     whole = scene.detections
     pixels = np.repeat(np.asarray(whole.keypoints_px), 2, axis=0)
     pixels[::2, LEGS] = np.nan
@@ -153,8 +153,8 @@ def in_pieces(scene: CrowdScene) -> Detections:
     )  # fmt: skip
 
 
-def test_who_is_always_seen_in_pieces_is_one_person_and_as_well_known():
-    """From the first frame on: two proposals of one body do not become two people."""
+def test_person_in_partial_detections_is_one_person_with_the_same_accuracy():
+    """Two proposals of one body do not become two people, from the first frame on."""
     scene = simulate_crowd(CrowdOptions(people=2, duration_s=1.6, seed=3, detector=CLEAN, faults=NO_FAULTS))
     errors = []
     for detections in (scene.detections, in_pieces(scene)):

@@ -1,4 +1,4 @@
-"""Hands and faces: told where bodies have them, followed, let go, found again; and bodies know nothing of it."""
+"""Tracking of hands and faces, which does not change the bodies."""
 
 import pickle
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ RATE_HZ = 25.0
 
 @pytest.fixture(scope="module")
 def scene() -> CrowdScene:
-    """One person whose fingers open and close, 50 frames of a good detector."""
+    """Return one person whose fingers open and close, in 50 frames of an accurate detector."""
     return simulate_crowd(
         CrowdOptions(people=1, duration_s=2.0, seed=3, skeleton=WHOLE.name, detector=CLEAN, faults=NO_FAULTS)
     )
@@ -70,7 +70,7 @@ def without(frame: Frame, keypoints: np.ndarray) -> Frame:
     return replace(frame, keypoints_px=frozen(pixels), confidence=frozen(confidence))
 
 
-def test_hands_and_faces_are_where_they_are(scene, told):
+def test_hands_and_faces_are_accurate(scene, told):
     for part in WHOLE.parts:
         assert error_m(scene, told, part.keypoints, -1) < 0.02
         person = one(told[-1])
@@ -78,7 +78,7 @@ def test_hands_and_faces_are_where_they_are(scene, told):
         assert person.used[:, part.keypoints].mean() > 0.9
 
 
-def test_bodies_know_nothing_of_their_parts(scene, told):
+def test_parts_do_not_change_bodies(scene, told):
     bare = run(scene, replace(WHOLE, parts=()))
     for mine, theirs in zip(told, bare, strict=True):
         for a, b in zip(mine.people, theirs.people, strict=True):
@@ -87,7 +87,7 @@ def test_bodies_know_nothing_of_their_parts(scene, told):
     assert np.isnan(one(bare[-1]).points_m[LEFT.keypoints]).all()
 
 
-def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
+def test_unseen_hand_is_dropped_and_starts_again(scene):
     hidden_from, back = 20, 40
 
     def change(i: int, frame: Frame) -> Frame:
@@ -104,8 +104,8 @@ def test_a_hand_nobody_sees_is_let_go_and_found_again(scene):
     assert error_m(scene, told, LEFT.keypoints, -1) < 0.03
 
 
-def test_who_is_forgotten_leaves_nothing(scene):
-    """A live tracker does not grow by everybody who was ever there."""
+def test_terminated_track_leaves_no_parts(scene):
+    """The memory of a live tracker does not grow with the number of past people."""
     options = Options(tracker=TrackerOptions(lost_after_s=0.1, terminate_after_s=0.2))
     tracker = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, options), options)
     for i in range(20):
@@ -120,7 +120,7 @@ def test_who_is_forgotten_leaves_nothing(scene):
     assert not any(part.known or part.tracks for part in tracker.parts)
 
 
-def test_a_hand_goes_on_in_one_view(scene):
+def test_hand_continues_in_one_view(scene):
     def change(i: int, frame: Frame) -> Frame:
         if i < 35:
             return frame
@@ -139,7 +139,7 @@ def test_a_hand_goes_on_in_one_view(scene):
     assert error_m(scene, told, RIGHT.keypoints, -1) < 0.08
 
 
-def test_hands_exchanged_in_a_view_are_put_right(scene, told):
+def test_swapped_hands_in_a_view_are_corrected(scene, told):
     def change(_: int, frame: Frame) -> Frame:
         rows = frame.rows_of(1)
         pixels = frame.keypoints_px.copy()
@@ -152,7 +152,7 @@ def test_hands_exchanged_in_a_view_are_put_right(scene, told):
         assert error_m(scene, swapped, part.keypoints, -1) < error_m(scene, told, part.keypoints, -1) + 0.005
 
 
-def test_a_tracker_with_hands_goes_on_from_a_pickle(scene):
+def test_pickled_tracker_with_hands_resumes(scene):
     options = Options()
     tracker = tracker_of(scene.rig, WHOLE, default_noise(scene.rig, options), options)
     frames = [Frame.of(scene.detections, i) for i in range(20)]
@@ -164,7 +164,7 @@ def test_a_tracker_with_hands_goes_on_from_a_pickle(scene):
         np.testing.assert_allclose(one(mine).points_m, one(theirs).points_m, rtol=0, atol=1e-9)
 
 
-def test_anchors_are_told_as_kalman_says(rng):
+def test_anchor_update_is_a_kalman_update(rng):
     tree = FACE.tree
     state = initial_state(
         tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
@@ -187,7 +187,7 @@ def test_anchors_are_told_as_kalman_says(rng):
     np.testing.assert_allclose(state.shape, before.shape)
 
 
-def test_a_turn_that_is_surely_known_is_taken(rng):
+def test_certain_anchor_turn_is_adopted(rng):
     tree = FACE.tree
     state = initial_state(
         tree, rng.normal(size=(len(FACE.keypoints), 3)), tree.shape_m, tree.shape_covariance, TrackerOptions().motion
@@ -227,7 +227,7 @@ def test_a_recording_of_whole_bodies_from_end_to_end(scene):
     assert np.ptp(degrees[10:, 0, names.index("left_index_finger_2.flexion")]) > 30.0
 
 
-def test_the_direction_of_a_bone_is_given_where_its_end_is_known_better_than_it_is_long():
+def test_direction_needs_an_end_more_certain_than_the_bone_is_long():
     tree = LEFT.tree
     ends = [n for n, node in enumerate(tree.nodes) if node.is_bone]
     place = {int(node): k for k, node in enumerate(tree.keypoint_nodes) if node >= 0}

@@ -1,4 +1,4 @@
-"""What one view alone tells of how far away somebody is, is believed no more than errors that last allow."""
+"""The distance of a person in a single view is as uncertain as correlated errors require."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def standing(tracker: ArticulatedTracker) -> ProjectedBodies:
 
 
 def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """Errors of one sigma that last, the frames first."""
+    """Return correlated errors with unit variance, frames first."""
     keep = np.exp(-DT_S / LASTS_S)
     errors = rng.normal(size=shape)
     for i in range(1, shape[0]):
@@ -46,7 +46,7 @@ def lasting(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
 
 
 def seen_by_one(seed: int) -> tuple[np.ndarray, list[Person]]:
-    """Points of somebody who stands, and what is said of them while view 0 alone shows them."""
+    """Return the points of a standing person, and the tracked person while only view 0 shows them."""
     tracker = tracker_of_ring()
     projected, rng = standing(tracker), np.random.default_rng(seed)
     frames = round((FIRM_S + ALONE_S) / DT_S)
@@ -76,14 +76,14 @@ def memory_of(n_views: list[int], single_view_s: float = 0.0, dt_s: float = DT_S
     ).tolist()
 
 
-def test_memory_is_longer_for_whom_one_view_alone_has_shown_for_some_time():
+def test_error_memory_is_longer_after_some_time_in_a_single_view():
     assert memory_of([1], 0.3, smoother_error_memory_s=0.25) == [0.25]
     assert memory_of([1], 0.1, smoother_error_memory_s=0.25)[0] < 0.25
     longer = memory_of([1], 0.3, error_memory_s=0.5, smoother_error_memory_s=0.25)
     assert longer == memory_of([1], 0.1, error_memory_s=0.5)
 
 
-def test_memory_is_longer_the_fewer_views_and_frames_there_are():
+def test_error_memory_is_longer_with_fewer_views_and_frames():
     assert memory_of([5], dt_s=0.05) == pytest.approx([0.06], rel=0.1)
     assert sorted(memory_of([2, 3, 5, 8]), reverse=True) == memory_of([2, 3, 5, 8])
     assert memory_of([2])[0] < 2.0 * memory_of([5])[0]
@@ -93,15 +93,15 @@ def test_memory_is_longer_the_fewer_views_and_frames_there_are():
     assert memory_of([3], error_memory_s=0.0) == [0.0]
 
 
-def test_so_many_frames_count_as_one_whatever_their_rate():
-    """Of one view alone, whose frames are averaged for longer than there is between them."""
+def test_information_per_second_does_not_depend_on_the_frame_rate():
+    """A single view averages over more frames at a higher rate."""
     rates_hz = np.array([50.0, 100.0])
     a_second = [rate / tempering_factor(np.array(1.0 / rate), memory_of([1], 1.0, 1.0 / rate)[0]) for rate in rates_hz]
     assert a_second[0] == pytest.approx(a_second[1], rel=0.01)
 
 
-def test_how_far_away_is_as_sure_as_it_is_right():
-    """Along the view's ray: one standard deviation holds what it should, or more, and two hold nearly all."""
+def test_distance_uncertainty_covers_the_error():
+    """Along the view's ray, one and two standard deviations cover at least the nominal shares."""
     squared = []
     for seed in range(4):
         truth, told = seen_by_one(seed)
@@ -115,8 +115,8 @@ def test_how_far_away_is_as_sure_as_it_is_right():
     assert np.mean(np.array(squared) < 4.0) > 0.95
 
 
-def test_postures_that_last_keep_whom_one_view_alone_shows_where_they_are(monkeypatch: pytest.MonkeyPatch):
-    """Errors that make bones longer cannot be turned away: who may hold themselves anyhow comes nearer."""
+def test_posture_prior_reduces_the_distance_bias(monkeypatch: pytest.MonkeyPatch):
+    """Without the prior, errors that lengthen bones bias the distance."""
     off_m = []
     for _ in range(2):
         off_m.append([])

@@ -1,4 +1,4 @@
-"""On what height people stand is learnt while several views show them, and told while one does."""
+"""Height prior for people whom a single view shows."""
 
 from dataclasses import replace
 
@@ -34,8 +34,8 @@ def settings() -> TrackerSettings:
     return settings_of()
 
 
-def somebody(settings: TrackerSettings, seed: int) -> State:
-    """In a pose of their own, 0.3 rad from rest in each number."""
+def tracked_person(settings: TrackerSettings, seed: int) -> State:
+    """Return a random pose, 0.3 rad from rest in each parameter."""
     tree, rng = settings.tree, np.random.default_rng(seed)
     points = np.full((len(settings.skeleton), 3), np.nan)
     points[settings.skeleton.index("mid_hip")] = [0.0, 0.0, 0.9]
@@ -62,9 +62,9 @@ def lowest_m(state: State, settings: TrackerSettings) -> float:
 
 
 @pytest.mark.parametrize("up", ["x", "-y", "z"])
-def test_what_is_learnt_is_the_mean_and_the_variance_of_the_lowest_point(up: UpAxis):
+def test_height_statistics_are_mean_and_variance_of_the_lowest_point(up: UpAxis):
     settings = settings_of(up)
-    recent, shown = nothing_known(settings), [somebody(settings, seed) for seed in range(6)]
+    recent, shown = nothing_known(settings), [tracked_person(settings, seed) for seed in range(6)]
     for state in shown:
         observe_height(sight_of(state, settings), recent, np.array([3]), DT_S, settings)
     lows = np.array([lowest_m(state, settings) for state in shown])
@@ -73,28 +73,28 @@ def test_what_is_learnt_is_the_mean_and_the_variance_of_the_lowest_point(up: UpA
     assert recent.height_observed_s[0] == pytest.approx(6 * DT_S)
 
 
-def test_one_view_alone_teaches_nothing(settings: TrackerSettings):
+def test_single_view_adds_no_statistics(settings: TrackerSettings):
     recent = nothing_known(settings)
-    observe_height(sight_of(somebody(settings, 0), settings), recent, np.array([1]), DT_S, settings)
+    observe_height(sight_of(tracked_person(settings, 0), settings), recent, np.array([1]), DT_S, settings)
     assert not recent.height_observed_s.any()
     assert not recent.lowest_m.any()
 
 
-def test_nothing_is_learnt_nor_told_where_nobody_knows_which_way_is_up(settings: TrackerSettings):
+def test_height_prior_needs_the_up_axis(settings: TrackerSettings):
     nowhere, recent = settings_of(None), nothing_known(settings)
     for _ in range(30):
-        observe_height(sight_of(somebody(settings, 0), settings), recent, np.array([2]), DT_S, settings)
+        observe_height(sight_of(tracked_person(settings, 0), settings), recent, np.array([2]), DT_S, settings)
     unknown = nothing_known(nowhere)
-    observe_height(sight_of(somebody(nowhere, 0), nowhere), unknown, np.array([2]), DT_S, nowhere)
+    observe_height(sight_of(tracked_person(nowhere, 0), nowhere), unknown, np.array([2]), DT_S, nowhere)
     assert not unknown.height_observed_s.any()
-    state = somebody(nowhere, 1)
+    state = tracked_person(nowhere, 1)
     same = select_states(state, [0])
     apply_height_prior(same, recent, np.array([True]), DT_S, nowhere)
     np.testing.assert_array_equal(same.root, state.root)
 
 
-def test_the_lowest_point_goes_with_the_pose_as_differences_say(settings: TrackerSettings):
-    state, up, row = somebody(settings, 3), np.array([0.0, 0.0, 1.0]), np.empty(settings.tree.n_pose)
+def test_height_jacobian_matches_finite_differences(settings: TrackerSettings):
+    state, up, row = tracked_person(settings, 3), np.array([0.0, 0.0, 1.0]), np.empty(settings.tree.n_pose)
     assert lowest_point(settings.body, state, up, row) == pytest.approx(lowest_m(state, settings))
     for c in range(settings.tree.n_pose):
         change = np.zeros((1, state.covariance.shape[1]))
@@ -104,8 +104,8 @@ def test_the_lowest_point_goes_with_the_pose_as_differences_say(settings: Tracke
         assert (lowest_m(moved, settings) - lowest_m(state, settings)) / 1e-6 == pytest.approx(row[c], abs=1e-5)
 
 
-def test_who_sinks_is_lifted_and_known_better(settings: TrackerSettings):
-    state, recent = somebody(settings, 5), nothing_known(settings)
+def test_height_prior_lifts_and_reduces_uncertainty(settings: TrackerSettings):
+    state, recent = tracked_person(settings, 5), nothing_known(settings)
     for _ in range(30):
         observe_height(sight_of(state, settings), recent, np.array([2]), DT_S, settings)
     sunk = select_states(state, [0])
@@ -119,8 +119,8 @@ def test_who_sinks_is_lifted_and_known_better(settings: TrackerSettings):
     assert np.linalg.eigvalsh((known - sunk.covariance)[0, :n, :n]).min() > -1e-9
 
 
-def test_who_went_elsewhere_on_the_same_floor_is_left_there(settings: TrackerSettings):
-    state, recent = somebody(settings, 6), nothing_known(settings)
+def test_height_prior_does_not_move_along_the_floor(settings: TrackerSettings):
+    state, recent = tracked_person(settings, 6), nothing_known(settings)
     for _ in range(30):
         observe_height(sight_of(state, settings), recent, np.array([2]), DT_S, settings)
     gone = select_states(state, [0])
@@ -131,9 +131,9 @@ def test_who_went_elsewhere_on_the_same_floor_is_left_there(settings: TrackerSet
     np.testing.assert_allclose(told.bones, gone.bones, atol=1e-9)
 
 
-def test_of_whom_little_is_known_nothing_is_told(settings: TrackerSettings):
-    state, recent = somebody(settings, 8), nothing_known(settings)
-    observe_height(sight_of(somebody(settings, 9), settings), recent, np.array([2]), DT_S, settings)
+def test_prior_needs_enough_history(settings: TrackerSettings):
+    state, recent = tracked_person(settings, 8), nothing_known(settings)
+    observe_height(sight_of(tracked_person(settings, 9), settings), recent, np.array([2]), DT_S, settings)
     same = select_states(state, [0])
     apply_height_prior(same, recent, np.array([True]), DT_S, settings)
     np.testing.assert_array_equal(same.covariance, state.covariance)

@@ -1,4 +1,4 @@
-"""How people hold themselves is learnt while several views show them, and told while one does."""
+"""Posture prior for people whom a single view shows."""
 
 import numpy as np
 import pytest
@@ -26,8 +26,8 @@ def settings() -> TrackerSettings:
     return TrackerSettings.of(rig, shipped_skeleton("body_20"), default_noise(rig, Options()), TrackerOptions())
 
 
-def somebody(settings: TrackerSettings, seed: int) -> State:
-    """In a pose of their own, 0.3 rad from rest in each number."""
+def tracked_person(settings: TrackerSettings, seed: int) -> State:
+    """Return a random pose, 0.3 rad from rest in each parameter."""
     tree, rng = settings.tree, np.random.default_rng(seed)
     points = np.full((len(settings.skeleton), 3), np.nan)
     points[settings.skeleton.index("mid_hip")] = [0.0, 0.0, 0.9]
@@ -57,8 +57,8 @@ def turned_round(state: State, by: Rotation) -> State:
     return select_states(state, [0])._replace(turns=matrix @ state.turns, bones=matrix @ state.bones)
 
 
-def test_what_is_learnt_is_the_mean_and_the_variance(settings: TrackerSettings):
-    recent, shown = nothing_known(settings, 1), [somebody(settings, seed) for seed in range(6)]
+def test_posture_statistics_are_mean_and_variance_of_leans(settings: TrackerSettings):
+    recent, shown = nothing_known(settings, 1), [tracked_person(settings, seed) for seed in range(6)]
     for state in shown:
         observe_posture(state, recent, np.array([3]), DT_S, settings)
     leans = np.array([leans_of(state) for state in shown])
@@ -70,16 +70,18 @@ def test_what_is_learnt_is_the_mean_and_the_variance(settings: TrackerSettings):
     assert recent.posture_observed_s[0] == pytest.approx(6 * DT_S)
 
 
-def test_one_view_alone_teaches_nothing(settings: TrackerSettings):
+def test_single_view_adds_no_statistics(settings: TrackerSettings):
     recent = nothing_known(settings, 2)
-    observe_posture(join_states(somebody(settings, 0), somebody(settings, 1)), recent, np.array([1, 2]), DT_S, settings)
+    observe_posture(
+        join_states(tracked_person(settings, 0), tracked_person(settings, 1)), recent, np.array([1, 2]), DT_S, settings
+    )
     assert recent.posture_observed_s.tolist() == [0.0, DT_S]
     assert not recent.leans[0].any()
 
 
-def test_leans_go_with_the_pose_as_differences_say(settings: TrackerSettings):
-    state, recent = somebody(settings, 3), nothing_known(settings, 1)
-    observe_posture(somebody(settings, 4), recent, np.array([2]), DT_S, settings)
+def test_lean_jacobian_matches_finite_differences(settings: TrackerSettings):
+    state, recent = tracked_person(settings, 3), nothing_known(settings, 1)
+    observe_posture(tracked_person(settings, 4), recent, np.array([2]), DT_S, settings)
     rows, _, _ = _lean_rows(state, recent, 0, 0.1)
     for c in range(settings.tree.n_pose):
         change = np.zeros((1, state.covariance.shape[1]))
@@ -89,9 +91,9 @@ def test_leans_go_with_the_pose_as_differences_say(settings: TrackerSettings):
         np.testing.assert_allclose((leans_of(moved) - leans_of(state))[1:] / 1e-6, rows[2:, c], atol=1e-5)
 
 
-def test_who_turned_round_is_told_to_stand_as_before(settings: TrackerSettings):
-    """Leans are from the trunk, and the trunk's own is from the world's up: turning about that changes nothing."""
-    state, recent = somebody(settings, 5), nothing_known(settings, 1)
+def test_posture_prior_is_invariant_to_heading(settings: TrackerSettings):
+    """Leans are relative to the trunk, and the trunk's to the up axis, so that heading does not matter."""
+    state, recent = tracked_person(settings, 5), nothing_known(settings, 1)
     for _ in range(30):
         observe_posture(state, recent, np.array([2]), DT_S, settings)
     about = Rotation.from_rotvec(1.3 * state.turns[0, 0, :, 2])
@@ -101,11 +103,11 @@ def test_who_turned_round_is_told_to_stand_as_before(settings: TrackerSettings):
     np.testing.assert_allclose(turned.bones, turned_round(state, about).bones, atol=1e-9)
 
 
-def test_who_leans_otherwise_is_drawn_back_and_known_better(settings: TrackerSettings):
-    before, recent = somebody(settings, 6), nothing_known(settings, 1)
+def test_posture_prior_corrects_leans_and_reduces_uncertainty(settings: TrackerSettings):
+    before, recent = tracked_person(settings, 6), nothing_known(settings, 1)
     for _ in range(30):
         observe_posture(before, recent, np.array([2]), DT_S, settings)
-    state = somebody(settings, 7)
+    state = tracked_person(settings, 7)
     off, known = np.abs(leans_of(state) - leans_of(before)).mean(), state.covariance.copy()
     for _ in range(40):
         apply_posture_prior(state, recent, np.array([True]), DT_S, settings)
@@ -115,9 +117,9 @@ def test_who_leans_otherwise_is_drawn_back_and_known_better(settings: TrackerSet
     assert np.linalg.eigvalsh((known - state.covariance)[0, :n, :n]).min() > -1e-9
 
 
-def test_of_whom_little_is_known_nothing_is_told(settings: TrackerSettings):
-    state, recent = somebody(settings, 8), nothing_known(settings, 1)
-    observe_posture(somebody(settings, 9), recent, np.array([2]), DT_S, settings)
+def test_prior_needs_enough_history(settings: TrackerSettings):
+    state, recent = tracked_person(settings, 8), nothing_known(settings, 1)
+    observe_posture(tracked_person(settings, 9), recent, np.array([2]), DT_S, settings)
     same = select_states(state, [0])
     apply_posture_prior(same, recent, np.array([True]), DT_S, settings)
     np.testing.assert_array_equal(same.bones, state.bones)

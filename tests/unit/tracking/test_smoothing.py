@@ -1,4 +1,4 @@
-"""The smoother against dense textbook formulas, and the laws of working in pieces."""
+"""The smoother against dense textbook formulas, and smoothing in parts."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def standing(settings: TrackerSettings) -> State:
 
 
 def observed(state: State, change: np.ndarray, variance: np.ndarray) -> None:
-    """A textbook update, in place, of pose and shape seen directly, off by ``change`` from where they are."""
+    """Apply a textbook update, in place, by direct observations of pose and shape with an offset."""
     m = N + H if state.free[0] else N
     rows = free_columns(N, H, bool(state.free[0]))
     at = np.ix_(rows, rows)
@@ -65,7 +65,7 @@ def keep_shape(state: State) -> None:
 def filtered(
     settings: TrackerSettings, frames: int, rng: np.random.Generator, kept_from: int = 10**6, turn: float = 0.02
 ) -> State:
-    """A person's filtered states, seen in all but a few frames."""
+    """Return a person's filtered states with observations in all but a few frames."""
     now, out = standing(settings), empty_state(settings.tree)
     variance = np.full(N + H, turn**2)
     for k in range(frames):
@@ -101,7 +101,7 @@ def test_comparing_undoes_applying(settings, rng):
 
 
 def test_root_and_lengths_are_the_textbook_smoother(settings, rng):
-    """Of a body that stands still but for its root the state is linear: all of it at once, dense."""
+    """Smooth a body that only translates, whose model is linear, with one dense system."""
     frames = 12
     f = np.eye(2 * N + H)
     fade = np.exp(-DT_S / settings.decay_s)
@@ -132,7 +132,7 @@ def covariance0(states: State, k: int, at) -> np.ndarray:
 
 
 def smoothed_densely(states: State, time_s: np.ndarray, settings: TrackerSettings) -> np.ndarray:
-    """The covariances of a smoother with one dense matrix for everything."""
+    """Return the covariances of a smoother with one dense matrix."""
     covariance = states.covariance.copy()
     for k in range(len(time_s) - 2, -1, -1):
         dt_s = time_s[k + 1] - time_s[k]
@@ -149,8 +149,8 @@ def smoothed_densely(states: State, time_s: np.ndarray, settings: TrackerSetting
 
 @pytest.mark.parametrize("dt_s", [0.01, DT_S, 5.0])
 @pytest.mark.parametrize("kept_from", [12, 10**6])
-def test_covariances_are_those_of_one_dense_matrix(settings, rng, dt_s, kept_from):
-    """Frames seconds apart too, over which velocities fade away."""
+def test_covariances_match_a_dense_smoother(settings, rng, dt_s, kept_from):
+    """The test includes gaps over which velocities fade."""
     settings = replace(settings, most=np.full(N, np.inf))
     states = filtered(settings, 20, rng, kept_from)
     smooth = smooth_states(states, dt_s * np.arange(20), settings)
@@ -160,7 +160,7 @@ def test_covariances_are_those_of_one_dense_matrix(settings, rng, dt_s, kept_fro
 
 
 @pytest.mark.parametrize("free", [0, 1])
-def test_more_is_known_by_what_is_said_besides(settings, rng, free):
+def test_independent_information_reduces_covariances(settings, rng, free):
     states = filtered(settings, 6, rng, kept_from=10**6 if free else 0)
     root = rng.normal(0.0, 3.0, (6, N + H, N + H)) * (np.arange(N + H) < (N + H if free else N))
     information = root.transpose(0, 2, 1) @ root
@@ -186,7 +186,7 @@ def test_smoothing_knows_more_than_filtering(settings, rng):
 
 
 def test_without_anything_later_nothing_changes(settings, rng):
-    """Frames foretold from the last one seen teach nothing of it."""
+    """Predicted frames add no information about the last observed frame."""
     seen = filtered(settings, 12, rng)
     states, now = seen, select_states(seen, [11])
     for _ in range(6):
@@ -198,7 +198,7 @@ def test_without_anything_later_nothing_changes(settings, rng):
     close(State(*(each[12:] for each in smooth)), State(*(each[12:] for each in states)), 1e-8)
 
 
-def test_the_shape_kept_is_the_shape_all_along(settings, rng):
+def test_fixed_shape_applies_to_all_frames(settings, rng):
     states = filtered(settings, 20, rng, kept_from=12)
     smooth = smooth_states(states, times(20), settings)
     assert np.abs(states.shape[0] - states.shape[-1]).max() > 1e-3
@@ -212,7 +212,7 @@ def told_again(states: State, share: np.ndarray, settings: TrackerSettings) -> S
 
 
 @pytest.mark.parametrize("kept_from", [8, 10**6])
-def test_it_is_what_dense_matrices_say_frame_by_frame(settings, rng, kept_from):
+def test_refilter_matches_the_dense_reference(settings, rng, kept_from):
     frames = 30
     states = filtered(settings, frames, rng, kept_from, turn=0.05)
     share, told = rng.uniform(0.2, 1.0, (2, frames))
@@ -225,8 +225,8 @@ def test_it_is_what_dense_matrices_say_frame_by_frame(settings, rng, kept_from):
     assert np.abs(information[1:]).max(axis=(1, 2)).min() > 0.0
 
 
-def test_what_rounding_broke_is_told_by_itself(settings, rng):
-    """A covariance that is none ends the quick way; after it the filter's own are taken up again."""
+def test_indefinite_covariance_is_refiltered_separately(settings, rng):
+    """An indefinite covariance ends the compiled pass, which continues after that frame."""
     states = filtered(settings, 12, rng, turn=0.05)
     states.covariance[6, 3, 3] *= -1.0
     share, told = np.full((2, 12), 0.5)
@@ -238,8 +238,8 @@ def test_what_rounding_broke_is_told_by_itself(settings, rng):
 
 
 @pytest.mark.parametrize("told_of_it", [0.9, 0.02])
-def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng, told_of_it):
-    """Also where so little is told of the frame that the filter's covariance stays one."""
+def test_reinitialized_limb_leaves_valid_covariances(settings, rng, told_of_it):
+    """This also holds for a small share of the information."""
     states = filtered(settings, 40, rng)
     limb = N - 2
     states.covariance[32, limb:N] = states.covariance[32, :, limb:N] = 0.0
@@ -260,13 +260,13 @@ def test_a_limb_set_anew_leaves_covariances_that_are_some(settings, rng, told_of
     assert np.linalg.eigvalsh(information[1:]).min() > -1e-3 * np.abs(information).max()
 
 
-def test_told_all_of_it_again_the_filter_finds_what_it_found(settings, rng):
+def test_refilter_with_all_information_returns_the_filter(settings, rng):
     states = filtered(settings, 40, rng, turn=0.005)
     close(told_again(states, np.ones(40), settings), states, 1e-5)
 
 
-def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
-    """Half of what is said is said by twice the variance: the same observations, once in the filter, once after it."""
+def test_refilter_with_a_share_is_a_filter_with_more_noise(settings):
+    """Half of the information equals twice the variance of the same observations."""
     frames = 15
     rng = np.random.default_rng(4)
     target = np.zeros(N + H)
@@ -289,7 +289,7 @@ def test_told_a_share_it_is_a_filter_of_noisier_frames(settings):
 
 
 def with_bones_turned(state: State, angles: np.ndarray) -> State:
-    """The same state, said in frames of the bones that are turned about them."""
+    """Return the same state in bone frames that are turned about the bones."""
     out = select_states(state, np.arange(len(state.root)))
     whole = np.eye(2 * N + H)
     for b, angle in enumerate(angles):
@@ -304,8 +304,8 @@ def with_bones_turned(state: State, angles: np.ndarray) -> State:
 
 
 @pytest.mark.parametrize("kept_from", [6, 10**6])
-def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng, kept_from):
-    """The second run's are carried along other ways than the first's: they end up turned about the bones."""
+def test_information_does_not_depend_on_bone_frames(settings, rng, kept_from):
+    """The bone frames of the second run differ by turns about the bones."""
     frames, angles = 12, rng.uniform(-3.0, 3.0, len(settings.tree.bones))
     variance = rng.uniform(0.02, 0.2, N + H) ** 2
     now, states = standing(settings), empty_state(settings.tree)
@@ -325,7 +325,7 @@ def test_what_frames_said_does_not_depend_on_how_bones_frames_lie(settings, rng,
 
 
 def test_axes_of_bones_are_carried_into_others(settings, rng):
-    """Information is the inverse of the covariance in either."""
+    """The information is the inverse covariance in both frames."""
     states, angles = filtered(settings, 5, rng), rng.uniform(-3.0, 3.0, len(settings.tree.bones))
     spread = np.diag(rng.uniform(0.5, 2.0, 2 * N + H))
     states.covariance[:] = spread @ states.covariance @ spread
@@ -351,7 +351,7 @@ def run_of(states: State, life: int = TrackState.ACTIVE) -> Run:
 
 
 def test_white_errors_need_no_tempering(settings, rng):
-    """No longer a memory in the smoother than in the filter: nothing is told again, means are the plain smoother's."""
+    """With the filter's error memory, the smoother is the plain smoother."""
     options = replace(settings.options, smoother_error_memory_s=1e-3)
     states = filtered(settings, 30, rng, turn=0.005)
     run = replace(run_of(states), fresh=False)
@@ -360,8 +360,8 @@ def test_white_errors_need_no_tempering(settings, rng):
     np.testing.assert_allclose(smooth.root_m, plain.root, atol=1e-6)
 
 
-def test_frames_before_somebody_was_believed_were_tempered_by_another_memory(settings, rng):
-    """That of births, which does not ask how many views there are: other frames are told again as those are with it."""
+def test_frames_before_confirmation_use_the_plain_error_memory(settings, rng):
+    """Initiation uses the error memory without a correction for the number of views."""
     states = filtered(settings, 15, rng)
     life = np.full(15, TrackState.ACTIVE, dtype=np.int8)
     life[:10] = TrackState.TENTATIVE
@@ -379,8 +379,8 @@ def test_frames_before_somebody_was_believed_were_tempered_by_another_memory(set
     np.testing.assert_allclose(before.points_m, smooth_run(five, alike).points_m, atol=2e-3)
 
 
-def test_a_frame_after_a_gap_was_told_by_the_time_since_somebody_was_seen(settings, rng):
-    """Before they are believed, the filter tempers by it: the same run is told the more again, the less it was."""
+def test_frame_after_a_gap_is_tempered_by_the_time_since_the_last_observation(settings, rng):
+    """Before confirmation the filter tempers by that time, and the smoother corrects for it."""
     states = filtered(settings, 15, rng)
     missing_s = np.zeros(15)
     missing_s[8:10] = DT_S * np.arange(1, 3)
@@ -393,7 +393,7 @@ def test_a_frame_after_a_gap_was_told_by_the_time_since_somebody_was_seen(settin
 
 @pytest.mark.parametrize("dt_s", [0.01, 0.04])
 def test_tempering_is_that_of_a_sum_of_lasting_errors(dt_s):
-    """The variance of a mean over much time is that of so many times fewer independent errors."""
+    """The variance of a long mean is that of the corresponding number of independent errors."""
     correlation = np.exp(-dt_s / 0.25)
     n = 200_000
     variance = (1.0 + 2.0 * np.sum(correlation ** np.arange(1, 10_000))) / n
@@ -408,7 +408,7 @@ def test_missing_frames_are_wider(settings, rng):
     assert np.isfinite(smooth.points_m).all()
 
 
-def test_what_is_smoothed_is_left_as_it_is(settings, rng):
+def test_smoothing_does_not_change_its_input(settings, rng):
     states = filtered(settings, 10, rng)
     kept = select_states(states, np.arange(10))
     smooth_run(run_of(states), settings)

@@ -1,4 +1,4 @@
-"""The stages in which presets of the tracker differ: the specification's terms by hand, and a simple crowd followed."""
+"""The strategy `specification`: its terms against hand computations, and a simple crowd."""
 
 import math
 import pickle
@@ -50,14 +50,14 @@ TREE = SETTINGS.tree
 
 
 def standing(x_m: float = 0.0, y_m: float = 0.0) -> State:
-    """Somebody trunk_axis."""
+    """Return the state of an upright person."""
     points = np.full((KEYPOINTS, 3), np.nan)
     points[SKELETON.index("mid_hip")] = [x_m, y_m, 0.95]
     shape, covariance = np.asarray(TREE.shape_m), np.asarray(TREE.shape_covariance)
     return initial_state(TREE, points, shape, covariance, SETTINGS.options.motion)
 
 
-def somebody() -> Track:
+def tracked_person() -> Track:
     return new_track(1, 0.0, LifecycleThresholds(0.5, -2.0, 0.0))
 
 
@@ -71,12 +71,12 @@ def sight_of(state: State) -> ProjectedBodies:
 
 
 def frame_of(keypoints_px: np.ndarray, confidence: float = 1.0) -> Frame:
-    """A detection of one person in every view; shape (view, keypoint, 2)."""
+    """Return a frame with one detection of a person in every view, shape (view, keypoint, 2)."""
     return Frame.of_people(list(keypoints_px[:, None]), [np.full((1, KEYPOINTS), confidence)] * VIEWS, 0.0)
 
 
 def shown(state: State, off_px: float, confidence: float = 1.0, used: bool = True, dt_s: float = 0.04) -> FrameOutcome:
-    """Every view shows every keypoint so much to the right of where the body has it."""
+    """Return the outcome of a frame in which every keypoint has a horizontal offset."""
     frame = frame_of(sight_of(state).pixels[0] + np.array([off_px, 0.0]), confidence)
     labels = np.tile(np.arange(KEYPOINTS), (1, VIEWS, 1))
     supported = np.full((1, VIEWS), used)
@@ -107,7 +107,7 @@ def test_noise_follows_the_recursion(off_px: float) -> None:
         np.testing.assert_allclose(recent.noise_px2, expected, rtol=1e-9)
 
 
-def test_noise_is_not_learned_from_what_does_not_count() -> None:
+def test_noise_adapts_only_to_used_keypoints() -> None:
     state, recent = standing(), unknown()
     STRATEGY.noise.adapt(shown(state, 10.0, used=False), recent, state, SETTINGS)
     assert np.isnan(recent.noise_px2).all()
@@ -122,8 +122,8 @@ def test_noise_stays_within_its_bounds(confidence: float, off_px: float) -> None
     assert recent.noise_px2.max() <= (SEED.max_noise * SIGMA_PX) ** 2 * (1 + 1e-9)
 
 
-def test_an_update_believes_the_learned_noise() -> None:
-    """Made into confidences and given to the kernels' law, variances are what they were."""
+def test_update_uses_the_adapted_noise() -> None:
+    """The variances survive their encoding as confidences."""
     state, recent = standing(), unknown()
     recent.noise_px2[:] = np.random.default_rng(0).uniform(10.0, 400.0, recent.noise_px2.shape)
     seen = shown(state, 0.0)
@@ -149,7 +149,7 @@ def predict_states(state: State, dt_s: float) -> None:
 
 
 def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
-    """Frames that show nobody add up: of two the noise is that of their time together."""
+    """Process noise over two frames without an update is that of their total time."""
     once, twice, recent = standing(), standing(), unknown()
     for state in (once, twice):
         STRATEGY.prior.prepare(state, recent)
@@ -164,14 +164,14 @@ def test_the_prior_is_the_process_noise_since_the_last_update() -> None:
     assert once.covariance[0, 0, 0] == pytest.approx(q, rel=1e-5)
 
 
-def test_our_prior_forgets_nothing() -> None:
+def test_propagated_prior_keeps_covariances() -> None:
     state = standing()
     before = state.covariance.copy()
     default.STRATEGY.prior.prepare(state, unknown())
     np.testing.assert_array_equal(state.covariance, before)
 
 
-def test_a_kept_shape_stays_certain() -> None:
+def test_fixed_shape_stays_certain() -> None:
     state = standing()
     state.free[0] = 0
     STRATEGY.prior.prepare(state, unknown())
@@ -197,7 +197,7 @@ def test_a_match_costs_the_sum_of_squared_sigmas_less_the_bonus() -> None:
     np.testing.assert_allclose(known - near, SEED.id_bonus, rtol=1e-6)
 
 
-def test_what_is_far_off_is_no_match() -> None:
+def test_detections_beyond_the_gate_do_not_match() -> None:
     state = standing()
     off = 1.01 * SIGMA_PX * math.sqrt(SEED.match_gate)
     found = STRATEGY.score.match(sight_of(state), shown(state, off).frame, unknown(), STRATEGY.noise, SETTINGS)
@@ -205,7 +205,7 @@ def test_what_is_far_off_is_no_match() -> None:
 
 
 def test_scores_are_weighted_sums_that_fade() -> None:
-    state, track, dt_s = standing(), somebody(), 0.04
+    state, track, dt_s = standing(), tracked_person(), 0.04
     keep = math.exp(-dt_s / SEED.score_memory_s)
     score = STRATEGY.score.track_scores(shown(state, SIGMA_PX), [track], state, SETTINGS)[0]
     gain = SEED.active_views_weight * VIEWS + SEED.active_joints_weight - SEED.active_error_weight
@@ -215,7 +215,7 @@ def test_scores_are_weighted_sums_that_fade() -> None:
 
 
 def tentative_score(rate_hz: float, last_seen_s: float, missed_s: float) -> float:
-    """Of somebody who stands still for a time, and then is not seen."""
+    """Return the score of a person who stands still for a time and is then not seen."""
     points = sight_of(standing()).points_m[0]
     each = TentativeTrack(1, [proposal(points)])
     for i in range(1, round((last_seen_s + missed_s) * rate_hz) + 1):
@@ -235,7 +235,7 @@ def test_tentative_scores_do_not_depend_on_the_frame_rate() -> None:
     assert tentative_score(25.0, 0.4, 0.4) < tentative_score(25.0, 0.4, 0.0)
 
 
-def test_bones_that_vary_speak_against_somebody() -> None:
+def test_varying_bones_lower_the_score() -> None:
     points = sight_of(standing()).points_m[0]
     steady, wild = (TentativeTrack(1, [proposal(points), proposal(scale * points, 0.04)]) for scale in (1.0, 1.3))
     scores = [STRATEGY.score.tentative_score(each, 0.04, 0.04, SETTINGS) for each in (steady, wild)]
@@ -256,7 +256,7 @@ def test_distance_of_the_pelvis_and_of_the_core() -> None:
 
 
 @given(st.integers(0, 10_000))
-def test_distance_is_the_same_both_ways_and_in_any_world(seed: int) -> None:
+def test_distance_is_symmetric_and_invariant(seed: int) -> None:
     rng = np.random.default_rng(seed)
     one = sight_of(standing()).points_m[0] + 0.05 * rng.standard_normal((KEYPOINTS, 3))
     other = one + 0.1 * rng.standard_normal((KEYPOINTS, 3))
@@ -267,7 +267,7 @@ def test_distance_is_the_same_both_ways_and_in_any_world(seed: int) -> None:
     assert proposal_distance(one, other, SETTINGS) == pytest.approx(apart, rel=1e-6)
 
 
-def test_near_proposals_are_one_at_their_centroid() -> None:
+def test_close_proposals_merge_at_their_centroid() -> None:
     points = sight_of(standing()).points_m[0]
     aside = np.array([0.1, 0.0, 0.0])
     near = [proposal(points, n_pairs=2), proposal(points + aside, n_pairs=3, log_odds=2.0)]
@@ -279,8 +279,8 @@ def test_near_proposals_are_one_at_their_centroid() -> None:
     assert len(default.STRATEGY.distance.merge([*near, far], SETTINGS)) == 3
 
 
-def test_who_is_lost_returns_where_they_are_foretold() -> None:
-    state, track = standing(), somebody()
+def test_lost_track_is_found_close_to_its_prediction() -> None:
+    state, track = standing(), tracked_person()
     seen = proposal(sight_of(state).points_m[0] + np.array([0.2, 0.0, 0.0]), 1.0)
     assert STRATEGY.distance.find_lost([track], state, state, seen, 1.0, 1.0, SETTINGS) is None
     track.state = TrackState.LOST
@@ -293,7 +293,7 @@ def test_who_is_lost_returns_where_they_are_foretold() -> None:
 
 @pytest.fixture(scope="module")
 def scene() -> CrowdScene:
-    """Three people and all that a detector does wrong, 100 frames."""
+    """Return 100 frames of three people with all detector errors."""
     return simulate_crowd(CrowdOptions(people=3, duration_s=4.0, seed=1))
 
 
@@ -310,7 +310,7 @@ def active_points(told: Sequence[People]) -> list[dict[str, np.ndarray]]:
     return [{p.name: p.points_m for p in people.people if p.state == TrackState.ACTIVE} for people in told]
 
 
-def test_a_simple_crowd_is_followed(scene: CrowdScene) -> None:
+def test_simple_crowd_is_tracked(scene: CrowdScene) -> None:
     n = scene.detections.n_frames
     told = active_points(follow(tracker_for(scene), scene, range(n)))
     truth = np.asarray(scene.truth.layers["measured"].points_m)
@@ -326,7 +326,7 @@ def test_a_simple_crowd_is_followed(scene: CrowdScene) -> None:
     assert sorted(owners) == list(range(truth.shape[1]))
 
 
-def test_a_pickled_tracker_goes_on(scene: CrowdScene) -> None:
+def test_pickled_tracker_resumes(scene: CrowdScene) -> None:
     half = scene.detections.n_frames // 2
     tracker = tracker_for(scene)
     follow(tracker, scene, range(half))
@@ -340,7 +340,7 @@ def test_a_pickled_tracker_goes_on(scene: CrowdScene) -> None:
             np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-6)
 
 
-def test_nothing_is_smoothed_where_covariances_are_forgotten(scene: CrowdScene) -> None:
+def test_specification_disables_the_smoother(scene: CrowdScene) -> None:
     assert tracker_for(scene).settings.options.smoother == "none"
     assert TrackerOptions().smoother == "full"
 
@@ -365,6 +365,6 @@ def test_impossible_weights_are_named(given_: dict[str, float], message: str) ->
         replace(SpecificationOptions(), **given_)
 
 
-def test_an_unknown_preset_is_named() -> None:
+def test_unknown_strategy_raises() -> None:
     with pytest.raises(OptionsError, match="tracker.strategy must be one of posefuse, specification, got 'seed'"):
         TrackerOptions(strategy="seed")  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""A body fitted to the few frames that showed somebody new is as sure as those frames allow."""
+"""A body fitted to a few frames has the uncertainty that correlated errors allow."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +30,7 @@ def settings_with(**options: float) -> TrackerSettings:
 def standing(
     settings: TrackerSettings, times_s: np.ndarray, posed: Callable[[State], None], size: float = 1.0
 ) -> list[Observation]:
-    """Somebody who does not move, ``posed`` from rest, that much larger than others, seen where they are."""
+    """Return observations of a motionless person in a pose and of a size."""
     tree = settings.tree
     points = np.full((len(SKELETON), 3), np.nan)
     points[SKELETON.index("mid_hip")] = [0.0, 0.0, 0.9]
@@ -50,7 +50,7 @@ def standing(
 
 
 def standing_still(settings: TrackerSettings, times_s: np.ndarray, size: float = 1.0) -> list[Observation]:
-    """Somebody at rest."""
+    """Return observations of a person at rest."""
     return standing(settings, times_s, lambda body: None, size)
 
 
@@ -59,13 +59,13 @@ def born(settings: TrackerSettings, times_s: np.ndarray) -> State:
 
 
 def spread(state: State, settings: TrackerSettings) -> np.ndarray:
-    """Standard deviations of pose and shape."""
+    """Return the standard deviations of pose and shape."""
     return np.sqrt(np.diagonal(state.covariance[0])[: settings.tree.n_pose + settings.tree.n_shape])
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
-def test_more_frames_of_the_same_time_tell_no_more(rate_hz):
-    """Errors last: what more frames show is what the frames beside them showed too."""
+def test_more_frames_in_the_same_time_add_no_information(rate_hz):
+    """Correlated errors repeat in neighboring frames."""
     settings = settings_with()
     few = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 0.04)), settings)
     many = spread(born(settings, np.arange(0.0, AGE_S + 1e-9, 1.0 / rate_hz)), settings)
@@ -76,14 +76,14 @@ def test_more_frames_of_the_same_time_tell_no_more(rate_hz):
     assert (many[:n] < 1.4 * few[:n]).all()
 
 
-def test_the_first_frame_says_what_it_says_whole():
+def test_first_frame_counts_fully():
     once = [spread(born(settings_with(error_memory_s=s), np.zeros(1)), settings_with()) for s in (1e-6, 0.06, 1.0)]
     np.testing.assert_array_equal(once[0], once[1])
     np.testing.assert_array_equal(once[1], once[2])
 
 
 def test_errors_that_do_not_last_make_every_frame_count():
-    """Four frames of white errors know lengths about twice as well as one, and as errors last, no better."""
+    """Four frames halve the uncertainty for white errors, and do not reduce it for correlated ones."""
     times_s = np.arange(0.0, AGE_S + 1e-9, 0.04)
     shape = slice(settings_with().tree.n_pose, None)
     white, lasting = settings_with(error_memory_s=1e-6), settings_with(error_memory_s=100.0)

@@ -1,4 +1,4 @@
-"""BodyFrame of which nobody has said how they move: bones are measured, and the bodies followed."""
+"""Bodies without a kinematic tree: bones are measured, and the bodies are tracked."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ BARE = Skeleton("dots", parse_skeleton(MOUSE, "mouse.toml").keypoints)
 
 
 def small_rig(size: float) -> CameraRig:
-    """Five cameras around something of that size."""
+    """Return five cameras around a body of a size."""
     rig = build_rig("ring", 5, radius_m=7.0, focal_px=3000.0, target_m=(0.0, 0.0, 1.0))
     cameras = []
     for camera in rig.cameras:
@@ -48,7 +48,7 @@ def small_rig(size: float) -> CameraRig:
 
 
 def two_creatures(size: float, seed: int) -> np.ndarray:
-    """Shape (60 frames, 2, keypoint, 3)."""
+    """Return the points of two bodies, shape (60, 2, keypoint, 3)."""
     skeleton, rng, points = parse_skeleton(MOUSE, "mouse.toml"), np.random.default_rng(seed), []
     for i, x in enumerate((-1.2, 1.2)):
         figure = creature(skeleton, size, rng)
@@ -61,7 +61,7 @@ def two_creatures(size: float, seed: int) -> np.ndarray:
 @pytest.mark.parametrize(
     ("size", "tree", "edges"), [(1.0, "", True), (0.1, "[tree]\nsize_m = 0.1", True), (0.1, "", True), (0.1, "", False)]
 )
-def test_two_creatures_are_followed(size, tree, edges):
+def test_two_unknown_bodies_are_tracked(size, tree, edges):
     skeleton = parse_skeleton(MOUSE + tree, "mouse.toml") if edges else BARE
     truth, rig = two_creatures(size, seed=2), small_rig(size)
     scene = crowd_of_points(truth, rig, parse_skeleton(MOUSE, "mouse.toml"), 25.0, seed=2)
@@ -79,14 +79,14 @@ def test_two_creatures_are_followed(size, tree, edges):
     np.testing.assert_allclose(np.linalg.norm(found.poses.directions[5:, :2], axis=-1), 1.0, rtol=1e-9)
 
 
-def test_live_a_skeleton_must_say_how_large_it_is():
+def test_live_tracking_needs_the_body_size():
     skeleton, rig = parse_skeleton(MOUSE, "mouse.toml"), small_rig(0.1)
     with pytest.raises(SkeletonError, match="has no kinematic tree.*size_m"):
         tracker_of(rig, skeleton, default_noise(rig, Options()), Options())
 
 
 def chain_bodies(rng: np.random.Generator, n: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Chains of four points with bones of 3, 1, and 2, turned at random; and the covariances of their noise."""
+    """Return randomly turned chains of four points with bones of 3, 1 and 2, and noise covariances."""
     directions = rng.normal(size=(n, 3, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     steps = directions * np.array([3.0, 1.0, 2.0])[:, None]
@@ -96,7 +96,7 @@ def chain_bodies(rng: np.random.Generator, n: int, noise_m: float) -> tuple[np.n
     return points + noise_m * rng.normal(size=points.shape), covariance
 
 
-def test_bones_are_found_where_distances_keep(rng):
+def test_bones_have_constant_lengths(rng):
     tree = measured_tree(Skeleton("chain", ("c", "a", "d", "b")), *chain_bodies(rng, 400, 0.2))
     joined = {frozenset((node.name, tree.nodes[node.parent].name)) for node in tree.nodes[1:]}
     assert joined == {frozenset("ab"), frozenset("bc"), frozenset("cd")}
@@ -123,13 +123,11 @@ def test_bones_do_not_depend_on_where_bodies_are(rng):
 
 def test_too_few_bodies_are_an_error(rng):
     points, covariance = chain_bodies(rng, 4, 0.02)
-    with pytest.raises(
-        SkeletonError, match="of the 4 bodies that several views show, fewer than 5 show any two keypoints.*size_m"
-    ):
+    with pytest.raises(SkeletonError, match="fewer than 5 show any two keypoints.*size_m"):
         measured_tree(Skeleton("chain", ("c", "a", "d", "b")), points, covariance)
 
 
-def test_options_are_a_humans():
+def test_options_scale_with_the_body():
     options = TrackerOptions()
     assert options.in_proportion(1.0) is options
     small = options.in_proportion(0.125)
@@ -144,7 +142,7 @@ def test_options_are_a_humans():
 
 
 @pytest.mark.parametrize("name", ["mouse_22", "body_20"])
-def test_a_first_pose_is_where_the_points_are_whatever_the_size(name, rng):
+def test_initial_pose_fits_points_of_any_size(name, rng):
     tree = shipped_skeleton(name).tree
     assert tree is not None
     shape, has = np.asarray(tree.shape_m), tree.keypoint_nodes >= 0
