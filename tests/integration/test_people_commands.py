@@ -98,7 +98,7 @@ def test_explain(run, folder):
     assert "Unassigned detections are not listed without the 2D keypoints" in said
     code, _, said = run("explain", folder / "result", "--frame", 99)
     assert code == 1
-    assert "whose frames are 0 to 24" in said
+    assert "frames 0 to 24" in said
 
 
 def test_explain_notices_other_keypoints(run, folder):
@@ -131,7 +131,7 @@ def test_a_report_of_many_with_their_truth(run, folder):
     assert (code, wrong) == (0, "")
     page = (folder / "r.html").read_text()
     assert "<h2>Comparison with the ground truth</h2>" in page
-    assert "<th>People of the truth, of the result</th><td>10, 10</td>" in page
+    assert "<th>People in the ground truth, in the result</th><td>10, 10</td>" in page
     assert "<th>IDF1</th>" in page
 
 
