@@ -1,4 +1,4 @@
-"""Small scenes that many tests use."""
+"""Small scenes used by many tests."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -20,11 +20,11 @@ LENSES = {
     "rational": (LensModel.RATIONAL, (0.4, -0.2, 5e-4, -2e-4, 0.03, 0.7, -0.1, 0.02)),
     "fisheye": (LensModel.FISHEYE, (-0.02, 0.003, -0.001, 0.0002)),
 }
-"""Lens models with believable coefficients."""
+"""Lens models with realistic coefficients."""
 
 
 def camera_with(lens: str, name: str = "cam", pose: np.ndarray | None = None) -> Camera:
-    """A camera with one of LENSES; the fisheye with a shorter focal length."""
+    """Return a camera with one of LENSES; the fisheye has a shorter focal length."""
     model, distortion = LENSES[lens]
     matrix = MATRIX.copy()
     if lens == "fisheye":
@@ -33,23 +33,23 @@ def camera_with(lens: str, name: str = "cam", pose: np.ndarray | None = None) ->
 
 
 def ring(n: int = 5, lens: str = "pinhole") -> CameraRig:
-    """Cameras in a circle of 5 m, looking at the middle of a person."""
+    """Return cameras on a circle of 5 m that look at the middle of a person."""
     angle = 2 * np.pi * np.arange(n) / n
-    centres = np.stack([5 * np.cos(angle), 5 * np.sin(angle), 1.5 + (np.arange(n) % 2)], axis=1)
+    centers = np.stack([5 * np.cos(angle), 5 * np.sin(angle), 1.5 + (np.arange(n) % 2)], axis=1)
     target = np.array([0.0, 0.0, 0.9])
-    cameras = tuple(camera_with(lens, f"cam_{i}", look_at(centre, target)) for i, centre in enumerate(centres))
+    cameras = tuple(camera_with(lens, f"cam_{i}", look_at(center, target)) for i, center in enumerate(centers))
     return CameraRig(cameras, up_axis="z")
 
 
 def body_points(rng: np.random.Generator, n: int, keypoints: int = 17) -> np.ndarray:
-    """Shape (n, keypoints, 3): points where a person may be."""
+    """Return random points in the volume of a person, shape (n, keypoints, 3)."""
     return rng.uniform([-0.8, -0.8, 0.0], [0.8, 0.8, 1.8], (n, keypoints, 3))
 
 
-def seen(
+def simulate_detections(
     rig: CameraRig, points_m: np.ndarray, rng: np.random.Generator, sigma_px: float = 2.0, rate_hz: float | None = 60.0
 ) -> Detections:
-    """What a detector with white noise sees of points (frame, keypoint, 3)."""
+    """Return the detections of points (frame, keypoint, 3) with white noise."""
     pixels = np.moveaxis(rig.project(points_m), 0, 1)
     pixels = pixels + sigma_px * rng.standard_normal(pixels.shape)
     confidence = rng.uniform(0.5, 0.9, pixels.shape[:-1])
@@ -57,11 +57,11 @@ def seen(
 
 
 def skeleton_of(n: int) -> Skeleton:
-    """A skeleton of n keypoints: COCO's if it fits (random points have no plausible bones), else a chain of points."""
+    """Return a skeleton of n keypoints: COCO's without plausible lengths if n is 17, otherwise a chain."""
     if n == 17:
         return replace(find_skeleton("coco_17"), plausible_m=())
     names = tuple(f"point_{i}" for i in range(n))
     return Skeleton("chain", names, tuple(pairwise(names)))
 
 
-__all__ = ["LENSES", "body_points", "build_rig", "camera_with", "ring", "seen", "skeleton_of"]
+__all__ = ["LENSES", "body_points", "build_rig", "camera_with", "ring", "simulate_detections", "skeleton_of"]

@@ -15,7 +15,7 @@ from posefuse.model.reconstruction import Layer, unpack_covariance
 from posefuse.model.status import PointStatus, ViewStatus
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.laws import examples
-from tests.scenes import LENSES, body_points, ring, seen, skeleton_of
+from tests.scenes import LENSES, body_points, ring, simulate_detections, skeleton_of
 
 seeds = st.integers(0, 2**32 - 1)
 lenses = st.sampled_from(sorted(LENSES))
@@ -32,7 +32,7 @@ def scene(seed: int, lens: str, cameras: int = 5) -> tuple[CameraRig, Detections
     """Return ten frames with a fifth of the keypoints missing."""
     rng = np.random.default_rng(seed)
     rig = ring(cameras, lens)
-    detections = seen(rig, body_points(rng, 10), rng)
+    detections = simulate_detections(rig, body_points(rng, 10), rng)
     keypoints = np.array(detections.keypoints_px)
     keypoints[rng.random(keypoints.shape[:-1]) < 0.2] = np.nan
     return rig, replace(detections, keypoints_px=keypoints)
@@ -115,7 +115,7 @@ def test_covariance_regions_have_nominal_coverage(lens):
     rng = np.random.default_rng(1)
     rig = ring(5, lens)
     truth = body_points(rng, 1200)
-    layer = reconstruct(rig, seen(rig, truth, rng)).layers["measured"]
+    layer = reconstruct(rig, simulate_detections(rig, truth, rng)).layers["measured"]
     offset = layer.points_m[:, 0] - truth
     squared = np.einsum("fki,fkij,fkj->fk", offset, np.linalg.inv(unpack_covariance(layer.covariance_m2[:, 0])), offset)
     assert 0.66 < (squared < 3.5059).mean() < 0.70
@@ -125,7 +125,7 @@ def test_covariance_regions_have_nominal_coverage(lens):
 def test_missing_views_only_widen_the_covariance(rng):
     rig = ring(5)
     truth = body_points(rng, 20)
-    detections = seen(rig, truth, rng)
+    detections = simulate_detections(rig, truth, rng)
     all_views = measured(rig, detections)
     fewer = measured(rig.select(rig.names[:3]), detections.views(rig.names[:3]))
     assert (fewer.sd_m > all_views.sd_m).all()

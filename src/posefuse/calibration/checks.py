@@ -123,7 +123,7 @@ def require_enough_points(observations: PointObservations) -> None:
     if observations.n_points < MIN_POINTS:
         raise CalibrationError(
             f"Only {observations.n_points} points are observed by two roughly agreeing cameras; a refinement needs at "
-            f"least {MIN_POINTS}. Use more of the recording, or locate cameras with a wrong pose from scratch "
+            f"least {MIN_POINTS}. Use more of the recording, or estimate wrong poses without initial values "
             "(--relocate NAME)."
         )
 
@@ -144,8 +144,7 @@ def require_determined(uncertainty: Uncertainty, rig: CameraRig, distance_m: flo
         raise CalibrationError(
             f"These points do not determine the cameras, {rig.names[strongest]!r} least of all: the Schur complement "
             "is singular. Coplanar or collinear points, or too few views of each point, can cause this. Fix two "
-            "unmoved "
-            "cameras (--fix), or use more of the recording."
+            "unmoved cameras (--fix), or use more of the recording."
         )
     uncertain = [v for v in range(len(rig)) if not is_determined(uncertainty, v, distance_m)]
     if uncertain:

@@ -15,7 +15,7 @@ class CameraOutcome:
 
     Attributes:
         name: name of the camera.
-        role: what was done: refined, kept fixed, located from scratch, or left out.
+        role: what was done: refined, kept fixed, located without an initial pose, or left out.
         why: reason why it was left out.
         before_px: median reprojection error in held-out frames with the original calibration; for a camera left out,
             from points of the other, refined cameras.

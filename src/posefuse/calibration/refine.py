@@ -83,9 +83,9 @@ class RefinementState:
     """Hold the state of a refinement.
 
     Attributes:
-        before: original cameras that are not left out; for cameras located from scratch, the located ones.
+        before: original cameras that are not left out; for relocated cameras, the located ones.
         rig: the same cameras as refined so far.
-        located: names of the cameras located from scratch.
+        located: names of the cameras located without an initial pose.
         left_out: name and reason of each camera left out.
         contradicted: names of the cameras that most others contradicted with their original poses.
         covered: shape (view,), bool, of the last iteration: whether a view's observations cover its image.
@@ -293,7 +293,7 @@ def _cameras_to_leave_out(state: RefinementState, options: RefineOptions, *, che
         if movable[v] and uncertainty is not None and checks.is_determined(uncertainty, v, distance_m):
             reasons[names[v]] = (
                 f"its calibrated pose has a reprojection error of {error:.0f} px, worse than no pose; it is probably "
-                f"of another camera. --relocate {names[v]} locates the camera from scratch."
+                f"of another camera. --relocate {names[v]} estimates it without an initial pose."
             )
     return reasons
 

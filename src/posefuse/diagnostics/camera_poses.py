@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.diagnostics.copied_poses import copies_of
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
-from posefuse.diagnostics.fine_search import AcceptedFault
+from posefuse.diagnostics.fine_result import AcceptedFault
 from posefuse.diagnostics.hypotheses import Hypothesis
 from posefuse.diagnostics.recording_model import Parameter
 from posefuse.model.cameras import vector_from_rotation

@@ -7,7 +7,7 @@ import numpy as np
 from posefuse.diagnostics.coarse_search import CoarseResult
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
-from posefuse.diagnostics.fine_search import AcceptedFault, FineResult
+from posefuse.diagnostics.fine_result import AcceptedFault, FineResult
 from posefuse.diagnostics.hypotheses import CLOCK_KINDS, Unknown, solve_unknowns
 from posefuse.diagnostics.recording_model import Parameter
 from posefuse.diagnostics.start_offsets import medoid

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posefuse.diagnostics.coarse_search import CoarseResult
-from posefuse.diagnostics.fine_search import FineResult
+from posefuse.diagnostics.fine_result import FineResult
 from posefuse.diagnostics.observations import TrackedObservations
 from posefuse.diagnostics.sample_points import SamplePoints
 

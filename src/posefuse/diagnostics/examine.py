@@ -8,7 +8,7 @@ import numpy as np
 from posefuse.diagnostics import coarse_search, fine_search
 from posefuse.diagnostics.coarse_search import CoarseResult
 from posefuse.diagnostics.examination import Examination
-from posefuse.diagnostics.fine_search import FineResult
+from posefuse.diagnostics.fine_result import FineResult
 from posefuse.diagnostics.left_right_swaps import detect_swaps, undo_swaps
 from posefuse.diagnostics.normalized_views import normalize_views
 from posefuse.diagnostics.observations import TrackedObservations, sample_frames

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from posefuse.diagnostics.clock_model import clock_offset_s, fit_clock, same_clock_model
+from posefuse.diagnostics.fine_result import AcceptedFault, FineResult, Linearization
 from posefuse.diagnostics.hypotheses import (
     CLOCK_KINDS,
     Evaluation,
@@ -43,60 +44,6 @@ _CONVERGED = 0.1
 _COMPETITOR_SHARE = 0.6
 _MAX_COMPETITORS = 4
 _MAX_STEPS = np.array([0.2] * 3 + [0.5] * 3 + [0.2, 0.1, 0.3, 0.2])
-
-
-@dataclass(frozen=True, eq=False)
-class Linearization:
-    """Hold a recording model with its triangulated points and linearized problem.
-
-    Attributes:
-        model: hypothesis about the recording.
-        points: triangulated samples.
-        system: linearized there.
-    """
-
-    model: RecordingModel
-    points: SamplePoints
-    system: LinearSystem
-
-
-@dataclass(frozen=True, eq=False)
-class AcceptedFault:
-    """Hold an accepted hypothesis.
-
-    Attributes:
-        evaluation: evaluation at the time of acceptance.
-        values: shape (unknown,): estimated jointly with all accepted hypotheses.
-        sds: shape (unknown,): standard deviations of the values.
-        competitors: other hypotheses of similar gain, about other views or other kinds of faults.
-    """
-
-    evaluation: Evaluation
-    values: np.ndarray
-    sds: np.ndarray
-    competitors: tuple[Evaluation, ...] = ()
-
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """Return the accepted hypothesis."""
-        return self.evaluation.hypothesis
-
-
-@dataclass(frozen=True, eq=False)
-class FineResult:
-    """Hold the result of the fine search.
-
-    Attributes:
-        initial: linearization before any correction.
-        final: linearization with all accepted corrections.
-        accepted: accepted faults, the most certain first.
-        design_effect: typical number of correlated observations that carry the information of one.
-    """
-
-    initial: Linearization
-    final: Linearization
-    accepted: tuple[AcceptedFault, ...]
-    design_effect: float
 
 
 def search(

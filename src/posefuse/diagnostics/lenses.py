@@ -5,7 +5,7 @@ import numpy as np
 from posefuse.diagnostics.camera_poses import is_pose
 from posefuse.diagnostics.examination import Examination
 from posefuse.diagnostics.findings import certainty_of
-from posefuse.diagnostics.fine_search import AcceptedFault
+from posefuse.diagnostics.fine_result import AcceptedFault
 from posefuse.diagnostics.recording_model import Parameter
 from posefuse.model.cameras import CameraRig
 from posefuse.model.findings import Finding, FindingKind

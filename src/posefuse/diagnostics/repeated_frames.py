@@ -9,7 +9,7 @@ _MIN_POINTS, _MIN_FRAMES, _MIN_SHARE = 4, 4, 0.01
 
 
 def find(examination: Examination) -> tuple[Finding, ...]:
-    """Return a finding for each view with frames whose detections equal those of the previous frame exactly."""
+    """Return a finding for each view in which detections of consecutive frames are exactly equal."""
     observations = examination.detected
     current, previous = observations.pixels[1:], observations.pixels[:-1]
     seen = np.isfinite(current[..., 0]) & np.isfinite(previous[..., 0])

@@ -11,21 +11,21 @@ from posefuse.model.cameras import Camera, CameraRig
 from posefuse.model.detections import Detections
 from posefuse.model.options.options import Options
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.mark.parametrize("cameras", [3, 5, 8])
 @pytest.mark.parametrize("sigma_px", [2.0, 15.0])
 def test_noise_is_not_reported_as_disagreement(cameras, sigma_px, rng):
     rig = ring(cameras)
-    result = reconstruct(rig, seen(rig, body_points(rng, 40), rng, sigma_px))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 40), rng, sigma_px))
     assert not any("do not agree" in note for note in result.provenance.notes)
 
 
 @pytest.mark.parametrize("cameras", [3, 5, 8])
 def test_wrong_camera_order_is_reported_as_disagreement(cameras, rng):
     rig = ring(cameras)
-    detections = seen(rig, body_points(rng, 40), rng)
+    detections = simulate_detections(rig, body_points(rng, 40), rng)
     wrong = Options(camera_order=tuple(reversed(rig.names)))
     with pytest.warns(PosefuseWarning, match="The views do not agree"):
         reconstruct(rig, detections, wrong)
@@ -51,7 +51,7 @@ def test_close_cameras_are_not_reported():
 
 def test_camera_that_contradicts_the_others_is_named(rng):
     rig = ring(5)
-    detections = seen(rig, body_points(rng, 60), rng)
+    detections = simulate_detections(rig, body_points(rng, 60), rng)
     pixels = np.asarray(detections.keypoints_px).reshape(60, 5, 17, 2).copy()
     pixels[:, 3] += rng.uniform(50, 200, (60, 17, 2))
     wrong = Detections.from_dense(detections.skeleton, rig.names, pixels, rate_hz=60.0)

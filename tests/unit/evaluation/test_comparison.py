@@ -17,7 +17,7 @@ from posefuse.pipeline.compare_methods import compare_methods
 from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.synthetic.scenes import truth_of
 from tests.people import crowd, followed
-from tests.scenes import body_points, ring, seen, skeleton_of
+from tests.scenes import body_points, ring, simulate_detections, skeleton_of
 
 FRAMES, VIEWS, POINTS = 60, 6, 5
 FIXED = Options(noise_scale_px=2.0)
@@ -31,7 +31,7 @@ def points() -> np.ndarray:
 @pytest.fixture(scope="module")
 def detections(points) -> Detections:
     """Each point wrong by 200 px in view 0 in every tenth frame, and unseen but for one view in the last."""
-    clean = seen(ring(VIEWS), points, np.random.default_rng(4), rate_hz=60.0)
+    clean = simulate_detections(ring(VIEWS), points, np.random.default_rng(4), rate_hz=60.0)
     pixels, confidence = (np.array(array) for array in clean.dense())
     pixels[::10, 0] += [200.0, 0.0]
     pixels[-1, 1:] = np.nan

@@ -10,7 +10,7 @@ from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def result():
     rng = np.random.default_rng(5)
     rig = ring(4)
     simply = Options(noise_scale_px=2.0, triangulation=TriangulationOptions(method="simple"))
-    detections = seen(rig, body_points(rng, 30, 6), rng)
+    detections = simulate_detections(rig, body_points(rng, 30, 6), rng)
     keypoints = np.array(detections.keypoints_px)
     keypoints[:10, 2] = np.nan
     return reconstruct(rig, replace(detections, keypoints_px=keypoints), simply)

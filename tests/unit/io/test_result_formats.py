@@ -24,7 +24,7 @@ from posefuse.model.status import is_used
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.broken import broken
 from tests.laws.test_result_files import FILES, some_result
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def result() -> Reconstruction:
     """Nine frames of one person, a keypoint missing in frame 3; measured, and a second layer a centimetre off."""
     rng = np.random.default_rng(1)
     rig = ring(4, "barrel")
-    detections = seen(rig, body_points(rng, 9), rng, rate_hz=60.0)
+    detections = simulate_detections(rig, body_points(rng, 9), rng, rate_hz=60.0)
     keypoints = np.array(detections.keypoints_px)
     keypoints[3 * 4 : 3 * 4 + 4, 5] = np.nan
     found = reconstruct(rig, replace(detections, keypoints_px=keypoints), Options(solve="frame"))
@@ -332,7 +332,7 @@ class TestFreeMoCap:
     def test_one_camera_is_no_place_in_the_world(self, tmp_path):
         rng = np.random.default_rng(0)
         rig = ring(1)
-        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng), Options(solve="frame"))
+        flat = reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng), Options(solve="frame"))
         for form in ("npz", "freemocap", "anipose"):
             with pytest.raises(ResultError, match=r"this result is in px \(image plane of a single camera\)"):
                 posefuse.write(flat, tmp_path / form, form)

@@ -24,14 +24,14 @@ from posefuse.model.options.sync import SyncOptions
 from posefuse.model.options.triangulation import TriangulationOptions
 from posefuse.model.reconstruction import Reconstruction
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture
 def result(rng) -> Reconstruction:
     """Nine frames; one keypoint is missing in frame 3, one has two views, one view lacks a frame."""
     rig = ring(4, "barrel")
-    detections = seen(rig, body_points(rng, 9), rng, rate_hz=60.0)
+    detections = simulate_detections(rig, body_points(rng, 9), rng, rate_hz=60.0)
     keypoints = np.array(detections.keypoints_px)
     keypoints[3 * 4 : 3 * 4 + 4, 5] = np.nan
     keypoints[2 * 4 : 2 * 4 + 2, 7] = np.nan
@@ -151,7 +151,7 @@ class TestCsv:
 
     def test_a_flattened_camera_is_in_pixels(self, rng, tmp_path):
         rig = ring(1)
-        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng), Options(solve="frame"))
+        flat = reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng), Options(solve="frame"))
         row = self.rows(flat, tmp_path)[0]
         assert "x_px" in row
         assert "x_m" not in row
@@ -279,7 +279,7 @@ class TestC3d:
 
     def test_more_views_than_bits(self, rng, tmp_path):
         rig = ring(9)
-        many = reconstruct(rig, seen(rig, body_points(rng, 3), rng), Options(solve="frame"))
+        many = reconstruct(rig, simulate_detections(rig, body_points(rng, 3), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
         assert not by_c3d(tmp_path / "person.c3d")[..., 4].any()
         found = ezc3d.c3d(str(tmp_path / "person.c3d"))
@@ -287,7 +287,7 @@ class TestC3d:
 
     def test_many_keypoints(self, rng, tmp_path):
         rig = ring(3)
-        many = reconstruct(rig, seen(rig, body_points(rng, 3, 300), rng), Options(solve="frame"))
+        many = reconstruct(rig, simulate_detections(rig, body_points(rng, 3, 300), rng), Options(solve="frame"))
         posefuse.write(many, tmp_path / "person.c3d")
         assert ezc3d.c3d(str(tmp_path / "person.c3d"))["data"]["points"].shape == (4, 300, 3)
 
@@ -310,7 +310,7 @@ class TestC3d:
 
     def test_pixels_are_no_place(self, rng, tmp_path):
         rig = ring(1)
-        flat = reconstruct(rig, seen(rig, body_points(rng, 2), rng), Options(solve="frame"))
+        flat = reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng), Options(solve="frame"))
         with pytest.raises(ResultError, match="in px.*Use TRC"):
             posefuse.write(flat, tmp_path / "person.c3d")
         assert list(tmp_path.iterdir()) == []

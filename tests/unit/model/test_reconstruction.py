@@ -13,13 +13,13 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.tracks import Tracks
 from posefuse.pipeline.reconstruct import reconstruct
 from tests.people import crowd, followed
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture
 def result(rng) -> Reconstruction:
     rig = ring(3)
-    return reconstruct(rig, seen(rig, body_points(rng, 7), rng))
+    return reconstruct(rig, simulate_detections(rig, body_points(rng, 7), rng))
 
 
 def test_ranges_put_together_are_the_whole(result):

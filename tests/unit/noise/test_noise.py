@@ -15,14 +15,14 @@ from posefuse.model.reconstruction import unpack_covariance
 from posefuse.model.status import ViewStatus
 from posefuse.pipeline.calibrate_noise import calibrate_noise
 from posefuse.pipeline.reconstruct import reconstruct
-from tests.scenes import body_points, build_rig, ring, seen, skeleton_of
+from tests.scenes import body_points, build_rig, ring, simulate_detections, skeleton_of
 
 
 @pytest.mark.parametrize("sigma", [0.5, 2.0, 8.0])
 @pytest.mark.parametrize("lens", ["pinhole", "barrel"])
 def test_noise_is_estimated_from_residuals(sigma, lens, rng):
     rig = ring(4, lens)
-    result = reconstruct(rig, seen(rig, body_points(rng, 300), rng, sigma))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 300), rng, sigma))
     assert result.noise.origin == "estimated"
     np.testing.assert_allclose(result.noise.scale_px, sigma, rtol=0.04)
 
@@ -104,14 +104,14 @@ def test_a_point_beyond_the_fold_of_a_lens_is_tolerated(rng):
 
 def test_noise_fixed_by_the_user(rng):
     rig = ring(4)
-    result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), Options(noise_scale_px=7.0))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 5), rng), Options(noise_scale_px=7.0))
     assert result.noise.origin == "fixed"
     assert (result.noise.scale_px == 7.0).all()
 
 
 def test_noise_is_assumed_with_too_few_points(rng):
     rig = ring(4)
-    result = reconstruct(rig, seen(rig, body_points(rng, 1), rng))
+    result = reconstruct(rig, simulate_detections(rig, body_points(rng, 1), rng))
     assert result.noise.origin == "assumed"
     np.testing.assert_allclose(result.noise.scale_px, 4.5 * 1.92)
 
@@ -133,12 +133,12 @@ def test_the_error_model_is_calibrated_by_leaving_views_out(exponent, nu, rng):
 def test_calibration_with_too_few_points_is_an_error(rng):
     rig = ring(4)
     with pytest.raises(DetectionsError, match="seen by three views that agree"):
-        calibrate_noise(rig, seen(rig, body_points(rng, 1), rng))
+        calibrate_noise(rig, simulate_detections(rig, body_points(rng, 1), rng))
 
 
 def test_a_calibrated_noise_is_used_by_camera_name(rng):
     rig = ring(4)
-    detections = seen(rig, body_points(rng, 20), rng)
+    detections = simulate_detections(rig, body_points(rng, 20), rng)
     noise = NoiseOptions(("cam_3", "cam_1", "cam_0", "cam_2", "spare"), (4.0, 2.0, 1.0, 3.0, 9.0), 1.5, 3.0)
     found = reconstruct(rig, detections, Options(noise=noise)).noise
     assert found.scale_px.tolist() == [1.0, 2.0, 3.0, 4.0]

@@ -14,7 +14,7 @@ from posefuse.model.status import PointStatus, Source, ViewStatus
 from posefuse.model.view_names import plain_name
 from posefuse.pipeline.reconstruct import reconstruct, triangulate
 from posefuse.preprocess.match_cameras import match_views
-from tests.scenes import body_points, ring, seen, skeleton_of
+from tests.scenes import body_points, ring, simulate_detections, skeleton_of
 
 
 def named(rig: CameraRig, *names: str) -> CameraRig:
@@ -89,20 +89,20 @@ class TestMatching:
 class TestTime:
     def test_cut(self, rng):
         rig = ring(3)
-        detections = seen(rig, body_points(rng, 20), rng, rate_hz=10.0)
+        detections = simulate_detections(rig, body_points(rng, 20), rng, rate_hz=10.0)
         result = reconstruct(rig, detections, Options(start_s=0.5, end_s=1.0))
         assert result.frame_numbers.tolist() == [5, 6, 7, 8, 9]
         np.testing.assert_allclose(result.time_s, np.arange(5, 10) / 10)
 
     def test_nothing_left(self, rng):
         rig = ring(3)
-        detections = seen(rig, body_points(rng, 20), rng, rate_hz=10.0)
+        detections = simulate_detections(rig, body_points(rng, 20), rng, rate_hz=10.0)
         with pytest.raises(DetectionsError, match=r"No frame lies between.*runs from 0\.000 s to 1\.900 s"):
             reconstruct(rig, detections, Options(start_s=5.0))
 
     def test_times_must_be_known(self, rng):
         rig = ring(3)
-        detections = seen(rig, body_points(rng, 2), rng, rate_hz=None)
+        detections = simulate_detections(rig, body_points(rng, 2), rng, rate_hz=None)
         with pytest.raises(DetectionsError, match="Add --rate-hz"):
             reconstruct(rig, detections, Options(start_s=1.0))
         assert np.isnan(reconstruct(rig, detections).time_s).all()
@@ -110,7 +110,7 @@ class TestTime:
     def test_no_frames(self, rng):
         rig = ring(3)
         with pytest.raises(DetectionsError, match="empty"):
-            reconstruct(rig, seen(rig, body_points(rng, 2), rng).frames(0, 0))
+            reconstruct(rig, simulate_detections(rig, body_points(rng, 2), rng).frames(0, 0))
 
 
 class TestMinViews:
@@ -118,7 +118,7 @@ class TestMinViews:
         rig = ring(2)
         simply = Options(triangulation=TriangulationOptions(method="simple"))
         with pytest.warns(PosefuseWarning, match="min_views lowered from 3 to 2: the rig has 2 cameras") as said:
-            result = reconstruct(rig, seen(rig, body_points(rng, 40), rng), simply)
+            result = reconstruct(rig, simulate_detections(rig, body_points(rng, 40), rng), simply)
         assert len(said) == 1
         assert (result.layers["measured"].status == PointStatus.TWO_VIEWS).all()
         assert result.resolved.triangulation.min_views == 2
@@ -126,10 +126,10 @@ class TestMinViews:
     def test_default_is_the_methods(self, rng):
         rig = ring(3)
         simply = Options(triangulation=TriangulationOptions(method="simple"))
-        detections = seen(rig, body_points(rng, 5), rng).views(rig.names[:2])
+        detections = simulate_detections(rig, body_points(rng, 5), rng).views(rig.names[:2])
         with pytest.warns(PosefuseWarning, match="the rig has 2 cameras"):
             reconstruct(rig, detections, simply)
-        result = reconstruct(rig, seen(rig, body_points(rng, 5), rng), simply)
+        result = reconstruct(rig, simulate_detections(rig, body_points(rng, 5), rng), simply)
         assert result.resolved.triangulation.min_views == 3
         assert reconstruct(rig, detections).resolved.triangulation.min_views == 2
 
@@ -137,7 +137,7 @@ class TestMinViews:
 class TestOneCamera:
     def test_flat(self, rng):
         rig = ring(1)
-        detections = seen(rig, body_points(rng, 4), rng)
+        detections = simulate_detections(rig, body_points(rng, 4), rng)
         result = reconstruct(rig, detections)
         layer = result.layers["measured"]
         pixels, _ = detections.dense()
@@ -162,11 +162,11 @@ class TestOneCamera:
         rig = ring(1)
         options = Options(triangulation=TriangulationOptions(flatten_single_view=False))
         with pytest.raises(DetectionsError, match="these keypoints have none"):
-            reconstruct(rig, seen(rig, body_points(rng, 4), rng), options)
+            reconstruct(rig, simulate_detections(rig, body_points(rng, 4), rng), options)
 
     def test_missing_and_low_confidence_keypoints(self, rng):
         rig = ring(1)
-        detections = seen(rig, body_points(rng, 1), rng)
+        detections = simulate_detections(rig, body_points(rng, 1), rng)
         pixels, confidence = (np.array(part) for part in detections.dense())
         pixels[0, 0, 2], confidence[0, 0, 5] = np.nan, 0.01
         layer = reconstruct(rig, Detections.from_dense(skeleton_of(17), rig.names, pixels, confidence)).layers[
@@ -180,7 +180,7 @@ class TestOneCamera:
 
 def test_long_recordings_are_reconstructed_in_ranges(rng):
     rig = ring(3)
-    detections = seen(rig, body_points(rng, 5000, 2), rng)
+    detections = simulate_detections(rig, body_points(rng, 5000, 2), rng)
     whole = reconstruct(rig, detections)
     assert whole.n_frames == 5000
     part = reconstruct(rig, detections.frames(2040, 2060), Options(noise_scale_px=float(whole.noise.scale_px[0])))
@@ -189,7 +189,7 @@ def test_long_recordings_are_reconstructed_in_ranges(rng):
 
 def test_triangulate_measures(rng):
     rig = ring(3)
-    detections = seen(rig, body_points(rng, 5), rng)
+    detections = simulate_detections(rig, body_points(rng, 5), rng)
     measured = triangulate(rig, detections)
     assert list(measured.layers) == ["measured"]
     assert measured.layers["measured"] == reconstruct(rig, detections).layers["measured"]

@@ -22,7 +22,7 @@ from posefuse.pipeline.solved_layer import frame_windows, training_spans
 from posefuse.progress import Silent
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 from tests.unit.trajectory.problems import ARM, exact_pixels, swinging
 
 EVERYTHING = PostprocessOptions(
@@ -106,7 +106,7 @@ def measured(plan) -> Reconstruction:
 
 def test_windows_hold_their_frames_and_margins():
     rig = ring(3)
-    detections = seen(
+    detections = simulate_detections(
         rig, np.broadcast_to(body_points(np.random.default_rng(0), 1), (50, 17, 3)), np.random.default_rng(1)
     )
     plan = prepare(rig, detections, Options(solve="frame"), Silent())

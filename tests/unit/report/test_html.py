@@ -20,7 +20,7 @@ from posefuse.report.summary_text import scene_note
 from posefuse.skeleton.skeletons import shipped_skeleton
 from posefuse.synthetic.options import SceneOptions
 from posefuse.synthetic.scenes import simulate
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_names_from_files_are_escaped(result):
 
 def test_single_camera_result_is_labeled_as_image_plane(rng):
     rig = ring(1)
-    page = render_report(reconstruct(rig, seen(rig, body_points(rng, 3), rng)))
+    page = render_report(reconstruct(rig, simulate_detections(rig, body_points(rng, 3), rng)))
     assert "pixels in its image plane" in page
     assert data_of(page)["scene"]["cameras"] == []
 
@@ -143,7 +143,7 @@ def test_unknown_up_axis_is_reported(result):
 
 def test_missing_points_are_counted_and_explained(rng):
     rig = ring(3)
-    detections = seen(rig, body_points(rng, 4), rng)
+    detections = simulate_detections(rig, body_points(rng, 4), rng)
     keypoints = np.array(detections.keypoints_px)
     keypoints[:, 3] = np.nan
     page = render_report(reconstruct(rig, replace(detections, keypoints_px=keypoints)))

@@ -10,7 +10,7 @@ from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report.html import render_report
 from posefuse.report.left_right_swaps import swap_section, swap_timeline
 from posefuse.report.summary import summarize
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 CHAINS = ("arm", "leg")
 
@@ -22,7 +22,9 @@ def result(rng):
     state = np.full((10, 1, 3, 2), SwapState.AS_LABELLED, dtype=np.int8)
     state[5:, 0, 1, 1] = SwapState.SWAPPED
     state[:, 0, 2] = SwapState.UNKNOWN
-    return replace(reconstruct(rig, seen(rig, body_points(rng, 10), rng, rate_hz=10.0)), swaps=Swaps(CHAINS, state))
+    return replace(
+        reconstruct(rig, simulate_detections(rig, body_points(rng, 10), rng, rate_hz=10.0)), swaps=Swaps(CHAINS, state)
+    )
 
 
 def test_shares_ignore_undecided_frames(result):

@@ -15,13 +15,13 @@ from posefuse.pipeline.reconstruct import reconstruct
 from posefuse.report.comparison import comparison_figure
 from posefuse.report.numbers import format_three_digits
 from posefuse.report.percentile_filter import percentile_filter_figure
-from tests.scenes import body_points, ring, seen
+from tests.scenes import body_points, ring, simulate_detections
 
 
 @pytest.fixture(scope="module")
 def detections():
     rng = np.random.default_rng(6)
-    return seen(ring(5), body_points(rng, 20), rng)
+    return simulate_detections(ring(5), body_points(rng, 20), rng)
 
 
 @pytest.fixture(scope="module")
