@@ -7,27 +7,16 @@ import numpy as np
 import pytest
 
 from posefuse.biomechanics.center_of_mass import centers_of_mass
-from posefuse.biomechanics.segment_lengths import segment_lengths
 from posefuse.errors import SkeletonError
 from posefuse.model.options.subject import MassTable
 from posefuse.model.status import Source
 from posefuse.skeleton.masses import mass_table
 from posefuse.skeleton.skeletons import find_skeleton
-from posefuse.synthetic.options import CLEAN, SceneOptions
-from posefuse.synthetic.scenes import simulate
 
 SHIFT = np.array([1.0, 2.0, 3.0])
+
+
 TABLES = [name for name in get_args(MassTable) if name != "none"]
-
-
-@pytest.fixture(scope="module")
-def truth():
-    return simulate(SceneOptions(duration_s=0.5, cameras=2, detector=CLEAN)).truth
-
-
-@pytest.fixture
-def layer(truth):
-    return truth.best_layer()[1]
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -82,16 +71,3 @@ def test_missing_mass_and_filled_share(truth, layer):
 def test_animals_have_no_mass_table(truth, layer):
     with pytest.raises(SkeletonError, match="needs the segment"):
         mass_table("winter").check(find_skeleton("mouse_22"))
-
-
-def test_segment_lengths(truth, layer):
-    name, _ = truth.best_layer()
-    found = segment_lengths(truth.chunks(4), name)
-    shank = next(each for each in found if (each.near, each.far) == ("left_knee", "left_ankle"))
-    points = np.asarray(layer.points_m)[:, 0]
-    lengths = np.linalg.norm(
-        points[:, truth.skeleton.index("left_knee")] - points[:, truth.skeleton.index("left_ankle")], axis=-1
-    )
-    assert shank.median_m == pytest.approx(np.median(lengths), rel=1e-6)
-    assert shank.sd_m == pytest.approx(1.4826 * np.median(np.abs(lengths - np.median(lengths))), abs=1e-6)
-    assert shank.n_frames == 15

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from posefuse.errors import DetectionsError, OptionsError
+from posefuse.errors import OptionsError
 from posefuse.model.options.postprocess import (
     ButterworthOptions,
     Filter,
@@ -19,29 +19,14 @@ from posefuse.model.options.postprocess import (
 )
 from posefuse.model.status import Source
 from posefuse.postprocess.filters import smooth
-from posefuse.postprocess.gaps import fill
-from posefuse.postprocess.kalman import smooth_kalman, tempering
-from posefuse.postprocess.points import Clock, Points, contiguous_ranges
+from posefuse.postprocess.kalman import smooth_kalman
 
-RATE_HZ = 60.0
+from .conftest import RATE_HZ, clock_of, points_of, wave
+
 FILTERS: tuple[Filter, ...] = ("hampel", "median", "butterworth", "savgol", "one_euro", "kalman")
+
+
 LINEAR = ("butterworth", "savgol", "kalman")
-
-
-def points_of(xyz: np.ndarray, sd_m: float = 0.005) -> Points:
-    known = np.isfinite(xyz[..., 0])
-    entries = sd_m**2 * np.array([1.0, 0, 0, 1.0, 0, 1.0])
-    covariance = np.where(known[..., None], entries, np.nan)
-    return Points(xyz, covariance, np.where(known, Source.MEASURED, Source.NONE).astype(np.int8))
-
-
-def clock_of(frames: int, rate_hz: float = RATE_HZ) -> Clock:
-    return Clock.of(np.arange(frames) / rate_hz, rate_hz)
-
-
-def wave(frames: int, hertz: float, amplitude: float = 0.1, rate_hz: float = RATE_HZ) -> np.ndarray:
-    phase = 2 * np.pi * hertz * np.arange(frames) / rate_hz
-    return amplitude * np.stack([np.sin(phase), np.cos(phase), 0 * phase], axis=-1)[:, None]
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -150,123 +135,10 @@ def test_one_euro_is_causal_and_reduces_jitter():
     np.testing.assert_array_equal(again.xyz_m[:120], out.xyz_m[:120])
 
 
-def random_walk(rng: np.random.Generator, frames: int, points: int, acceleration: float) -> np.ndarray:
-    """Return positions with white accelerations of a spectral density."""
-    dt = 1 / RATE_HZ
-    walk = acceleration * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    kicks = rng.multivariate_normal([0, 0], walk, size=(frames, points, 3))
-    state = np.zeros((points, 3, 2))
-    out = []
-    for kick in kicks:
-        state = np.stack([state[..., 0] + dt * state[..., 1], state[..., 1]], axis=-1) + kick
-        out.append(state[..., 0])
-    return np.stack(out)
-
-
-def test_smoother_covariances_match_the_errors():
-    rng = np.random.default_rng(5)
-    truth = random_walk(rng, 150, 40, 20.0)
-    sd = 0.01
-    noisy = truth + sd * rng.normal(size=truth.shape)
-    noisy[rng.random(truth.shape[:2]) < 0.2] = np.nan
-    out = smooth_kalman(points_of(noisy, sd), clock_of(150), KalmanOptions(20.0, 0.0))
-    inside = out.known
-    error = (out.xyz_m - truth)[inside]
-    variance = out.covariance_m2[inside][:, [0, 3, 5]]
-    assert (error**2 / variance).mean() == pytest.approx(1.0, abs=0.06)
-    assert error.std() < 0.75 * sd
-    assert np.isfinite(out.covariance_m2[inside]).all()
-    missing = inside & np.isnan(noisy[..., 0])
-    assert out.covariance_m2[missing][:, 0].mean() > 1.5 * out.covariance_m2[inside & ~missing][:, 0].mean()
-
-
-def test_smoother_equals_the_dense_solution():
-    """Solve all positions and velocities as one Gaussian."""
-    rng = np.random.default_rng(7)
-    frames, sd, q = 12, 0.01, 20.0
-    time = np.cumsum(rng.uniform(0.5, 1.5, frames)) / RATE_HZ
-    z = rng.normal(size=(frames, 1, 3)) * 0.05
-    z[4:6] = np.nan
-    out = smooth_kalman(points_of(z, sd), Clock.of(time, None), KalmanOptions(q, 0.0))
-    information, vector = np.zeros((2 * frames, 2 * frames)), np.zeros((2 * frames, 3))
-    information[:2, :2] += np.diag([1.0, 1 / 25.0])
-    vector[0] += z[0, 0]
-    for f in range(frames - 1):
-        dt = time[f + 1] - time[f]
-        inverse = np.linalg.inv(q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
-        step = np.hstack([-np.array([[1, dt], [0, 1]]), np.eye(2)])
-        information[2 * f : 2 * f + 4, 2 * f : 2 * f + 4] += step.T @ inverse @ step
-    for f in range(frames):
-        if np.isfinite(z[f, 0, 0]):
-            information[2 * f, 2 * f] += 1 / sd**2
-            vector[2 * f] += z[f, 0] / sd**2
-    covariance = np.linalg.inv(information)
-    np.testing.assert_allclose(out.xyz_m[:, 0], (covariance @ vector)[::2], atol=1e-7)
-    np.testing.assert_allclose(out.covariance_m2[:, 0, 0], np.diag(covariance)[::2], rtol=1e-6)
-    np.testing.assert_allclose(out.covariance_m2[:, 0, [1, 2, 4]], 0.0, atol=1e-12)
-
-
 def test_defaults_keep_the_amplitude_of_a_fast_hand():
     swing = wave(240, 3.0, amplitude=0.15)
     out = smooth_kalman(points_of(swing), clock_of(240), KalmanOptions())
     assert np.abs(out.xyz_m[60:180, 0, 0]).max() > 0.98 * 0.15
-
-
-def test_correlated_errors_have_less_weight():
-    assert tempering(1 / 60, 0.0) == 1.0
-    assert tempering(1.0, 0.001) == 1.0
-    assert tempering(0.01, 1.0) == pytest.approx(200, rel=0.01)
-
-
-@pytest.mark.parametrize("how", ["linear", "pchip", "smoother"])
-def test_only_short_inner_gaps_are_filled(how):
-    path = wave(100, 0.5)
-    holed = path.copy()
-    for start, stop in ((0, 3), (20, 26), (50, 63), (95, 100)):
-        holed[start:stop] = np.nan
-    options = PostprocessOptions(fill=how, max_gap_s=6 / RATE_HZ)
-    out = fill(points_of(holed), clock_of(100), options)
-    wanted = np.isfinite(holed[:, 0, 0])
-    wanted[20:26] = True
-    assert np.array_equal(out.known[:, 0], wanted)
-    assert (out.source[20:26] == Source.FILLED).all()
-    assert (out.source[wanted & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
-    assert np.abs(out.xyz_m[20:26] - path[20:26]).max() < 0.01
-    np.testing.assert_array_equal(out.xyz_m[:20], holed[:20])
-    assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")
-
-
-def test_linear_interpolation():
-    xyz = np.full((5, 1, 3), np.nan)
-    xyz[0], xyz[4] = 0.0, 4.0
-    out = fill(points_of(xyz), clock_of(5), PostprocessOptions(fill="linear", max_gap_s=1.0))
-    np.testing.assert_allclose(out.xyz_m[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-12)
-
-
-def test_unrecorded_frames_split_ranges_and_lengthen_gaps():
-    time = np.array([0, 1, 2, 8, 9, 10]) / RATE_HZ
-    clock = Clock.of(time, RATE_HZ)
-    assert contiguous_ranges(np.ones(6, dtype=bool), clock.is_contiguous) == [(0, 3), (3, 6)]
-    xyz = np.ones((6, 1, 3))
-    xyz[3] = np.nan
-    assert not fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.09)).known[3, 0]
-    assert fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.1)).known[3, 0]
-
-
-def test_smoothed_filled_points_stay_marked_as_filled():
-    path = wave(60, 1.0)
-    path[30:33] = np.nan
-    options = PostprocessOptions(fill="pchip")
-    filled = fill(points_of(path), clock_of(60), options)
-    out = smooth(filled, clock_of(60), "butterworth", options)
-    assert (out.source[30:33] == Source.FILLED).all()
-    assert (out.source[:30] == Source.SMOOTHED).all()
-    assert np.isnan(out.covariance_m2[30:33]).all()
-
-
-def test_missing_times_are_an_error():
-    with pytest.raises(DetectionsError, match="--rate-hz"):
-        Clock.of(np.full(5, np.nan), None)
 
 
 @pytest.mark.parametrize(

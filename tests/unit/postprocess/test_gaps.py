@@ -1,0 +1,60 @@
+"""Gaps and their interpolation."""
+
+import numpy as np
+import pytest
+
+from posefuse.model.options.postprocess import (
+    PostprocessOptions,
+)
+from posefuse.model.status import Source
+from posefuse.postprocess.filters import smooth
+from posefuse.postprocess.gaps import fill
+from posefuse.postprocess.points import Clock, contiguous_ranges
+
+from .conftest import RATE_HZ, clock_of, points_of, wave
+
+
+@pytest.mark.parametrize("how", ["linear", "pchip", "smoother"])
+def test_only_short_inner_gaps_are_filled(how):
+    path = wave(100, 0.5)
+    holed = path.copy()
+    for start, stop in ((0, 3), (20, 26), (50, 63), (95, 100)):
+        holed[start:stop] = np.nan
+    options = PostprocessOptions(fill=how, max_gap_s=6 / RATE_HZ)
+    out = fill(points_of(holed), clock_of(100), options)
+    wanted = np.isfinite(holed[:, 0, 0])
+    wanted[20:26] = True
+    assert np.array_equal(out.known[:, 0], wanted)
+    assert (out.source[20:26] == Source.FILLED).all()
+    assert (out.source[wanted & np.isfinite(holed[:, 0, 0])] == Source.MEASURED).all()
+    assert np.abs(out.xyz_m[20:26] - path[20:26]).max() < 0.01
+    np.testing.assert_array_equal(out.xyz_m[:20], holed[:20])
+    assert np.isfinite(out.covariance_m2[20:26]).all() == (how == "smoother")
+
+
+def test_linear_interpolation():
+    xyz = np.full((5, 1, 3), np.nan)
+    xyz[0], xyz[4] = 0.0, 4.0
+    out = fill(points_of(xyz), clock_of(5), PostprocessOptions(fill="linear", max_gap_s=1.0))
+    np.testing.assert_allclose(out.xyz_m[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-12)
+
+
+def test_unrecorded_frames_split_ranges_and_lengthen_gaps():
+    time = np.array([0, 1, 2, 8, 9, 10]) / RATE_HZ
+    clock = Clock.of(time, RATE_HZ)
+    assert contiguous_ranges(np.ones(6, dtype=bool), clock.is_contiguous) == [(0, 3), (3, 6)]
+    xyz = np.ones((6, 1, 3))
+    xyz[3] = np.nan
+    assert not fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.09)).known[3, 0]
+    assert fill(points_of(xyz), clock, PostprocessOptions(fill="linear", max_gap_s=0.1)).known[3, 0]
+
+
+def test_smoothed_filled_points_stay_marked_as_filled():
+    path = wave(60, 1.0)
+    path[30:33] = np.nan
+    options = PostprocessOptions(fill="pchip")
+    filled = fill(points_of(path), clock_of(60), options)
+    out = smooth(filled, clock_of(60), "butterworth", options)
+    assert (out.source[30:33] == Source.FILLED).all()
+    assert (out.source[:30] == Source.SMOOTHED).all()
+    assert np.isnan(out.covariance_m2[30:33]).all()

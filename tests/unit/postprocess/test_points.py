@@ -1,0 +1,12 @@
+"""Clocks of recordings."""
+
+import numpy as np
+import pytest
+
+from posefuse.errors import DetectionsError
+from posefuse.postprocess.points import Clock
+
+
+def test_missing_times_are_an_error():
+    with pytest.raises(DetectionsError, match="--rate-hz"):
+        Clock.of(np.full(5, np.nan), None)
