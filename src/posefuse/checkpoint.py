@@ -3,7 +3,6 @@
 :class:`posefuse.io.checkpoints.CheckpointFolder` stores parts in a folder; :data:`NO_CHECKPOINT` stores nothing.
 """
 
-from pathlib import Path
 from typing import Any, Protocol
 
 
@@ -53,14 +52,6 @@ class Checkpoint(Protocol):
         """Return a checkpoint for a part of the work, with names of its own."""
         ...
 
-    def save_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
-        """Store a finished file in place of all parts, with the warnings issued while it was written."""
-        ...
-
-    def load_file(self, target: Path) -> tuple[str, ...] | None:
-        """Write the stored file to a path and return its warnings, or None if there is no intact file."""
-        ...
-
 
 class NoCheckpoint:
     """A checkpoint that stores nothing; interrupted work starts again from the beginning."""
@@ -84,12 +75,6 @@ class NoCheckpoint:
     def child(self, name: str) -> Checkpoint:
         """Return this object."""
         return self
-
-    def save_file(self, file: Path, said: tuple[str, ...] = ()) -> None:
-        """Do nothing."""
-
-    def load_file(self, target: Path) -> tuple[str, ...] | None:
-        """Return None."""
 
 
 NO_CHECKPOINT = NoCheckpoint()

@@ -95,10 +95,10 @@ def test_explain(run, folder):
     assert "person_5" not in said.split("cam_0")[0]
     code, said, _ = run("explain", folder / "result", "--frame", 12)
     assert code == 0
-    assert "The 2D keypoints are not known here" in said
+    assert "Unassigned detections are not listed without the 2D keypoints" in said
     code, _, said = run("explain", folder / "result", "--frame", 99)
     assert code == 1
-    assert "whose frames are 0 to 24" in said
+    assert "frames 0 to 24" in said
 
 
 def test_explain_notices_other_keypoints(run, folder):
@@ -130,8 +130,8 @@ def test_a_report_of_many_with_their_truth(run, folder):
     code, _, wrong = run("report", folder / "result", "--truth", folder / "truth.nc", "-o", folder / "r.html")
     assert (code, wrong) == (0, "")
     page = (folder / "r.html").read_text()
-    assert "<h2>Against the truth</h2>" in page
-    assert "<th>People of the truth, of the result</th><td>10, 10</td>" in page
+    assert "<h2>Comparison with the ground truth</h2>" in page
+    assert "<th>People in the ground truth, in the result</th><td>10, 10</td>" in page
     assert "<th>IDF1</th>" in page
 
 
@@ -140,7 +140,7 @@ def test_a_result_by_its_own_account(run, folder, monkeypatch):
     code, said, wrong = run("evaluate", folder / "result")
     assert (code, wrong) == (0, "")
     assert "layer model, self-consistency without ground truth: 25 frames" in said
-    assert "NIS by its degrees of freedom, mean" in said
+    assert "NIS per degree of freedom, mean" in said
     assert all(len(line) <= 80 for line in said.splitlines() if not line.startswith("/"))
     numbers = json.loads((folder / "result" / "evaluation.json").read_text())
     assert numbers["innovations"]["mean"] == pytest.approx(1.0, abs=0.05)

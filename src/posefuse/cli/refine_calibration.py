@@ -24,7 +24,7 @@ class RefineFlags:
         Parameter(help="Parameters to refine: extrinsics; focal (also focal lengths); lens (also k1 and k2)."),
     ] = "extrinsics"
     fix: Annotated[Names, Parameter(help="Cameras that are not refined and define the world.")] = ()
-    relocate: Annotated[Names, Parameter(help="Cameras to locate from scratch, ignoring their poses.")] = ()
+    relocate: Annotated[Names, Parameter(help="Cameras to locate without their initial poses.")] = ()
     seed: Annotated[int, Parameter(help="Random seed of the samples that locate cameras.")] = 0
 
 

@@ -46,7 +46,7 @@ def sync(
             sd = f"{factor * view.offset_sd_s:.2f}"
             corrected = "yes" if view.camera in found.cameras else "no"
             rows.append([view.camera, f"{since:.1f}", f"{factor * offset:+.2f}", sd, f"{drift:+.0f}", corrected])
-    table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "frames misaligned"], rows)
+    table(None, ["camera", "from s", f"late, {unit}", "+-", "drift ppm", "corrected"], rows)
     if reference is None:
         note("Offsets are relative to the clock that most views share. --reference names another camera as correct.")
     note("A positive offset (+) means that the view took its frames later than its timestamps say.")

@@ -67,8 +67,8 @@ class RecordingSource:
         """
         if self.several:
             raise CalibrationError(
-                f"Camera {name!r} cannot be located from scratch by keypoints of several people, since they cannot be "
-                "assigned before its pose is known. Use a part of the recording with one person (--start-s, --end-s) "
+                f"Camera {name!r} cannot be located without a pose by keypoints of several people, who cannot be "
+                "assigned before the pose is known. Use a part of the recording with one person (--start-s, --end-s) "
                 "or a board (--from board)."
             )
         one = self.detections.views([name])

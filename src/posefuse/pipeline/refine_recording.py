@@ -94,7 +94,7 @@ def _with_notes(result: Refinement, calibration: Path, source: Source) -> Camera
         if camera.role == "left out":
             notes.append(f"Camera {camera.name!r} was left out: {camera.why}")
         elif camera.role == "located":
-            notes.append(f"Camera {camera.name!r} was located from scratch.")
+            notes.append(f"Camera {camera.name!r} was located without its initial pose.")
         elif camera.role == "fixed":
             notes.append(f"Camera {camera.name!r} was not refined.")
     return replace(result.rig, notes=tuple(notes), left_out=result.left_out)
