@@ -158,13 +158,6 @@ def _update_memory(points, covariance, odds, now_s, memory):
 
 
 @kernel
-def update_memory(points, covariance, odds, time_s, memory):
-    """Store frames, in the decided order, in the memory; arguments follow :func:`temporal_costs`."""
-    for t in range(points.shape[0]):
-        _update_memory(points[t], covariance[t], odds[t], time_s[t], memory)
-
-
-@kernel
 def temporal_costs(points, covariance, odds, time_s, memory, speeds, label_model, scratch, out):
     """Compute the cost of every orientation of every pair given the previous orientation, for each frame.
 
