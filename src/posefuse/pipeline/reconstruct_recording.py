@@ -23,7 +23,7 @@ from posefuse.pipeline.plan import Plan
 from posefuse.pipeline.reconstruct import prepare
 from posefuse.pipeline.recording_checkpoint import open_checkpoint
 from posefuse.pipeline.write_outputs import (
-    has_debug_figures,
+    find_debug_figure,
     require_formats,
     write_debug_figures,
     write_other_formats,
@@ -247,7 +247,7 @@ def _load_or_make(checkpoint: CheckpointFolder | None, path: Path, make: Callabl
 
     with handle_warnings(hear):
         plan = make()
-    if not (has_debug_figures(plan) or _partial_remark(netcdf.read_reconstruction(path))):
+    if find_debug_figure(plan) is None and not _partial_remark(netcdf.read_reconstruction(path)):
         checkpoint.save_file(path, tuple(heard))
     return plan
 

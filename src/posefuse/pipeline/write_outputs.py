@@ -18,10 +18,10 @@ from posefuse.pipeline.reconstruct import with_method
 from posefuse.progress import Progress
 from posefuse.report.html import render_report
 from posefuse.report.percentile_filter import percentile_filter_figure
+from posefuse.triangulation.method import DebugFigure
 from posefuse.triangulation.registry import find_method
 
 REPORT = "report.html"
-FILTER_FIGURE = "debug/percentile_filter.png"
 
 
 @dataclass(frozen=True)
@@ -70,19 +70,20 @@ def write_other_formats(folder: Path, also: Sequence[str]) -> tuple[list[str], t
     return write_also(open_result(folder)[1], folder, also) if also else ([], ())
 
 
-def has_debug_figures(plan: Plan) -> bool:
-    """Return whether the method has figures that show what it did."""
+def find_debug_figure(plan: Plan) -> DebugFigure | None:
+    """Return the figure that shows what the method did, or None if it has none for this recording."""
     triangulation = plan.options.triangulation
     figure = find_method(triangulation.method).debug_figure
-    return figure is not None and figure.applies(plan.rig, triangulation)
+    return figure if figure is not None and figure.applies(plan.rig, triangulation) else None
 
 
 def write_debug_figures(plan: Plan, result: Reconstruction, folder: Path, progress: Progress) -> tuple[str, ...]:
     """Write the figures that show what the method did, if it has any, and return their names."""
-    if not has_debug_figures(plan):
+    figure = find_debug_figure(plan)
+    if figure is None:
         return ()
     before = error_profile(reconstruct_chunks(with_method(plan, "simple"), progress))
     picture = percentile_filter_figure(before, error_profile(result.chunks()), result)
-    (folder / FILTER_FIGURE).parent.mkdir()
-    (folder / FILTER_FIGURE).write_bytes(picture.png)
-    return (FILTER_FIGURE,)
+    (folder / figure.path).parent.mkdir()
+    (folder / figure.path).write_bytes(picture.png)
+    return (figure.path,)
