@@ -16,7 +16,7 @@
   }
   const showFrameIndex = (frameIndex) => show(Math.round(frameIndex / scene.stride));
   // Show a frame, mark a keypoint, select its camera view, and remember the element to return to.
-  function jumpTo(place, marked, from) {
+  function jumpTo(frameIndex, marked, from) {
     if (playing) toggle();
     returnTarget = from || null;
     state.marked = marked && marked.keypoint !== undefined ? marked : null;
