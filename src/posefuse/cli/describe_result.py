@@ -42,11 +42,11 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
     from posefuse.report.summary import format_sources
 
     with_points = sum(n for code, n in summary.status_counts.items() if code.has_point)
-    whose = "" if len(result.person_ids) == 1 else " of tracked people"
+    scope = "" if len(result.person_ids) == 1 else " of tracked people"
     share = with_points / summary.n_points if summary.n_points else math.nan
-    say(f"{percent(share)} of the points{whose} have coordinates (layer {layer})")
+    say(f"{percent(share)} of the points{scope} have coordinates (layer {layer})")
     if with_points:
-        say(f"of these: {format_sources(summary.source_counts)}")
+        say(f"by source: {format_sources(summary.source_counts)}")
     if summary.error_px.count:
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     for code, n in summary.status_counts.items():

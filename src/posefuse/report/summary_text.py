@@ -40,7 +40,7 @@ def _describe_input(result: Reconstruction, summary: Summary) -> list[str]:
         f"{100 * n_with_point / max(summary.n_points, 1):.1f} % of the points {scope}have coordinates.",
     ]
     if n_with_point:
-        sentences.append(f"Of these, {format_sources(summary.source_counts)}.")
+        sentences.append(f"By source: {format_sources(summary.source_counts)}.")
     return sentences
 
 
