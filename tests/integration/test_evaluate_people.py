@@ -46,10 +46,10 @@ def test_numbers_that_cannot_be_had(run, files):
     posefuse.write(replace(truth, layers={"measured": away}), files / "away.nc")
     code, said, _ = run("evaluate", files / "away.nc", files / "truth.nc", "--json", files / "numbers.json")
     assert code == 0
-    assert "- nobody is matched within 0.5 m" in said
+    assert "- no person is matched within 0.5 m" in said
     numbers = json.loads((files / "numbers.json").read_text())
     assert numbers["mpjpe_mm"] is None
-    assert numbers["undefined"]["mpjpe_mm"] == "nobody is matched within 0.5 m"
+    assert numbers["undefined"]["mpjpe_mm"] == "no person is matched within 0.5 m"
 
 
 @pytest.mark.parametrize("ending", ["trc", "c3d"])
@@ -68,4 +68,4 @@ def test_one_file_a_person(ending, run, files):
     assert "anna" in said
     code, _, said = run("evaluate", files, files / f"anna.{ending}", files / "truth.nc")
     assert code == 1
-    assert "TRC or C3D files, one a person" in said
+    assert "one TRC or C3D file per person" in said

@@ -127,7 +127,7 @@ def test_what_it_refuses(scene, result):
     detection = np.array(result.tracks.detection)
     detection[7, 0, 1] = 12
     wrong = replace(result, tracks=replace(result.tracks, detection=detection))
-    with pytest.raises(DetectionsError, match=r"Camera cam_1 has \d detections .* was given number 12"):
+    with pytest.raises(DetectionsError, match=r"Camera cam_1 has \d detections .* uses detection 12"):
         explain(wrong, 7, scene.detections)
 
 

@@ -55,5 +55,5 @@ def test_frames_without_anybody():
     nobody = np.empty((0, 2, 3))
     found = score_association([nobody, at(1.0)], [at(0.0), nobody], [at(0.0), nobody], [views(2), views()])
     assert (found.recall, found.false_share) == (0, 1)
-    with pytest.raises(ResultError, match="one entry a frame"):
+    with pytest.raises(ResultError, match="one entry per frame"):
         score_association([nobody], [at(0.0), nobody], [at(0.0), nobody], [views(2), views()])
