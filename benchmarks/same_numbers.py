@@ -10,6 +10,7 @@ does not allow.
 
 import argparse
 import contextlib
+import math
 import re
 import sys
 import tempfile
@@ -34,6 +35,8 @@ from benchmarks.same_numbers_runs import (
     run_case,
 )
 from benchmarks.same_numbers_steps import INPUTS, Case
+from posefuse.model.options.aliases import REMOVED as REMOVED_OPTIONS
+from posefuse.model.options.aliases import RENAMED as RENAMED_OPTIONS
 
 
 @dataclass(frozen=True)
@@ -53,18 +56,42 @@ class Expected:
     reason: str
 
 
-FLAGS: dict[str, str] = {}
+FLAGS: dict[str, str] = {
+    **{f"--{old}".replace("_", "-"): f"--{new}".replace("_", "-") for old, new in RENAMED_OPTIONS.items()},
+    "--triangulation.weighted-subsets.target-unit normalised": "normalized",
+    "init": "init --all",
+}
 """The base's name of a flag, a ``flag value``, a command or an option of the library, and the current one.
 
 For example ``{"--tracker.preset": "--tracker.strategy", "--tracker.preset specification": "scores"}``; of a
 ``flag value`` the right side is the value alone.
 """
-RENAMED: tuple[Renamed, ...] = ()
-"""Files, columns and variables that the current tree calls otherwise.
+RENAMED: tuple[Renamed, ...] = (
+    *(
+        Renamed("*", f"@options(_toml)?:{re.escape(old)}", f"@resolved_options:{new}")
+        for old, new in RENAMED_OPTIONS.items()
+    ),
+    Renamed("*", r"@options(_toml)?:(.*)", r"@resolved_options:\2"),
+    *(Renamed("options.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
+    Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
+)
+"""Files, columns and variables that the current tree calls otherwise, the first rule that fits.
 
 For example ``Renamed("*.nc", r"(.*)_view_error", r"\\1_view_residual")``.
 """
-EXPECTED: tuple[Expected, ...] = ()
+EXPECTED: tuple[Expected, ...] = (
+    *(Expected("*", "*", f"@options*:{name}", math.inf, "the option had no effect") for name in REMOVED_OPTIONS),
+    Expected("*", "*", "new @options*", math.inf, "the requested options are stored besides the resolved ones"),
+    Expected("*", "*", "new @resolved_options:*", math.inf, "constants of the tracker became options"),
+    Expected("batch", "options.toml", "new tracker.*", math.inf, "constants of the tracker became options"),
+    Expected("batch", "options.toml", "new association.rpt.*", math.inf, "constants of a method became options"),
+    *(Expected("batch", "options.toml", name, math.inf, "the option had no effect") for name in REMOVED_OPTIONS),
+    Expected("batch", "options.toml", "start_s", 1.0, "a commented example, not a default"),
+    Expected("batch", "options.toml", "end_s", 11.0, "a commented example, not a default"),
+    Expected("batch", "options.toml", "align.height_m", 0.8, "a commented example, not a default"),
+    Expected("pose2sim_align", "opensim/*", "*", 1e-12, "one sample of points determines scale and world"),
+    Expected("*", "*", "new @findings*", math.inf, "findings are stored in the result"),
+)
 """Differences that are allowed."""
 MOST_LINES, MOST_COLUMNS = 30, 3
 """Lines of a case that differs, and columns of each line."""

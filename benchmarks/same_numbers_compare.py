@@ -37,7 +37,7 @@ class Difference:
     """A variable or column that is not the same.
 
     Attributes:
-        column: its name at the base.
+        column: its name at the base; of one that only the current tree has, ``new`` and its name.
         what: in words.
         absolute, relative: the largest; infinity where they cannot be compared.
         share: the absolute difference as a share of the standard deviation, the largest; NaN without one.
@@ -105,7 +105,7 @@ def compare(base: Path, current: Path, file: str, renamed: Sequence[Renamed], pa
     names = {name: _new_name(name, rules) for name in (*ours.numbers, *ours.labels)}
     _compare_numbers(ours, theirs, names, verdict)
     _compare_labels(ours, theirs, names, verdict)
-    _compare_inner(ours, theirs, verdict)
+    _compare_inner(ours, theirs, rules, verdict)
     return verdict
 
 
@@ -128,7 +128,7 @@ def _compare_numbers(ours: Content, theirs: Content, names: dict[str, str], verd
         elif found := difference(name, values, other, standard_deviation(name, ours.numbers)):
             verdict.differences.append(found)
     for name in theirs.numbers.keys() - {names[each] for each in ours.numbers}:
-        verdict.differences.append(Difference(name, "is new"))
+        verdict.differences.append(Difference(f"new {name}", "is new"))
 
 
 def difference(name: str, ours: np.ndarray, theirs: np.ndarray, sd: np.ndarray | None = None) -> Difference | None:
@@ -197,18 +197,14 @@ def _compare_labels(ours: Content, theirs: Content, names: dict[str, str], verdi
         verdict.labels["(missing)", name] += 1
 
 
-def _compare_inner(ours: Content, theirs: Content, verdict: Verdict) -> None:
-    """Documents inside attributes: their keys may be renamed, if the numbers are the same and in the same order."""
-    rest, others = dict(ours.inner), dict(theirs.inner)
-    for name in ours.inner.keys() & theirs.inner.keys():
-        values, other = rest.pop(name), others.pop(name)
+def _compare_inner(ours: Content, theirs: Content, rules: Sequence[Renamed], verdict: Verdict) -> None:
+    """Compare the numbers of documents inside attributes, such as options; renamed keys follow the rules."""
+    names = {name: _new_name(name, rules) for name in ours.inner}
+    for name, values in ours.inner.items():
+        other = theirs.inner.get(names[name])
         verdict.numbers += values.size
-        if found := difference(name, values, other):
+        if other is None:
+            verdict.differences.append(Difference(name, "is missing"))
+        elif found := difference(name, values, other):
             verdict.differences.append(found)
-    for (name, values), (other_name, other) in zip(list(rest.items()), list(others.items()), strict=False):
-        del rest[name], others[other_name]
-        verdict.labels[name, other_name] += 1
-        if found := difference(f"{name} (now {other_name})", values, other):
-            verdict.differences.append(found)
-    verdict.differences += [Difference(name, "is missing") for name in rest]
-    verdict.differences += [Difference(name, "is new") for name in others]
+    verdict.differences += [Difference(f"new {name}", "is new") for name in theirs.inner.keys() - names.values()]

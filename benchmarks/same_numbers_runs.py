@@ -103,7 +103,7 @@ def translated(words: list[str], flags: Mapping[str, str]) -> list[str]:
         if f"{before} {word}" in flags:
             found.append(flags[f"{before} {word}"])
         elif word in flags:
-            found.append(flags[word])
+            found += flags[word].split()
         elif equals and flag in flags:
             found.append(f"{flags[flag]}={value}")
         else:
