@@ -26,7 +26,7 @@ from scipy.optimize import nnls
 
 from posefuse.io.calibration import anipose
 from posefuse.io.keypoints import native, replay
-from posefuse.io.results.write import ALSO
+from posefuse.io.results.write import additional_names
 from posefuse.io.stream import lines_of
 from posefuse.live.session import Session
 from posefuse.model.options.options import Options
@@ -174,7 +174,7 @@ def show_bytes() -> None:
         for name in ("keypoints.nc", "lines.jsonl"):
             print(f"{(folder / name).stat().st_size / points:8.1f} a detected keypoint: {name}")
         (folder / "lines.jsonl").unlink()
-        also = itertools.chain.from_iterable(("--also", name) for name in ALSO)
+        also = itertools.chain.from_iterable(("--also", name) for name in additional_names())
         command = ["reconstruct", str(folder), "-o", str(out), "--people", "many", *also]
         subprocess.run([sys.executable, "-m", "posefuse", *command], check=True, capture_output=True)
         sizes: dict[str, int] = {}

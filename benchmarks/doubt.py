@@ -45,7 +45,7 @@ def main() -> None:
         given = plan.rig, plan.detections, plan.subjects.tracks(0, plan.detections.n_frames), plan.noise
         believed = consensus.solve(*given, plan.options.triangulation)
         layers, spent = [believed], []
-        for solve, more in ((relabel.put_right, (believed,)), (relabel.solve, ())):
+        for solve, more in ((relabel.correct_swaps, (believed,)), (relabel.solve, ())):
             solve(*given, plan.options, *more)
             start = time.process_time()
             layers.append(solve(*given, plan.options, *more)[0])

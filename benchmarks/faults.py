@@ -140,7 +140,7 @@ def timing(seeds: range) -> None:
             except DetectionsError:
                 refused += 1
                 continue
-            errors += [25.0 * v.late_s[0] - offsets[i] for i, v in enumerate(views) if i > 1]
+            errors += [25.0 * v.offset_s[0] - offsets[i] for i, v in enumerate(views) if i > 1]
             drifts.append(views[1].drift_ppm[0])
             found += bool(views[1].drift_ppm[0])
         print(

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from posefuse.io.calibration import anipose
-from posefuse.io.files import PARTS
+from posefuse.io.files import CHECKPOINT_FOLDER
 from posefuse.io.keypoints import detection_tables
 from posefuse.model.detections import Detections
 from posefuse.synthetic.crowd_options import CrowdOptions
@@ -85,7 +85,7 @@ def start(folder: Path, output: Path) -> subprocess.Popen[bytes]:
 def watch(process: subprocess.Popen[bytes], output: Path) -> tuple[list[Look], float, float]:
     """Look at it until it ends: what was seen, its CPU time in s, its peak memory in MB."""
     looks: list[Look] = []
-    following, last = output / PARTS / "following.part", 0
+    following, last = output / CHECKPOINT_FOLDER / "tracking.part", 0
     chunks, peak_mb = 0, 0.0
     while True:
         pid, status, used = os.wait4(process.pid, os.WNOHANG)
@@ -94,7 +94,7 @@ def watch(process: subprocess.Popen[bytes], output: Path) -> tuple[list[Look], f
             return looks, used.ru_utime + used.ru_stime, max(peak_mb, used.ru_maxrss / 1024.0)
         changed = following.stat().st_mtime_ns if following.exists() else 0
         chunks, last = chunks + (changed != last), changed
-        made = len(list((output / PARTS).glob("frames_*/measured_*.part")))
+        made = len(list((output / CHECKPOINT_FOLDER).glob("frames_*/measured_*.part")))
         stage = ("chunks", made) if made else ("following", chunks)
         text = Path(f"/proc/{process.pid}/status").read_text()
         resident = next((line for line in text.splitlines() if line.startswith("VmRSS")), None)
@@ -139,7 +139,7 @@ def killed_once(folder: Path, output: Path, took_s: float, whole: Path) -> dict[
     except subprocess.TimeoutExpired:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    kept = sorted(path.name for path in (output / PARTS).rglob("*.part"))
+    kept = sorted(path.name for path in (output / CHECKPOINT_FOLDER).rglob("*.part"))
     begin = time.perf_counter()
     code = start(folder, output).wait()
     return {

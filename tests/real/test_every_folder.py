@@ -14,7 +14,7 @@ from posefuse.model.cameras import CameraRig
 from posefuse.preprocess.match_cameras import match_views
 
 INSPECTED = {
-    "caliscope_webcams": ("(caliscope)", "mediapipe_33", "30.37 Hz as cam_0", "4 views match 4 cameras"),
+    "caliscope_webcams": ("(caliscope)", "mediapipe_33", "30.37 Hz, following cam_0", "4 views match 4 cameras"),
     "dannce_mouse": ("(label3d)", "mouse_22", "frames 307 to 1876", "6 views match 6 cameras"),
     "deepfly_7cam": ("(arrays)", "(deepfly)", "fly_38", "7 views match 7 cameras"),
     "fly_3cam": ("(anipose)", "(deeplabcut)", "Cam-*_rot-ccw-0.06_sec.rng=2.csv'", "3 views match 3 cameras"),
@@ -24,7 +24,7 @@ INSPECTED = {
     "panoptic_three_people": ("(panoptic)", "no 2D keypoints", "3D results"),
     "pose2sim": ("(qualisys)", "(pose2sim)", "(openpose)", "body_25b", "4 views match 4 cameras", ".trc", "settings"),
     "sleap_mouse": ("(anipose)", "(sleap)", "15 keypoints", "points3d.h5: 3D results", "4 views match 4 cameras"),
-    "calibration_formats": ("(acinoset)", "(kalibr)", "(easymocap)", "lenses only"),
+    "calibration_formats": ("(acinoset)", "(kalibr)", "(easymocap)", "intrinsics only"),
 }
 
 

@@ -25,10 +25,10 @@ def test_a_tethered_fly_is_followed_leg_by_leg(shared_data):
     rig = replace(rig, cameras=tuple(cameras))
     fly = replace(detections, skeleton=shipped_skeleton("fly_38")).with_rate(100.0)
     # Fifteen frames are all there are.
-    births = InitiationOptions(min_age_s=0.025, min_age_two_views_s=0.045)
+    initiation = InitiationOptions(min_age_s=0.025, min_age_two_views_s=0.045)
     options = posefuse.Options(
         people="one", bodies="fit", pairs="labels", exclude_camera=("camera_3",),
-        tracker=posefuse.TrackerOptions(births=births),
+        tracker=posefuse.TrackerOptions(initiation=initiation),
     )  # fmt: skip
     result = posefuse.reconstruct(rig, fly, options)
     model = np.asarray(result.layers["model"].points_m[:, 0])

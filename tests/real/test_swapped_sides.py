@@ -34,7 +34,7 @@ def exchange_a_quarter(detections: Detections, view: int, seed: int) -> tuple[De
         for start in range(0, detections.n_frames, spell):
             flags[start : start + spell, :, members, view] = rng.random() < 0.25
     tracks = one_subject.select_subject(detections, None, one_subject.longest_track_ids(detections))
-    return relabel.relabelled(detections, tracks, flags, skeleton.pair_indices), flags
+    return relabel.exchange_labels(detections, tracks, flags, skeleton.pair_indices), flags
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
