@@ -146,6 +146,7 @@ class TestParquet:
         for camera, given in zip(said["cameras"], result.rig.cameras, strict=True):
             np.testing.assert_array_equal(camera["camera_from_world"], given.camera_from_world)
         assert b"[triangulation]" in metadata[b"options"]
+        assert b"min_views = 2" in metadata[b"resolved_options"]
 
 
 class TestAnipose:

@@ -65,7 +65,8 @@ def _metadata(result: Reconstruction, layer: LayerName) -> dict[str, str]:
         "skeleton": json.loads(skeleton_text(result.skeleton)),
         "provenance": asdict(result.provenance),
     }
-    return {"posefuse": json.dumps(metadata), "options": options_to_toml(result.options)}
+    options = {"options": result.options, "resolved_options": result.resolved}
+    return {"posefuse": json.dumps(metadata)} | {name: options_to_toml(each) for name, each in options.items()}
 
 
 def _table(part: Reconstruction, name: LayerName) -> pa.Table:
