@@ -68,11 +68,11 @@ For example ``{"--tracker.preset": "--tracker.strategy", "--tracker.preset speci
 """
 RENAMED: tuple[Renamed, ...] = (
     *(
-        Renamed("*", f"@options(_toml)?:{re.escape(old)}", f"@resolved_options:{new}")
+        Renamed("*", rf"@options(_toml)?:{re.escape(old)}(\[\])?", rf"@resolved_options:{new}\2")
         for old, new in RENAMED_OPTIONS.items()
     ),
     Renamed("*", r"@options(_toml)?:(.*)", r"@resolved_options:\2"),
-    *(Renamed("options.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
+    *(Renamed("*.toml", rf"{re.escape(old)}(\[\])?", rf"{new}\1") for old, new in RENAMED_OPTIONS.items()),
     Renamed("*/batch.json", r"numbers\.(.*)", r"statistics.\1"),
 )
 """Files, columns and variables that the current tree calls otherwise, the first rule that fits.
@@ -89,6 +89,7 @@ EXPECTED: tuple[Expected, ...] = (
     Expected("batch", "options.toml", "start_s", 1.0, "a commented example, not a default"),
     Expected("batch", "options.toml", "end_s", 11.0, "a commented example, not a default"),
     Expected("batch", "options.toml", "align.height_m", 0.8, "a commented example, not a default"),
+    Expected("caliscope_webcams", "step_6.txt", "numbers", math.inf, "a note names time 0"),
     Expected("pose2sim_align", "opensim/*", "*", 1e-12, "one sample of points determines scale and world"),
     Expected("*", "*", "new @findings*", math.inf, "findings are stored in the result"),
 )

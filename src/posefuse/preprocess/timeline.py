@@ -253,7 +253,7 @@ def _notes(detections: Detections, timeline: _Timeline, known: np.ndarray, perio
         if total == used == n_frames:
             continue
         words = [f"{total - used} of its {total} frames are not used"] if used < total else []
-        words += [f"{n_frames - used} of the {n_frames} frames are not recorded"] if used < n_frames else []
+        words += [f"{n_frames - used} of the {n_frames} frames missing"] if used < n_frames else []
         off_ms = 0.0
         if used:
             off_ms = 1000.0 * float(np.abs(detections.time_s[timeline.source[has, v], v] - timeline.time_s[has]).max())

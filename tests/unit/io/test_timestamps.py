@@ -184,7 +184,7 @@ def test_mixed_rates_give_the_points_of_the_common_frames(recording):
     assert "Times are those of times.csv" in notes
     assert "30 of its 60 frames are not used" in notes
     names = SCENE.detections.view_names
-    assert f"View {names[1]}_json (30 Hz): 5 of the 30 frames are not recorded" in notes
+    assert f"View {names[1]}_json (30 Hz): 5 of the 30 frames missing" in notes
     assert mixed.frame_numbers.tolist() == list(range(30))
     everywhere = np.asarray(whole.layers["measured"].points_m)[10::2]
     np.testing.assert_allclose(np.asarray(mixed.layers["measured"].points_m)[5:], everywhere, atol=1e-12)

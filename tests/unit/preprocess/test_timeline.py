@@ -71,7 +71,7 @@ def test_the_faster_view_can_be_the_reference():
     assert found.n_frames == 40
     assert found.recorded[:, 1].tolist() == [True, False] * 20
     assert found.rate_hz == 60
-    assert "20 of the 40 frames are not recorded" in found.notes[-1]
+    assert "20 of the 40 frames missing" in found.notes[-1]
 
 
 def test_gaps_stay_gaps_and_frames_beyond_the_reference_are_kept():
