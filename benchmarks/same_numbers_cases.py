@@ -244,8 +244,7 @@ REAL = (
             library("reconstruct {inputs}/outdoor {out}/refined people=one CALIBRATION={out}/refined.toml"),
         ),
         "mouse_outdoor_12cam",
-        note="5,000 of 176,868 points. Points come from posefuse.reconstruct on arrays, which makes no health check: "
-        "at the base, reconstruct and inspect --deep never finish on this folder (health/coarse.py, _best_order).",
+        note="5,000 of 176,868 points. At the base, reconstruct and inspect --deep never finish on this folder.",
     ),
     Case(
         "panoptic_motion",

@@ -36,6 +36,8 @@ _IMAGE_SCALES = tuple(np.round(np.exp(np.linspace(np.log(0.25), np.log(4.0), 57)
 _COMMON_IMAGE_SCALES = (0.25, 1 / 3, 0.375, 0.5, 2 / 3, 0.75, 0.8, 1.25, 4 / 3, 1.5, 2.0, 8 / 3, 3.0, 4.0)
 _FOCAL_FACTORS = tuple(np.round(np.exp(np.linspace(np.log(0.2), np.log(5.0), 47)), 3))
 _MAX_PERMUTED_VIEWS = 7
+_MAX_SWAPS = 200
+"""Bound of the swaps of cameras; each lowers the cost, and a few undo any exchange."""
 
 
 @dataclass(frozen=True)
@@ -336,7 +338,9 @@ def _level(row: np.ndarray) -> float:
 
 
 def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the assignment of cameras to views with the lowest total cost."""
+    """Return the assignment of cameras to views with the lowest total cost; ``start`` if no cost is known."""
+    if not np.isfinite(costs).any():
+        return start
     views = len(costs)
     known = np.where(np.isfinite(costs), costs, np.nanmean(costs))
 
@@ -349,7 +353,7 @@ def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
         sums = sum(known[a, orders[:, a], b, orders[:, b]] for a, b in combinations(range(views), 2))
         cheapest = tuple(int(c) for c in orders[int(np.argmin(sums))])
         return cheapest if total(cheapest) < total(start) - 1e-9 else start
-    while True:
+    for _ in range(_MAX_SWAPS):
         swaps = []
         for a, b in combinations(range(views), 2):
             order = list(best)
@@ -359,3 +363,4 @@ def _best_order(costs: np.ndarray, start: tuple[int, ...]) -> tuple[int, ...]:
         if total(cheapest) >= total(best) - 1e-9:
             return best
         best = cheapest
+    return best
