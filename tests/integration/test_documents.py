@@ -14,6 +14,8 @@ import pytest
 from posefuse.io.calibration.registry import CALIBRATIONS
 from posefuse.io.keypoints.registry import KEYPOINTS
 from posefuse.io.results.registry import RESULTS
+from posefuse.model.options.aliases import RENAMED
+from posefuse.model.options.catalog import options_by_name
 from posefuse.model.options.options import Options
 from posefuse.model.options.triangulation import METHODS
 from posefuse.model.status import PointStatus, ViewStatus
@@ -83,3 +85,11 @@ def test_links_have_targets(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[a-z0-9-]+)?\)", text):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name)
+def test_pages_do_not_use_former_names_of_options(page: Path) -> None:
+    current = {key for name in options_by_name() for key in (name, name.rpartition(".")[2])}
+    former = {key for name in RENAMED for key in (name, name.rpartition(".")[2])} - current
+    quoted = set(re.findall(r"`(?:--)?([a-z][a-z0-9_.-]*)`", page.read_text("utf-8")))
+    assert not {name for name in quoted if name.replace("-", "_") in former}

@@ -98,7 +98,7 @@ def _by_track_id(detections: Detections, subject_ids: np.ndarray) -> np.ndarray:
     ]
     if busy:
         raise DetectionsError(
-            f"pick = 'track-id', but the people of view {busy[0]!r} have no track ids. Use --pick largest."
+            f"pick = 'track-id', but the people in view {busy[0]!r} have no track IDs. Use --pick largest."
         )
     chosen = np.full((detections.n_frames, detections.n_views), -1, dtype=np.int32)
     for f in range(detections.n_frames):

@@ -1,8 +1,8 @@
 """Bundle adjustment: estimate cameras and points that maximize the likelihood of the observations.
 
 Levenberg-Marquardt on the cameras with the points eliminated (Schur complement; Triggs et al. 2000), and Student-t
-errors by reweighting. The noise factor of each view is estimated from its own residuals, so that a camera that fits
-nothing becomes noisy and loses its influence.
+errors by reweighting. The noise factor of each view is estimated from its own residuals, so that a camera whose
+observations do not fit is assigned high noise and loses its influence.
 """
 
 from dataclasses import dataclass

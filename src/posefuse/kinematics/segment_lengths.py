@@ -9,7 +9,7 @@ _MIN_SHARE = 1e-6
 
 
 def length_information(tree: Tree, mean_m: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the information that remains of a posterior without its prior.
+    """Return the information left in a posterior after its prior is removed.
 
     Args:
         tree: Tree whose distribution of lengths was the prior, N(tree.shape_m, tree.shape_covariance).

@@ -1,6 +1,7 @@
 """Assign left and right from a constant facing direction: left is up x facing.
 
-In a right-handed world with z up, a person facing +x has the left side at +y, and one facing +y at -x.
+In a right-handed world with z up, the left side of a person facing +x is toward +y, and of a person facing +y toward
+-x.
 """
 
 import numpy as np

@@ -21,7 +21,7 @@ _MIN_POINTS, _MAX_POINTS = 600, 2400
 
 @dataclass(frozen=True)
 class LeaveOneOutPoints:
-    """Pairs of points: each point followed by itself one frame later, or by itself again where that is missing.
+    """Pairs of a point and the same point one frame later, or the point itself where the later one is missing.
 
     Attributes:
         points: observations, linearized at the triangulated points.

@@ -25,14 +25,14 @@ MISSING, MEASURED, FILLED, ABSENT = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class Gap:
-    """An interval in which a keypoint of a present person was not measured.
+    """An interval in which a keypoint was not measured although the person was present.
 
     Attributes:
         person: index of the person.
         keypoint: index of the keypoint.
         start: index of the first frame.
         stop: index of the frame after the last one.
-        filled: number of its frames that have coordinates nevertheless.
+        filled: number of frames of the gap that still have coordinates.
         status: point status of the first frame.
     """
 

@@ -2,7 +2,8 @@
 
 The noise ``measured`` was estimated on OpenPose detections by leaving one view out: with confidence c the standard
 deviation is 4.5 px / c per axis at 1000 px image width, the tails are Student's t with 2.7 degrees of freedom, and the
-correlation of a view's errors between frames is 0.85 at 25 fps (0.85^(25 dt) over dt). The noise ``gaussian`` is for
+correlation of a view's errors between frames is 0.85 at 25 fps (0.85^(25 dt) for frames dt seconds apart). The noise
+``gaussian`` is for
 benchmarks: white noise with constant standard deviation and uninformative confidences.
 """
 

@@ -76,8 +76,8 @@ class TrackerSettings(PickledByFields):
         tree = skeleton.tree
         if tree is None:
             raise SkeletonError(
-                f"Skeleton {skeleton.name!r} has no kinematic tree. Add a table [tree] to its TOML file with at least "
-                "size_m, the size of the body in meters; see docs/formats.md."
+                f"Skeleton {skeleton.name!r} has no kinematic tree. Add a [tree] table with at least size_m "
+                "(the size of the body in meters) to its TOML file; see docs/formats.md."
             )
         options = options.in_proportion(tree.scale)
         # Half of the keypoints support a person if the skeleton has few.

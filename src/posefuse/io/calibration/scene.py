@@ -38,7 +38,7 @@ def read(path: Path, unit: LengthUnit | None = None) -> CameraRig:
     """Read the cameras in the order of the file.
 
     Raises:
-        FileError: if the file does not conform to its format, or names another ``extrinsic_format``.
+        FileError: if the file does not conform to its format, or has an unsupported ``extrinsic_format``.
         CameraError: if a camera's parameters are invalid.
     """
     data = read_json(path)

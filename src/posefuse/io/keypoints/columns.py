@@ -19,7 +19,7 @@ class ViewColumns:
     Attributes:
         name: Name of the view.
         recorded: Shape (n,), int64: numbers of the recorded frames, with or without people.
-        frame_of_row: Shape (row,), int64: frame number of each person, ascending.
+        frame_of_row: Shape (row,), int64: frame number of each row (one person in one frame), ascending.
         keypoints: Shape (row, keypoint, 3): x, y in px and confidence, NaN where missing.
         track_ids: Shape (row,), int64, -1 without one.
         sigma_px: Shape (row, keypoint): standard deviations stated by the detector, or None.

@@ -22,7 +22,7 @@ class Landmarks:
 
     Attributes:
         recorded: Shape (n,), int64: numbers of the recorded frames.
-        frame_of_row: Shape (row,), int64: frame number of each person, ascending.
+        frame_of_row: Shape (row,), int64: frame number of each row (one person in one frame), ascending.
         values: Shape (row, landmark, 4): x, y, z, visibility, NaN where missing.
         size_px: Width and height of the image, or None if not stated.
         rate_hz: Frame rate, or None if not stated.

@@ -186,7 +186,8 @@ def _whole(people: _PeopleList) -> ViewColumns:
         return people.view
     if len(body) and body.shape[1] != N_BODY:
         raise FileError(
-            f"{people.view.name} has {body.shape[1]} body keypoints, skeleton {WHOLE} has {N_BODY}. Choose another "
+            f"{people.view.name} has {body.shape[1]} body keypoints, but skeleton {WHOLE} has {N_BODY}. Choose "
+            "another "
             "with --skeleton, or omit it to infer the skeleton from the files."
         )
     keypoints = join_parts(body.reshape(-1, N_BODY, 3), people.parts)

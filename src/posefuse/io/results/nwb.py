@@ -7,9 +7,9 @@ Each person has a ``MultiCameraPoseEstimation`` (``PoseEstimation`` with ndx-pos
 series, because 2D keypoints are not part of a result. Fields for which ndx-pose has no place are separate
 ``TimeSeries``: ``frame_number``, ``<person>_covariance`` (frame, keypoint, 6), and so on.
 
-NWB requires the start time of the session, which is unknown: the file has 1970, and its description says so. To set
-another start time, create the file with pynwb. Identifiers are derived from the content, so the same result gives the
-same bytes.
+NWB requires the start time of the session, which is unknown: the file states 1970, and its description says that this
+is a placeholder. To set another start time, create the file with pynwb. Identifiers are derived from the content, so
+the same result gives the same bytes.
 """
 
 import hashlib

@@ -219,16 +219,17 @@ class PathFactor(NamedTuple):
 
 @kernel
 def solve_with_bones(factor, bone_terms, rhs, max_iterations, tolerance, steps):
-    """Solve for all paths coupled by bones, with preconditioned conjugate gradients (Hestenes & Stiefel 1952).
+    """Solve jointly for all paths, which bones couple, with preconditioned conjugate gradients.
 
-    The preconditioner solves every path separately, with the bone information on its diagonal.
+    The method is that of Hestenes & Stiefel 1952. The preconditioner solves every path separately, with the bone
+    information on its diagonal.
 
     Args:
         factor: PathFactor.
         bone_terms: BoneTerms.
         rhs: shape (keypoint, frame, 3): right-hand side on input, residual on output.
-        max_iterations: of conjugate gradients.
-        tolerance: of the preconditioned residual, relative to that at the start.
+        max_iterations: maximum number of conjugate gradient iterations.
+        tolerance: norm of the preconditioned residual, relative to that at the start.
         steps: shape (keypoint, frame, 3), written.
 
     Returns:

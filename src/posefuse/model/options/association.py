@@ -23,7 +23,8 @@ class RptOptions:
         min_score: Minimum mean keypoint score of a pair; 1 is a perfect match, 0.92 about 9 px at 1000 px image size.
         min_joint_score: Minimum score of a keypoint that is merged.
         center_distance_m: Maximum distance between the centers of two pairs of one person.
-        keypoint_distance_m: Maximum mean distance between the common keypoints of two pairs of one person.
+        keypoint_distance_m: Maximum mean distance between the common keypoints of two pairs for them to belong to one
+            person.
         outlier_distance_m: Maximum distance of a pair's keypoint from the mean of all pairs; others are not merged.
         merged_pairs: Number of pairs nearest to the mean that are merged.
         min_pairs: Minimum number of pairs that support a person.
@@ -77,7 +78,7 @@ class AssociationOptions:
         swap_log_odds: Prior log-odds that a detection has left and right swapped.
         known_person_distance_m: Maximum mean keypoint distance at which a detection shows an already tracked person.
         duplicate_sigma: Maximum mean keypoint distance of two detections of one person in the same view.
-        max_seeds: Maximum number of detection pairs that are extended in parallel.
+        max_seeds: Maximum number of detection pairs that are extended in one pass.
         volume_m: Volume in which people are proposed, as minimum x, y, z and maximum x, y, z; unlimited by default.
         rpt: Options of the proposal method rpt.
     """

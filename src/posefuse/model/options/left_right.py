@@ -25,7 +25,7 @@ class SideOptions:
     """Options of the assignment of left and right to the two points of a pair.
 
     Attributes:
-        facing: Facing direction for the method plane: +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0. Write
+        facing: Facing direction for the `plane` method: +x, -x, +y, -y, +z, -z or three numbers such as 1,0.5,0. Write
             the flag with an equals sign, as in --side-search.facing=-y.
         swap_share: Expected fraction of time in which a view has left and right swapped, before it is estimated, for
             the method chains.

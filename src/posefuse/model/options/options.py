@@ -54,7 +54,7 @@ class Options:
         up: Up axis of the calibration, such as z or -y. It is needed if the format does not define it.
         cameras: Names of the cameras to use; all by default.
         exclude_camera: Names of the cameras to leave out.
-        camera_order: Name of each view's camera, in the order of the views, if names do not match.
+        camera_order: Name of each view's camera, in the order of the views, for when view and camera names differ.
         start_s: Start of the part to reconstruct.
         end_s: End of the part to reconstruct, exclusive.
         noise_scale_px: Standard deviation of every detection per axis; by default estimated from the recording.

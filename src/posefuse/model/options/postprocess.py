@@ -46,7 +46,7 @@ class ButterworthOptions:
 
     Attributes:
         order: Order of the Butterworth filter over both passes; 4 is second order forward and second order backward.
-        cutoff_hz: Butterworth cutoff frequency. The amplitude is -3 dB there, over both passes.
+        cutoff_hz: Butterworth cutoff frequency. The gain at this frequency is -3 dB for both passes combined.
     """
 
     order: int = option(4, at_least=2, at_most=16)

@@ -18,7 +18,7 @@ class SyncOptions:
 
     Attributes:
         cameras: Camera of each row, by name; a camera has several rows if frames were dropped.
-        start_s: Time of the view from which each row applies; the first row of a view also applies before it.
+        start_s: Time, on the view's clock, from which each row applies; the first row of a view also applies before it.
         offset_s: Time by which the view took its frames later than its timestamps state, at start_s.
         drift_ppm: Rate at which the offset grows.
     """

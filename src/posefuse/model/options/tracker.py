@@ -49,14 +49,15 @@ class TrackerOptions:
         error_memory_s: Correlation time of detection errors for five views and 20 frames per second, in seconds. Fewer
             views or frames lengthen it.
         limit_sigma: Standard deviation of the overshoot of a joint limit, as a sine or cosine.
-        clutter_m: Radius around a person within which a wrong detection's keypoints are equally likely, in meters.
+        clutter_m: Side of the square around a person within which a wrong detection's keypoints are equally likely, in
+            meters.
         match_evidence: Evidence, in nats, that a detection needs to be assigned to a person.
         keypoint_evidence: Lower limit of the evidence of a single keypoint, in nats.
         independent_keypoints: Number of independent keypoints to which the evidence of all keypoints is limited.
         id_evidence: Evidence, in nats, of an unchanged 2D track identity (lambda_id).
         swap_log_odds: Log odds of a left/right swap of a limb without further information.
         swap_duration_s: Mean duration of a left/right swap, in seconds.
-        min_joints: Number of used keypoints from which a view supports a person.
+        min_joints: Minimum number of used keypoints for a view to support a person.
         lost_after_s: Time without support after which a track is lost (M_lost), in seconds.
         single_view_after_s: Time in a single view after which a track is re-localized from the other views, in seconds.
         lost_log_odds: Log odds of presence below which a track is lost (tau_lost).
@@ -80,7 +81,8 @@ class TrackerOptions:
             tracked, a new person is always a lost one. None if the number is unknown.
         smoother: Later frames that refine earlier ones: "none", "lag" (those of the next ``lag_s``) or "full" (all).
         lag_s: Lag of the fixed-lag smoother, in seconds.
-        look_ahead_s: Time after a block of frames that the full smoother takes into account, in seconds.
+        look_ahead_s: Length of the interval after each block of frames that the full smoother also takes into account,
+            in seconds.
         smoother_error_memory_s: Correlation time of detection errors for the smoother, and for the filter after a
             single view showed a person for ``single_view_after_s``, in seconds.
         smoother_independent_share: Share of each frame's information that the smoother treats as independent.

@@ -75,7 +75,7 @@ class SingleViewOptions:
         history_s: Time constant of the averages of posture and height, in seconds.
         min_history_s: Time for which several views must have shown a person before the priors apply, in seconds.
         lean_sd: Standard deviation of a lean beyond its recent variation, as a cosine or in radians.
-        height_sd_m: Standard deviation of the lowest point's height beyond its recent variation, in meters.
+        height_sd_m: Standard deviation of the lowest point's height in addition to its recent variation, in meters.
         correlation_s: Correlation time of the deviations from the priors, in seconds.
     """
 
@@ -98,11 +98,12 @@ class CameraMonitorOptions:
         enabled: Whether to reject cameras that contradict the others, and to report silent cameras.
         window_s: Time constant of the statistics of each camera, in seconds.
         min_expected_s: Person-seconds that a camera should have shown before it is judged.
-        reject_below_share: Largest share of expected people that a camera shows when it is rejected.
+        reject_below_share: Share of the expected people below which a camera is rejected.
         restore_above_share: Share of expected people that a rejected camera must show to be used again.
         min_unexplained_share: Unassigned detections, as a share of expected people, needed to reject a camera.
-        silent_after_s: Time without frames, or without any expected person, after which a camera is silent, in seconds.
-        back_after_s: Time for which a silent camera must deliver again before it is reported as back, in seconds.
+        silent_after_s: Time without frames, or without a detection of any expected person, after which a camera is
+            silent, in seconds.
+        back_after_s: Time for which a silent camera must deliver data again before it is reported as back, in seconds.
     """
 
     enabled: bool = True
@@ -193,11 +194,12 @@ class ReidentificationOptions:
         ambiguity_log_odds: Difference of log odds below which another lost track is reported as equally likely.
         corrupt_share: Probability that an observation of bone lengths is useless.
         length_sd_share: Standard deviation of a bone length between two observations, as a share of the length.
-        length_sd_m: Standard deviation of a bone length between two observations that does not depend on the length.
+        length_sd_m: Constant part of the standard deviation of a bone length between two observations.
         reach_m: Distance that a lost person covers at once, in meters; ``motion.top_speed_m_s`` adds to it.
         room_m: Width of the region in which a new person appears with equal probability, in meters.
         trunk_sd_m: Standard deviation of the position of a trunk that is hardly visible, in meters.
-        min_absence_share: Share of the time that a new person was visible for which a track must have been unsupported.
+        min_absence_share: Minimum time without support for a track that is not lost to be considered, as a share of the
+            time for which the new person was visible.
     """
 
     min_log_odds: float = option(0.0)

@@ -50,7 +50,8 @@ class WeightedSubsetsOptions:
 
     Attributes:
         target_reprojection_error: Mean reprojection error above which a point is triangulated with fewer cameras.
-        target_unit: Unit of the target: px, or normalized for fractions of the focal length as in FreeMoCap (0.01).
+        target_unit: Unit of the target: px, or normalized for fractions of the focal length as in FreeMoCap, whose
+            target is 0.01.
         max_cameras_to_drop: Maximum number of cameras that are left out of a point.
     """
 

@@ -103,7 +103,7 @@ def test_other_bodies_with_hands_are_read_as_bodies(tmp_path):
     found = read_detections(folder)
     assert found.skeleton.name == "body_25b"
     assert any("Hands and faces in these files are not read" in note for note in found.notes)
-    with pytest.raises(FileError, match="17 body keypoints, skeleton openpose_137 has 25"):
+    with pytest.raises(FileError, match="17 body keypoints, but skeleton openpose_137 has 25"):
         other = simulate(SceneOptions(skeleton="coco_17", duration_s=0.1, cameras=2)).detections
         read_detections(write(other, tmp_path / "other"), "openpose_137")
 
