@@ -12,7 +12,8 @@ error_mm = 1000 * np.linalg.norm(measured.points_m[:, 0] - scene.truth.layers["m
 sd_mm = 1000 * np.sqrt((measured.sd_m[:, 0] ** 2).sum(axis=-1))
 for name in ("nose", "left_wrist", "right_ankle"):
     k = result.skeleton.index(name)
-    print(f"{name:12} error {np.median(error_mm[:, k]):.0f} mm, standard deviation {np.median(sd_mm[:, k]):.0f} mm")
+    error, sd = np.nanmedian(error_mm[:, k]), np.nanmedian(sd_mm[:, k])
+    print(f"{name:12} error {error:.0f} mm, standard deviation {sd:.0f} mm")
 
 posefuse.write(result, "person.trc")
 posefuse.write(result, "reconstruction.nc")

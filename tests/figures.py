@@ -87,7 +87,7 @@ def model_layer(points: np.ndarray, views: int = 3) -> Layer:
     there = np.isfinite(points[..., 0])
     return Layer(
         points, np.full((*shape, 6), np.nan), np.where(there, PointStatus.OK, PointStatus.ABSENT).astype(np.int8),
-        np.where(there, Source.MODELLED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
+        np.where(there, Source.MODELED, Source.NONE).astype(np.int8), np.full(shape, np.nan),
         np.full((*shape, views), ViewStatus.USED, dtype=np.int8), np.full((*shape, views), np.nan, dtype=np.float32),
     )  # fmt: skip
 

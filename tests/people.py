@@ -44,7 +44,7 @@ def followed(scene: CrowdScene, seed: int = 0) -> Reconstruction:
         time_s=np.nanmean(scene.detections.time_s, axis=1),
         layers={
             "measured": _layer(scene, tracks, truth + noise[0], Source.MEASURED),
-            "model": _layer(scene, tracks, truth + noise[1], Source.MODELLED),
+            "model": _layer(scene, tracks, truth + noise[1], Source.MODELED),
         },
         tracks=tracks,
         noise=NoiseModel(np.full(len(scene.rig), 4.5), 1.0),

@@ -43,7 +43,7 @@ def calibrate_noise(
     say(f"noise = scale / confidence^{noise.exponent:.2f}, px per axis")
     tails = "nearly Gaussian" if noise.nu > _GAUSSIAN_NU else "heavy" if noise.nu < _HEAVY_NU else "moderately heavy"
     say(f"tails: Student t with {noise.nu:.1f} degrees of freedom ({tails})")
-    say(f"Inlier residuals are {noise.spread:.2f} times the modeled noise; covariances are scaled accordingly.")
+    note(f"Inlier residuals are {noise.spread:.2f} times the modeled noise; covariances are scaled accordingly.")
     if not noise.exponent > _MIN_EXPONENT:
         note("note: the confidence hardly predicts the errors of these detections.")
     with replacing(output) as temporary:

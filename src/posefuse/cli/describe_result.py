@@ -22,7 +22,7 @@ def describe_result(result: Reconstruction) -> None:
     name, _ = result.best_layer(result.options.layer)
     summary = summarize(result.chunks(), name)
     rate = f" at {result.rate_hz:g} Hz" if result.rate_hz else ""
-    say(
+    note(
         f"{count(result.n_frames, 'frame')}{rate}, {count(len(result.rig), 'camera')}, "
         f"{count(len(result.skeleton), 'keypoint')}, method {result.options.triangulation.method}, "
         f"solved by {result.resolved.solve}"
@@ -51,7 +51,7 @@ def _describe_points(result: Reconstruction, layer: LayerName, summary: "Summary
         say(f"reprojection error: median {summary.error_px.median:.2f} px, 90 % {summary.error_px.p90:.2f} px")
     for code, n in summary.status_counts.items():
         if not code.has_point:
-            say(f"missing: {n} points, {PointStatus(code).sentence}")
+            say(f"missing: {count(n, 'point')}, {PointStatus(code).sentence}")
     if len(result.person_ids) != 1 or result.events:
         _describe_people(result, layer)
     if not with_points and summary.n_points:

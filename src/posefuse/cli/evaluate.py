@@ -277,7 +277,7 @@ def show_people(scores: "PeopleScores") -> None:
     )
     table(None, ["matched within", *(f"{each.gate_m:g} m" for each in scores.clear)], _clear_rows(scores))
     table(None, ["", ""], [*_identity_rows(scores), *_position_rows(scores), *_quality_rows(scores)])
-    table(None, ["person", "in the result", "frames", "tracked", "same name", "MPJPE"], _person_rows(scores))
+    table(None, ["in the truth", "in the result", "frames", "tracked", "same name", "MPJPE"], _person_rows(scores))
     for reason in dict.fromkeys(scores.undefined.values()):
         note(f"{UNDEFINED} {reason}")
 

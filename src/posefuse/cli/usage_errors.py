@@ -27,7 +27,7 @@ def _unknown_flag(error: UnknownOptionError) -> str:
     match = matching_option(flag, [name for name in siblings if "." not in name])
     if match is None or f"--{match.replace('_', '-')}" not in valid:
         return str(error).strip()
-    return f"Unknown option {flag}. Did you mean --{match.replace('_', '-')}?"
+    return f"Unknown option: {flag}. Did you mean --{match.replace('_', '-')}?"
 
 
 def _option(flag: str) -> OptionEntry | None:

@@ -30,7 +30,8 @@ def must_exist(path: Path, what: str) -> Path:
     parent = next((folder for folder in path.parents if folder.is_dir()), Path())
     seen = sorted(entry.name for entry in parent.iterdir() if not entry.name.startswith("."))
     there = choices(seen) if seen else "nothing"
-    raise FileError(f"No {what} at {path}. {parent} contains: {there}.")
+    folder = str(parent) if parent.name else "This folder"
+    raise FileError(f"No {what} at {path}. {folder} contains: {there}.")
 
 
 def read_text(path: Path) -> str:

@@ -76,7 +76,7 @@ class Source(IntEnum):
     FILLED = 2
     SMOOTHED = 3
     TRAJECTORY = 4
-    MODELLED = 5
+    MODELED = 5
     TRUTH = 6
 
     @property
@@ -124,7 +124,7 @@ _SOURCE_SENTENCES = {
     Source.FILLED: "not measured; filled from neighboring frames",
     Source.SMOOTHED: "measured, then moved by a filter or onto a rigid bone",
     Source.TRAJECTORY: "from the views of all frames together",
-    Source.MODELLED: "from the fitted body model",
+    Source.MODELED: "from the fitted body model",
     Source.TRUTH: "ground truth",
 }
 

@@ -119,7 +119,7 @@ class TestOpenPose:
         assert person["pose_keypoints_2d"][9:12] == [0.0, 0.0, 0.0]
         assert person["pose_keypoints_2d"][2] == 1.0
         assert person["posefuse"]["status"][0] == "ok"
-        assert person["posefuse"]["source"] == ["modelled"] * 17
+        assert person["posefuse"]["source"] == ["modeled"] * 17
 
     @pytest.mark.parametrize("name", ["../../etc", "a/b", "..", ".hidden"])
     def test_a_hostile_camera_stays_inside(self, name, tmp_path):

@@ -117,7 +117,7 @@ class TestFolder:
             points = np.array([[float(row[f"{axis}_m"] or "nan") for axis in "xyz"] for row in rows])
             expected = result.layers[layer].points_m
             np.testing.assert_array_equal(points.reshape(expected.shape), expected)
-            assert {row["source"] for row in rows} == {"", "measured" if layer == "measured" else "modelled"}
+            assert {row["source"] for row in rows} == {"", "measured" if layer == "measured" else "modeled"}
 
     def test_events(self, result, folder):
         rows = rows_of(folder / "events.csv")

@@ -55,9 +55,9 @@ def test_no_keypoint_is_of_two_trees_and_every_point_of_a_part_has_a_node(skelet
         assert names == [whole.keypoints[k] for k in each.keypoints]
 
 
-def test_a_whole_body_133_is_modelled_whole():
-    modelled = (BODY.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
-    assert modelled == len(WHOLE) == 133
+def test_a_whole_body_133_is_modeled_whole():
+    modeled = (BODY.keypoint_nodes >= 0).sum() + sum(len(each.keypoints) for each in WHOLE.parts)
+    assert modeled == len(WHOLE) == 133
 
 
 def test_a_right_hand_is_the_mirror_image_of_a_left_one():

@@ -46,7 +46,7 @@ def model_layer(
     number = counted.sum(axis=-1)
     mean = np.where(counted, errors, 0.0).sum(axis=-1) / np.maximum(number, 1)
     has = status < PointStatus.NOT_SEEN
-    source = np.where(bridged, Source.FILLED, Source.MODELLED)
+    source = np.where(bridged, Source.FILLED, Source.MODELED)
     return Layer(
         points_m=points_m,
         covariance_m2=covariance_m2,
