@@ -68,5 +68,5 @@ def test_the_track_id_that_lasts_longest_in_each_view():
 
 
 def test_track_ids_must_be_there():
-    with pytest.raises(DetectionsError, match="people of view 'a' have no track ids. Use --pick largest"):
+    with pytest.raises(DetectionsError, match="people in view 'a' have no track IDs. Use --pick largest"):
         chosen(crowd([[[1, 1], [1]]]), "track-id")
